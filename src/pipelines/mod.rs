@@ -1,1 +1,5 @@
+//! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod model;
+pub mod steps;
+pub mod views;
