@@ -1,1 +1,10 @@
-
+pub mod dispatch_args;
+pub mod loss_sum;
+pub mod radix_downsweep;
+pub mod radix_spine;
+pub mod radix_upsweep;
+pub mod scan_apply;
+pub mod scan_reduce;
+pub mod scan_spine;
+pub mod ssim_backward;
+pub mod ssim_forward;
