@@ -1,0 +1,17 @@
+// What every kernel begins with.
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+
+layout(local_size_x_id = 0) in;
+
+const uint NONE = 0xFFFFFFFFu;
+
+// Dispatches of more than 65,535 groups are folded into two dimensions: linear group and thread index.
+uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
+uint thread_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationIndex; }
+// Linear index of this subgroup over the whole dispatch, where the unit of work is a subgroup.
+uint subgroup_index() { return group_index() * gl_NumSubgroups + gl_SubgroupID; }

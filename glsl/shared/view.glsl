@@ -1,0 +1,14 @@
+// A camera on the GPU: world-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5.
+struct View {
+    vec4 row_x, row_y, row_z;
+    vec3 eye;              // camera centre, world
+    float fx, fy, cx, cy;  // px
+    float limit_x, limit_y; // 1.3 tan(fov/2): where the Jacobian's x/z and y/z are clamped
+    uint width, height;    // px
+    uint pixel_first;      // first pixel of this view in buffers that pack all views
+};
+
+vec3 to_camera(View view, vec3 p) {
+    return vec3(dot(view.row_x.xyz, p), dot(view.row_y.xyz, p), dot(view.row_z.xyz, p)) +
+           vec3(view.row_x.w, view.row_y.w, view.row_z.w);
+}
