@@ -18,17 +18,9 @@
 // The prime group is the one of the heaviest point if it has 3 points or more, else the largest (ties: the smallest label).
 // No lift: fewer than 3 points, τ0 not in (0, 1e18], or still failing after MAX_GROWTHS growths.
 
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_vote : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_shuffle : require
 
 #include "shared/common.glsl"
-
-layout(local_size_x_id = 0) in;
 
 // ⚖ What failure is: 0, the largest group has fewer than 3 points; 1, the smallest has (listing 1 of the appendix).
 layout(constant_id = 1) const uint FAIL_ON_SMALLEST = 0;
@@ -122,7 +114,7 @@ void join_closer_than(float tau, uint first, uint n) {
 }
 
 void main() {
-    uint set_index = group_index() * gl_NumSubgroups + gl_SubgroupID;
+    uint set_index = subgroup_index();
     if (set_index >= count) return;
     uint lane = gl_SubgroupInvocationID, width = gl_SubgroupSize;
     uint n = point_counts[set_index], first = point_firsts[set_index];

@@ -4,16 +4,11 @@
 // One subgroup: one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups do not meet.
 // plane, plane_views, views, depths → point_counts (0 for an empty slot).
 
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
 
 #include "shared/common.glsl"
 #include "shared/view.glsl"
 #include "shared/footprint.glsl"
-
-layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
@@ -28,7 +23,7 @@ layout(push_constant, scalar) uniform Push {
 };
 
 void main() {
-    uint item = group_index() * gl_NumSubgroups + gl_SubgroupID;
+    uint item = subgroup_index();
     if (item >= count) return;
     uint covered = 0;
     uint v = plane_views[item];

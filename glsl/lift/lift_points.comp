@@ -8,17 +8,11 @@
 // Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
 // no digits are lost when the scene lies far from its origin.
 
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_ballot : require
 
 #include "shared/common.glsl"
 #include "shared/view.glsl"
 #include "shared/footprint.glsl"
-
-layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
@@ -41,7 +35,7 @@ layout(push_constant, scalar) uniform Push {
 const float TAU_PIXELS = 5.0; // appendix A: the first threshold is 5·δd
 
 void main() {
-    uint item = group_index() * gl_NumSubgroups + gl_SubgroupID;
+    uint item = subgroup_index();
     if (item >= count) return;
     uint n = point_counts[item];
     uint v = plane_views[item];
