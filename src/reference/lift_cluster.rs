@@ -126,7 +126,7 @@ mod tests {
                     }
                 }
             }
-            if !(closest.0 < tau * tau) {
+            if closest.0 >= tau * tau {
                 break;
             }
             let absorbed = clusters.remove(closest.1);

@@ -94,7 +94,8 @@ fn make_footprint(centre: [f64; 2], logit: f64, log_scale: [f64; 2], angle: f64,
     let (a, c) = (s[0] + DILATION, s[2] + DILATION);
     let whole = v * w + DILATION * (v + w) + DILATION * DILATION;
     let opacity = (v * w / whole).sqrt() / (1.0 + (-logit).exp());
-    if !(opacity >= ALPHA_MIN) || !whole.is_finite() || !centre.iter().all(|x| x.abs() <= 1e9) {
+    let visible = opacity >= ALPHA_MIN && whole.is_finite() && centre.iter().all(|x| x.abs() <= 1e9);
+    if !visible {
         return None;
     }
     let mut low = [0; 2];

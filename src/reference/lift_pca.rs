@@ -43,7 +43,8 @@ pub struct Lift {
 fn turn(value: &mut [f64; 3], off: &mut [[f64; 3]; 3], axes: &mut [DVec3; 3], p: usize, q: usize) {
     let r = 3 - p - q;
     let pq = off[p][q];
-    if !(pq.abs() > 1e-30) {
+    let counts = pq.abs() > 1e-30;
+    if !counts {
         return;
     }
     let ratio = (value[q] - value[p]) / (2.0 * pq);
@@ -70,7 +71,8 @@ pub fn eigen(matrix: [f64; 6]) -> ([f64; 3], [DVec3; 3]) {
     let mut axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let [xx, yy, zz, xy, xz, yz] = matrix;
     let trace = xx + yy + zz;
-    if !(trace > 0.0) {
+    let spread = trace > 0.0;
+    if !spread {
         return ([0.0; 3], axes);
     }
     let mut value = [xx / trace, yy / trace, zz / trace];
