@@ -7,8 +7,8 @@
 
 #extension GL_GOOGLE_include_directive : require
 
-#include "shared/common.glsl"
-#include "shared/lift.glsl"
+#include "../shared/common.glsl"
+#include "../shared/lift.glsl"
 
 layout(set = 0, binding = 0, scalar) readonly buffer Lifts { Lift lifts[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer LiftRanks { uint lift_ranks[]; };

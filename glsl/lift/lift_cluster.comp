@@ -20,7 +20,7 @@
 
 #extension GL_GOOGLE_include_directive : require
 
-#include "shared/common.glsl"
+#include "../shared/common.glsl"
 
 // ⚖ What failure is: 0, the largest group has fewer than 3 points; 1, the smallest has (listing 1 of the appendix).
 layout(constant_id = 1) const uint FAIL_ON_SMALLEST = 0;

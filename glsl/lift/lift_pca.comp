@@ -13,10 +13,10 @@
 
 #extension GL_GOOGLE_include_directive : require
 
-#include "shared/common.glsl"
-#include "shared/view.glsl"
-#include "shared/footprint.glsl"
-#include "shared/lift.glsl"
+#include "../shared/common.glsl"
+#include "../shared/view.glsl"
+#include "../shared/footprint.glsl"
+#include "../shared/lift.glsl"
 
 // ⚖ Weights of the covariance: 0, w² (the release); 1, w.
 layout(constant_id = 1) const uint PLAIN_WEIGHTS = 0;

@@ -10,9 +10,9 @@
 
 #extension GL_GOOGLE_include_directive : require
 
-#include "shared/common.glsl"
-#include "shared/view.glsl"
-#include "shared/footprint.glsl"
+#include "../shared/common.glsl"
+#include "../shared/view.glsl"
+#include "../shared/footprint.glsl"
 
 layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
