@@ -1,0 +1,270 @@
+#version 460
+// From intersection records to gradients of a Gaussian's parameters, and the Adam step on them in the same pass.
+//
+// One thread takes one Gaussian of first..first+count and sums the records of its slots, which are contiguous.
+// isect_grads, first_slot, tile_counts, views, geometry, sh, lobes, moments -> geometry, sh, lobes, moments
+// With GRADIENTS it writes the gradients to *_moments instead (first plane of each pair) and changes nothing else.
+// EWA backward as in 3DGS, in the whitened form of ARCHITECTURE.md; Adam (Kingma 2014), SparseAdam where SPARSE.
+// Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves while status.overflow is raised.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/view.glsl"
+#include "../shared/status.glsl"
+
+layout(constant_id = 1) const bool COMPENSATE = false;   // as in project
+layout(constant_id = 2) const bool LOBES = false;        // these Gaussians are supplementary
+layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
+layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that this view does not blend
+layout(constant_id = 5) const bool GRADIENTS = false;    // write gradients, do not step
+
+layout(push_constant, scalar) uniform Push {
+    uint first, count;         // the Gaussians of this dispatch
+    uint stride;               // of the planes of geometry and sh
+    uint moment_stride;        // of the planes of the moments, which begin at Gaussian `first`
+    uint lobe_stride;          // of the planes of lobes, which begin at Gaussian `first`
+    uint view;                 // index in views
+    uint active_degree;        // SH bands evaluated
+    uint stored_coefficients;  // SH coefficients stored, (L+1)^2
+    float rate_mean, rate_log_scale, rate_quat, rate_opacity, rate_dc, rate_sh; // learning rates
+    float rate_direction, rate_width, rate_sharpness;
+    float first_correction, second_correction;           // 1/(1 - 0.9^t), 1/(1 - 0.999^t), or 1 and 1
+    float lobe_first_correction, lobe_second_correction; // the same for lobes
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Views { View views[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Status { uint status[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer FirstSlot { uint first_slot[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer IsectGrads { float isect_grads[]; };
+layout(set = 0, binding = 5, scalar) buffer Geometry { float geometry[]; };
+layout(set = 0, binding = 6, scalar) buffer Sh { float sh[]; };
+layout(set = 0, binding = 7, scalar) buffer Lobes { float lobes[]; };
+layout(set = 0, binding = 8, scalar) buffer GeometryMoments { float geometry_moments[]; };
+layout(set = 0, binding = 9, scalar) buffer ShMoments { float sh_moments[]; };
+layout(set = 0, binding = 10, scalar) buffer LobeMoments { float lobe_moments[]; };
+
+#include "../shared/gaussian.glsl"
+
+const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
+const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
+// exp(beta) from 1/7 to 2981: a lobe twice as blunt as the cosine's square root, and one of 2 degrees. Within these bounds
+// exp(beta) * ln cos(psi/2) * any factor of the gradient stays below 1e9 wherever the factor itself is above 1/255.
+const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
+
+// The change that one Adam step makes; m and v are adjacent planes of a moment buffer.
+float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
+    m = mix(g, m, BETA1);
+    v = mix(g * g, v, BETA2);
+    return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
+}
+
+void step_geometry(uint p, uint i, float g, float rate) {
+    uint at = 2 * p * push.moment_stride + (i - push.first);
+    if (GRADIENTS) {
+        geometry_moments[at] = g;
+        return;
+    }
+    float m = geometry_moments[at], v = geometry_moments[at + push.moment_stride];
+    geometry[p * push.stride + i] += adam(g, rate, m, v, push.first_correction, push.second_correction);
+    geometry_moments[at] = m;
+    geometry_moments[at + push.moment_stride] = v;
+}
+
+void step_sh(uint p, uint i, float g, float rate) {
+    uint at = 2 * p * push.moment_stride + (i - push.first);
+    if (GRADIENTS) {
+        sh_moments[at] = g;
+        return;
+    }
+    float m = sh_moments[at], v = sh_moments[at + push.moment_stride];
+    sh[p * push.stride + i] += adam(g, rate, m, v, push.first_correction, push.second_correction);
+    sh_moments[at] = m;
+    sh_moments[at + push.moment_stride] = v;
+}
+
+void step_lobe(uint p, uint i, float g, float rate, float lo, float hi) {
+    uint j = i - push.first, at = 2 * p * push.moment_stride + j;
+    if (GRADIENTS) {
+        lobe_moments[at] = g;
+        return;
+    }
+    float m = lobe_moments[at], v = lobe_moments[at + push.moment_stride];
+    float old = lobes[p * push.lobe_stride + j];
+    lobes[p * push.lobe_stride + j] =
+        clamp(old + adam(g, rate, m, v, push.lobe_first_correction, push.lobe_second_correction), lo, hi);
+    lobe_moments[at] = m;
+    lobe_moments[at + push.moment_stride] = v;
+}
+
+bool finite(float x) { return !isnan(x) && !isinf(x); }
+bool finite(vec3 x) { return finite(x.x) && finite(x.y) && finite(x.z); }
+
+void main() {
+    uint i = push.first + thread_index();
+    if (i >= push.first + push.count) return;
+    if (!GRADIENTS && status[STATUS_OVERFLOW] != 0) return;
+
+    // Sums over the view's intersections.
+    float w_u = 0.0, w_v = 0.0, ww_uu = 0.0, ww_uv = 0.0, ww_vv = 0.0, d_opacity = 0.0;
+    vec3 d_rgb = vec3(0.0);
+    uint tiles = tile_counts[i];
+    for (uint slot = tiles == 0 ? 0 : first_slot[i], end = slot + tiles; slot < end; ++slot) {
+        uint at = 9 * slot;
+        d_opacity += isect_grads[at + 5];
+        if (!OPACITY_ONLY) {
+            w_u += isect_grads[at];
+            w_v += isect_grads[at + 1];
+            ww_uu += isect_grads[at + 2];
+            ww_uv += isect_grads[at + 3];
+            ww_vv += isect_grads[at + 4];
+            d_rgb += vec3(isect_grads[at + 6], isect_grads[at + 7], isect_grads[at + 8]);
+        }
+    }
+    // Blended: some derivative of this view's loss is not zero.
+    bool blended = d_opacity != 0.0 || any(notEqual(d_rgb, vec3(0.0)));
+    if (SPARSE && !blended) return;
+
+    View view = views[push.view];
+    float opacity = sigmoid(plane(OPACITY, i));
+    vec3 d_mean = vec3(0.0), d_log_scale = vec3(0.0), d_colour = vec3(0.0), d_direction = vec3(0.0);
+    vec4 d_quat = vec4(0.0);
+    float d_logit = 0.0, d_width = 0.0, d_sharpness = 0.0;
+    vec3 mean = plane3(MEAN, i), to_mean = vec3(0.0);
+
+    if (blended) {
+        vec3 p = to_camera(view, mean);
+        vec4 q = vec4(plane(QUAT, i), plane3(QUAT + 1, i));
+        float norm = length(q);
+        q /= norm;
+        float factor = 1.0, compensation = 1.0;
+        float range = length(mean - view.eye);
+        to_mean = (mean - view.eye) / range;
+        Projection e;
+        if (COMPENSATE || !OPACITY_ONLY) e = project_covariance(view, p, q, exp(plane3(LOG_SCALE, i)));
+        if (COMPENSATE) compensation = sqrt(e.det0 / e.det);
+        if (LOBES) {
+            uint j = i - push.first, s = push.lobe_stride;
+            vec3 direction = vec3(lobes[j], lobes[s + j], lobes[2 * s + j]);
+            float width = lobes[LOBE_WIDTH * s + j];
+            Lobe lobe = eval_lobe(direction, width, lobes[LOBE_SHARPNESS * s + j], -to_mean);
+            factor = lobe.factor;
+            if (factor > 0.0) {
+                float d_factor = d_opacity * opacity * compensation;
+                float common_part = d_factor * factor * lobe.exponent;
+                d_sharpness = 2.0 * common_part * lobe.log_cos;
+                d_width = common_part * tan(0.5 * lobe.psi) * lobe.psi / width;
+                float turn = common_part / width * lobe.tan_over_sin;
+                d_direction = turn * (lobe.v - lobe.cos_theta * lobe.axis) / length(direction);
+                d_mean -= turn * (lobe.axis - lobe.cos_theta * lobe.v) / range;
+            }
+        }
+        d_logit = d_opacity * factor * compensation * opacity * (1.0 - opacity);
+
+        if (!OPACITY_ONLY) {
+            // Colour, clamped at 0 in the forward pass.
+            uint coefficients = (push.active_degree + 1) * (push.active_degree + 1);
+            float basis[16];
+            sh_basis(to_mean, push.active_degree, basis);
+            vec3 colour = vec3(0.5);
+            for (uint k = 0; k < coefficients; ++k) colour += basis[k] * sh_at(k, i);
+            d_colour = d_rgb * vec3(greaterThan(colour, vec3(0.0)));
+            vec3 d_to_mean = vec3(0.0);
+            for (uint k = 1; k < coefficients; ++k) d_to_mean += dot(d_colour, sh_at(k, i)) * sh_basis_gradient(to_mean, k);
+            d_mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
+
+            // Centre and covariance: d/dSigma2D = L^T (sum g w w^T) L / 2, d/dcentre = L^T sum g w.
+            float c = e.c + DILATION, a = e.a + DILATION;
+            float l22 = inversesqrt(c), l11 = sqrt(c / e.det), l12 = -e.b * l22 * inversesqrt(e.det);
+            float du = l11 * w_u, dv = l12 * w_u + l22 * w_v;
+            float t1 = ww_uu * l12 + ww_uv * l22, t2 = ww_uv * l12 + ww_vv * l22;
+            float g11 = 0.5 * l11 * l11 * ww_uu, g12 = 0.5 * l11 * t1, g22 = 0.5 * (l12 * t1 + l22 * t2);
+            if (COMPENSATE && e.det0 > 0.0) {
+                float d_comp = 0.5 * d_opacity * opacity * factor * compensation;
+                g11 += d_comp * (e.c / e.det0 - c / e.det);
+                g12 -= d_comp * (e.b / e.det0 - e.b / e.det);
+                g22 += d_comp * (e.a / e.det0 - a / e.det);
+            }
+            vec3 d_m1 = 2.0 * (g11 * e.m1 + g12 * e.m2), d_m2 = 2.0 * (g12 * e.m1 + g22 * e.m2);
+            d_log_scale = d_m1 * e.m1 + d_m2 * e.m2;
+
+            // M = J W R S.
+            vec3 s1 = d_m1 * e.scale, s2 = d_m2 * e.scale;
+            mat3 d_axes = mat3(s1.x * e.jw1 + s2.x * e.jw2, s1.y * e.jw1 + s2.y * e.jw2, s1.z * e.jw1 + s2.z * e.jw2);
+            vec3 d_jw1 = e.axes * s1, d_jw2 = e.axes * s2;
+            float w = q.x, x = q.y, y = q.z, z = q.w;
+            // d_axes[column][row]
+            vec4 d_unit = 2.0 * vec4(
+                z * (d_axes[0][1] - d_axes[1][0]) + y * (d_axes[2][0] - d_axes[0][2]) + x * (d_axes[1][2] - d_axes[2][1]),
+                y * (d_axes[1][0] + d_axes[0][1]) + z * (d_axes[2][0] + d_axes[0][2]) + w * (d_axes[1][2] - d_axes[2][1]) -
+                    2.0 * x * (d_axes[1][1] + d_axes[2][2]),
+                x * (d_axes[1][0] + d_axes[0][1]) + z * (d_axes[2][1] + d_axes[1][2]) + w * (d_axes[2][0] - d_axes[0][2]) -
+                    2.0 * y * (d_axes[0][0] + d_axes[2][2]),
+                x * (d_axes[2][0] + d_axes[0][2]) + y * (d_axes[2][1] + d_axes[1][2]) + w * (d_axes[0][1] - d_axes[1][0]) -
+                    2.0 * z * (d_axes[0][0] + d_axes[1][1]));
+            d_quat = (d_unit - q * dot(q, d_unit)) / norm;
+
+            // J's rows are fx/z (1, 0, -tx) and fy/z (0, 1, -ty), tx and ty clamped.
+            vec2 dj1 = vec2(dot(d_jw1, view.row_x.xyz), dot(d_jw1, view.row_z.xyz));
+            vec2 dj2 = vec2(dot(d_jw2, view.row_y.xyz), dot(d_jw2, view.row_z.xyz));
+            float d_inv_z = view.fx * (dj1.x - e.t.x * dj1.y) + view.fy * (dj2.x - e.t.y * dj2.y);
+            d_inv_z += du * view.fx * p.x + dv * view.fy * p.y;
+            vec3 d_p = vec3(du * view.fx * e.inv_z, dv * view.fy * e.inv_z, 0.0);
+            if (abs(p.x * e.inv_z) < view.limit_x) {
+                float d_tx = -view.fx * e.inv_z * dj1.y;
+                d_p.x += d_tx * e.inv_z;
+                d_inv_z += d_tx * p.x;
+            }
+            if (abs(p.y * e.inv_z) < view.limit_y) {
+                float d_ty = -view.fy * e.inv_z * dj2.y;
+                d_p.y += d_ty * e.inv_z;
+                d_inv_z += d_ty * p.y;
+            }
+            d_p.z = -e.inv_z * e.inv_z * d_inv_z;
+            d_mean += d_p.x * view.row_x.xyz + d_p.y * view.row_y.xyz + d_p.z * view.row_z.xyz;
+        }
+    }
+
+    if (OPACITY_ONLY) {
+        // The only trained plane: its moments are planes 0 and 1.
+        if (!finite(d_logit)) return;
+        uint at = i - push.first;
+        if (GRADIENTS) {
+            geometry_moments[at] = d_logit;
+            return;
+        }
+        float m = geometry_moments[at], v = geometry_moments[at + push.moment_stride];
+        geometry[OPACITY * push.stride + i] +=
+            adam(d_logit, push.rate_opacity, m, v, push.first_correction, push.second_correction);
+        geometry_moments[at] = m;
+        geometry_moments[at + push.moment_stride] = v;
+        return;
+    }
+
+    if (!(finite(d_mean) && finite(d_log_scale) && finite(d_colour) && finite(d_direction) && finite(d_quat.xyz) &&
+          finite(vec3(d_quat.w, d_logit, d_width)) && finite(d_sharpness)))
+        return;
+    float basis[16];
+    sh_basis(to_mean, push.active_degree, basis);
+    uint active_coefficients = (push.active_degree + 1) * (push.active_degree + 1);
+    uint written = GRADIENTS ? push.stored_coefficients : active_coefficients;
+    for (uint k = 0; k < written; ++k) {
+        vec3 g = k < active_coefficients ? basis[k] * d_colour : vec3(0.0);
+        float rate = k == 0 ? push.rate_dc : push.rate_sh;
+        step_sh(3 * k, i, g.r, rate);
+        step_sh(3 * k + 1, i, g.g, rate);
+        step_sh(3 * k + 2, i, g.b, rate);
+    }
+    for (uint c = 0; c < 3; ++c) {
+        step_geometry(MEAN + c, i, d_mean[c], push.rate_mean);
+        step_geometry(LOG_SCALE + c, i, d_log_scale[c], push.rate_log_scale);
+    }
+    for (uint c = 0; c < 4; ++c) step_geometry(QUAT + c, i, d_quat[c], push.rate_quat);
+    step_geometry(OPACITY, i, d_logit, push.rate_opacity);
+    if (LOBES) {
+        const float huge = 1e30;
+        for (uint c = 0; c < 3; ++c)
+            step_lobe(LOBE_DIRECTION + c, i, d_direction[c], push.rate_direction, -huge, huge);
+        step_lobe(LOBE_WIDTH, i, d_width, push.rate_width, WIDTH_MIN, WIDTH_MAX);
+        step_lobe(LOBE_SHARPNESS, i, d_sharpness, push.rate_sharpness, SHARPNESS_MIN, SHARPNESS_MAX);
+    }
+}

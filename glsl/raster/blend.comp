@@ -1,0 +1,98 @@
+#version 460
+// Blends each tile's splats front to back into colour and transmittance.
+//
+// One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
+// tile_ranges, isect_slots, global_from_slot, splats -> image (rgb with background, transmittance), median_ids
+// Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/splat.glsl"
+#include "../shared/frame.glsl"
+#include "../shared/tile.glsl"
+
+layout(constant_id = 4) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
+layout(constant_id = 5) const bool MEDIAN = false;           // also note the Gaussian of median depth
+
+layout(push_constant, scalar) uniform Push {
+    uint frame_first;      // the first frame, index in frames
+    uint tiles_x;          // tiles in a row of each frame's grid
+    uint tiles_per_frame;
+    uint tile_count;       // over all frames
+    vec3 background;       // rgb
+    float median_threshold; // transmittance below which the median is reached
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer MedianIds { uint median_ids[]; };
+
+void main() {
+    uint index = subgroup_index();
+    if (index >= push.tile_count) return;
+    Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
+    uint tile = index % push.tiles_per_frame;
+    uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
+    if (corner.x >= frame.width || corner.y >= frame.height) return;
+
+    uint px = corner.x + lane_x();
+    float x = float(px) + 0.5;
+    float T[PIXELS];
+    vec3 colour[PIXELS];
+    uint median[PIXELS];
+    uint live = 0; // a bit for each pixel of the lane that is not finished
+    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+        T[k] = 1.0;
+        colour[k] = vec3(0.0);
+        median[k] = NONE;
+        if (px < frame.width && corner.y + lane_y(k) < frame.height) live |= 1u << k;
+    }
+
+    uvec2 range = tile_ranges[index];
+    for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
+        if (subgroupAll(live == 0)) break;
+        uint mine = first + gl_SubgroupInvocationID, global = NONE;
+        Splat s;
+        if (mine < range.y) {
+            global = global_from_slot[isect_slots[mine]];
+            s = splats[global];
+        }
+        uint n = min(gl_SubgroupSize, range.y - first);
+        for (uint j = 0; j < n; ++j) {
+            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
+            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
+            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
+            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
+            [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
+                Response e = respond(u0, l12, l22, dy, opacity);
+                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
+                    precise float next = T[k] * (1.0 - e.alpha);
+                    if (next < T_MIN) {
+                        live &= ~(1u << k);
+                    } else {
+                        colour[k] += e.alpha * T[k] * rgb;
+                        T[k] = next;
+                        if (MEDIAN && median[k] == NONE && next < push.median_threshold) median[k] = id;
+                    }
+                }
+            }
+        }
+    }
+
+    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+        uint py = corner.y + lane_y(k);
+        if (px < frame.width && py < frame.height) {
+            uint at = frame.image_first + py * frame.width + px;
+            vec3 behind = BACKGROUND_IMAGE ? backdrop[at].rgb : push.background;
+            image[at] = vec4(colour[k] + T[k] * behind, T[k]);
+            if (MEDIAN) median_ids[at] = median[k];
+        }
+    }
+}

@@ -1,0 +1,97 @@
+#version 460
+// Lists the tiles of every visible splat, splats in depth order: a Gaussian's slots are contiguous.
+//
+// One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
+// Gaussian filling the screen does not hold its neighbours up.
+// global_from_rank, splats, rank_first_slot -> isect_tiles, global_from_slot (by slot), first_slot (by Gaussian index)
+// Limits: what would lie beyond `capacity` is not written; `dispatch_args` has raised the overflow flag by then.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/splat.glsl"
+#include "../shared/frame.glsl"
+
+layout(constant_id = 1) const uint TILE_WIDTH = 8;
+layout(constant_id = 2) const uint TILE_HEIGHT = 8;
+layout(constant_id = 3) const bool BATCH = false; // splats of many frames at once, splat_frames says which
+
+layout(push_constant, scalar) uniform Push {
+    uint frame_first;     // the first frame, index in frames
+    uint tiles_x;         // tiles in a row of each frame's grid
+    uint tiles_per_frame;
+    uint capacity;        // slots
+    uint count_index; // where count holds the number of visible splats
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Count { uint count[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer RankFirstSlot { uint rank_first_slot[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer SplatFrames { uint splat_frames[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer IsectTiles { uint isect_tiles[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer GlobalFromSlot { uint global_from_slot[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
+
+const int BIG = 8;
+
+void put(uint global, uint frame, ivec2 span, int row, uint slot) {
+    uint row_first = frame * push.tiles_per_frame + uint(row) * push.tiles_x;
+    for (int x = span.x; x <= span.y && slot < push.capacity; ++x, ++slot) {
+        isect_tiles[slot] = row_first + uint(x);
+        global_from_slot[slot] = global;
+    }
+}
+
+Splat from_lane(Splat s, uint lane) {
+    Splat o;
+    o.x = subgroupShuffle(s.x, lane);
+    o.y = subgroupShuffle(s.y, lane);
+    o.l11 = subgroupShuffle(s.l11, lane);
+    o.l12 = subgroupShuffle(s.l12, lane);
+    o.l22 = subgroupShuffle(s.l22, lane);
+    o.opacity = subgroupShuffle(s.opacity, lane);
+    return o;
+}
+
+void main() {
+    uint rank = thread_index();
+    uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT), size = uvec2(0);
+    bool live = rank < count[push.count_index];
+    uint global = 0, slot = 0, frame = 0;
+    Splat s;
+    ivec2 rows = ivec2(1, 0);
+    if (live) {
+        global = global_from_rank[rank];
+        slot = rank_first_slot[rank];
+        s = splats[global];
+        if (BATCH) frame = splat_frames[global];
+        size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);
+        rows = tile_rows(s, tile, size);
+        first_slot[global] = slot;
+    }
+
+    bool big = rows.y - rows.x >= BIG;
+    if (live && !big) {
+        for (int row = rows.x; row <= rows.y; ++row) {
+            ivec2 span = tile_span(s, row, tile, size);
+            put(global, frame, span, row, slot);
+            slot += uint(max(span.y - span.x + 1, 0));
+        }
+    }
+    for (uvec4 left = subgroupBallot(live && big); any(notEqual(left, uvec4(0)));) {
+        uint lane = subgroupBallotFindLSB(left);
+        left[lane / 32] &= ~(1u << (lane % 32));
+        Splat whole = from_lane(s, lane);
+        ivec2 whole_rows = ivec2(subgroupShuffle(rows.x, lane), subgroupShuffle(rows.y, lane));
+        uint whole_global = subgroupShuffle(global, lane), next = subgroupShuffle(slot, lane);
+        uint whole_frame = subgroupShuffle(frame, lane);
+        uvec2 whole_size = uvec2(subgroupShuffle(size.x, lane), subgroupShuffle(size.y, lane));
+        for (int first = whole_rows.x; first <= whole_rows.y; first += int(gl_SubgroupSize)) {
+            int row = first + int(gl_SubgroupInvocationID);
+            ivec2 span = row <= whole_rows.y ? tile_span(whole, row, tile, whole_size) : ivec2(1, 0);
+            uint width = uint(max(span.y - span.x + 1, 0));
+            put(whole_global, whole_frame, span, row, next + subgroupExclusiveAdd(width));
+            next += subgroupAdd(width);
+        }
+    }
+}

@@ -1,0 +1,26 @@
+// How a subgroup covers a tile, shared by blending and its backward pass.
+//
+// One subgroup takes one tile of TILE_WIDTH x TILE_HEIGHT pixels; a lane takes PIXELS of them, in one column, so that the
+// offset in x is computed once. TILE_WIDTH divides the subgroup size and TILE_WIDTH * TILE_HEIGHT = subgroup size * PIXELS.
+// A lane loads one splat, then all are handed round by broadcast: one load instruction serves a whole subgroup of splats.
+layout(constant_id = 1) const uint TILE_WIDTH = 8;
+layout(constant_id = 2) const uint TILE_HEIGHT = 8;
+layout(constant_id = 3) const uint PIXELS = 8;
+
+uint lane_x() { return gl_SubgroupInvocationID % TILE_WIDTH; }
+uint lane_y(uint k) { return gl_SubgroupInvocationID / TILE_WIDTH + k * (gl_SubgroupSize / TILE_WIDTH); }
+
+// A splat at one pixel. `precise`, so that the backward pass repeats every decision of the forward pass bit for bit.
+struct Response {
+    float u, v;   // whitened offset
+    float weight; // exp(-|w|^2/2)
+    float alpha;
+};
+
+Response respond(float u0, float l12, float l22, float dy, float opacity) {
+    precise float u = fma(l12, dy, u0);
+    precise float v = l22 * dy;
+    precise float weight = exp(-0.5 * fma(u, u, v * v));
+    precise float alpha = min(ALPHA_MAX, opacity * weight);
+    return Response(u, v, weight, alpha);
+}

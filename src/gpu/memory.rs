@@ -1,0 +1,229 @@
+//! Typed storage buffers.
+
+use std::{marker::PhantomData, sync::Arc};
+
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::{
+    MemoryLocation,
+    vulkan::{Allocation, AllocationCreateDesc, AllocationScheme},
+};
+
+use super::{Check, Context, GpuError};
+
+/// Where a buffer lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Location {
+    /// Device memory; filled by [`Buffer::upload`] or by kernels.
+    Device,
+    /// Host memory that the device writes and the host reads after the submission is done: status words, losses.
+    Readback,
+    /// Host memory that the host writes and the device reads.
+    Upload,
+}
+
+/// An untyped buffer and its memory, freed with the last reference.
+pub struct RawBuffer {
+    pub(super) handle: vk::Buffer,
+    pub(super) bytes: u64,
+    name: String,
+    allocation: Option<Allocation>,
+    context: Context,
+}
+
+/// `len` elements of type `T` in one storage buffer. Cloning shares it.
+pub struct Buffer<T> {
+    raw: Arc<RawBuffer>,
+    len: usize,
+    element: PhantomData<T>,
+}
+
+impl<T> Clone for Buffer<T> {
+    fn clone(&self) -> Self {
+        Buffer { raw: self.raw.clone(), len: self.len, element: PhantomData }
+    }
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Uninitialised room for `len` elements (at least one: Vulkan has no empty buffers).
+    pub fn new(context: &Context, name: &str, len: usize, location: Location) -> Result<Self, GpuError> {
+        let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
+        let limit = context.info().max_storage_bytes;
+        if bytes > limit {
+            return Err(GpuError::BufferTooLarge { name: name.into(), bytes, limit });
+        }
+        let device = &context.0.device;
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(
+            vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::INDIRECT_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC
+                | vk::BufferUsageFlags::TRANSFER_DST,
+        );
+        // SAFETY: a live device and a structure that lives for the call.
+        let handle = unsafe { device.create_buffer(&info, None) }.check("vkCreateBuffer")?;
+        // SAFETY: the handle was made above; it is destroyed here on failure and in Drop otherwise.
+        unsafe {
+            let allocated = allocate(context, handle, name, location);
+            let allocation = match allocated {
+                Ok(allocation) => allocation,
+                Err(source) => {
+                    device.destroy_buffer(handle, None);
+                    return Err(GpuError::Allocation { name: name.into(), bytes, source });
+                }
+            };
+            let bound = device.bind_buffer_memory(handle, allocation.memory(), allocation.offset());
+            let raw =
+                RawBuffer { handle, bytes, name: name.into(), allocation: Some(allocation), context: context.clone() };
+            bound.check("vkBindBufferMemory")?;
+            if let (Some(debug), Ok(name)) = (&context.0.debug, std::ffi::CString::new(name)) {
+                let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+                let _ = debug.set_debug_utils_object_name(&info);
+            }
+            Ok(Buffer { raw: Arc::new(raw), len, element: PhantomData })
+        }
+    }
+
+    /// A device buffer that holds `data`.
+    pub fn from_slice(context: &Context, name: &str, data: &[T]) -> Result<Self, GpuError> {
+        let buffer = Self::new(context, name, data.len(), Location::Device)?;
+        buffer.upload(0, data)?;
+        Ok(buffer)
+    }
+
+    /// A device buffer of zero bits.
+    pub fn zeroed(context: &Context, name: &str, len: usize) -> Result<Self, GpuError> {
+        let buffer = Self::new(context, name, len, Location::Device)?;
+        let mut recorder = context.recorder("zero")?;
+        recorder.fill(&buffer, 0);
+        recorder.submit()?.wait()?;
+        Ok(buffer)
+    }
+
+    /// Number of elements asked for.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    pub fn name(&self) -> &str {
+        &self.raw.name
+    }
+
+    pub fn raw(&self) -> &Arc<RawBuffer> {
+        &self.raw
+    }
+
+    /// Copies `data` to the elements from `first` on, and waits. Not for loops.
+    ///
+    /// # Panics
+    /// Never: elements beyond the buffer's end are an error of the caller and cut off.
+    pub fn upload(&self, first: usize, data: &[T]) -> Result<(), GpuError> {
+        let data = &data[..data.len().min(self.len.saturating_sub(first))];
+        if data.is_empty() {
+            return Ok(());
+        }
+        let context = &self.raw.context;
+        // Staged through pieces of at most 64 MiB, so that a large upload does not double the memory.
+        let piece = ((64 << 20) / size_of::<T>()).max(1);
+        let staging = Buffer::<T>::new(context, "staging", data.len().min(piece), Location::Upload)?;
+        for (i, part) in data.chunks(piece).enumerate() {
+            staging.write_mapped(part);
+            let mut recorder = context.recorder("upload")?;
+            recorder.copy(&staging, 0, self, first + i * piece, part.len());
+            recorder.submit()?.wait()?;
+        }
+        Ok(())
+    }
+
+    /// Reads all elements back, and waits. Not for loops.
+    pub fn download(&self) -> Result<Vec<T>, GpuError> {
+        self.download_range(0, self.len)
+    }
+
+    /// Reads `count` elements from `first` on back, and waits. Not for loops.
+    pub fn download_range(&self, first: usize, count: usize) -> Result<Vec<T>, GpuError> {
+        let count = count.min(self.len.saturating_sub(first));
+        let mut out = Vec::with_capacity(count);
+        if count == 0 {
+            return Ok(out);
+        }
+        let context = &self.raw.context;
+        let piece = ((64 << 20) / size_of::<T>()).max(1);
+        let staging = Buffer::<T>::new(context, "staging", count.min(piece), Location::Readback)?;
+        let mut at = 0;
+        while at < count {
+            let n = piece.min(count - at);
+            let mut recorder = context.recorder("download")?;
+            recorder.copy(self, first + at, &staging, 0, n);
+            recorder.submit()?.wait()?;
+            out.extend_from_slice(&staging.mapped()[..n]);
+            at += n;
+        }
+        Ok(out)
+    }
+
+    /// What the device left in a [`Location::Readback`] or [`Location::Upload`] buffer; empty for device memory.
+    /// Read it only after the submission that wrote it was waited for.
+    pub fn mapped(&self) -> &[T] {
+        let bytes = self.raw.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[]);
+        let bytes = &bytes[..bytes.len().min(self.len * size_of::<T>())];
+        bytemuck::try_cast_slice(bytes).unwrap_or(&[])
+    }
+
+    /// Writes the first elements of an [`Location::Upload`] or [`Location::Readback`] buffer; nothing for device memory.
+    /// No submission that uses the buffer may be in flight.
+    pub fn write_mapped(&self, data: &[T]) {
+        let Some(pointer) = self.raw.allocation.as_ref().and_then(|a| a.mapped_ptr()) else { return };
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let n = bytes.len().min(self.raw.bytes as usize);
+        // SAFETY: the mapping covers `raw.bytes` bytes and lives as long as the allocation; `data` is host memory of
+        // ours, so the two do not overlap. Host-coherent memory is what gpu-allocator gives for these locations.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.as_ptr().cast::<u8>(), n) };
+    }
+}
+
+/// # Safety
+/// `handle` is a live buffer of the context's device without memory.
+unsafe fn allocate(
+    context: &Context,
+    handle: vk::Buffer,
+    name: &str,
+    location: Location,
+) -> Result<Allocation, gpu_allocator::AllocationError> {
+    // SAFETY: by the contract above.
+    let requirements = unsafe { context.0.device.get_buffer_memory_requirements(handle) };
+    let mut guard = context
+        .0
+        .allocator
+        .lock()
+        .map_err(|_| gpu_allocator::AllocationError::Internal("allocator poisoned".into()))?;
+    let Some(allocator) = guard.as_mut() else {
+        return Err(gpu_allocator::AllocationError::Internal("the device is gone".into()));
+    };
+    allocator.allocate(&AllocationCreateDesc {
+        name,
+        requirements,
+        location: match location {
+            Location::Device => MemoryLocation::GpuOnly,
+            Location::Readback => MemoryLocation::GpuToCpu,
+            Location::Upload => MemoryLocation::CpuToGpu,
+        },
+        linear: true,
+        allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+    })
+}
+
+impl Drop for RawBuffer {
+    fn drop(&mut self) {
+        // SAFETY: submissions hold an Arc of every buffer they use until they are waited for, so the device is done with it.
+        unsafe { self.context.0.device.destroy_buffer(self.handle, None) };
+        if let (Some(allocation), Ok(mut guard)) = (self.allocation.take(), self.context.0.allocator.lock())
+            && let Some(allocator) = guard.as_mut()
+        {
+            let _ = allocator.free(allocation);
+        }
+    }
+}

@@ -1,0 +1,474 @@
+//! Turns stages into commands: descriptors, push constants, barriers from declared access, labels, timestamps.
+
+use std::{
+    any::Any,
+    collections::HashMap,
+    ffi::CString,
+    sync::{Arc, atomic::Ordering},
+    time::Duration,
+};
+
+use ash::vk;
+use bytemuck::Pod;
+
+use super::{Access, Buffer, Check, Context, GpuError, Kernel, Pipeline, RawBuffer};
+
+/// Stages that one recorder can time; later ones are recorded untimed.
+const MAX_TIMED: u32 = 2047;
+/// Vulkan's guaranteed minimum of maxComputeWorkGroupCount in each dimension.
+const MAX_GROUPS: u32 = 65_535;
+
+/// A command pool with its one buffer, a fence and a query pool; reused once the work is done.
+pub(super) struct CommandSlot {
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    fence: vk::Fence,
+    queries: vk::QueryPool,
+}
+
+/// # Safety
+/// The device is done with the slot.
+pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
+    // SAFETY: by the contract above.
+    unsafe {
+        device.destroy_fence(slot.fence, None);
+        device.destroy_query_pool(slot.queries, None);
+        device.destroy_command_pool(slot.pool, None);
+    }
+}
+
+/// One stage's time on the device.
+#[derive(Debug, Clone, Copy)]
+pub struct StageTime {
+    pub name: &'static str,
+    pub time: Duration,
+}
+
+/// Records stages into a command buffer, its own or the caller's.
+pub struct Recorder {
+    context: Context,
+    slot: Option<CommandSlot>,
+    commands: vk::CommandBuffer,
+    /// Since the last barrier: whether a buffer was written (true) or only read.
+    touched: HashMap<vk::Buffer, bool>,
+    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    timed: Option<Vec<&'static str>>,
+}
+
+/// Work on its way. Dropping it waits.
+pub struct Submission {
+    context: Context,
+    slot: Option<CommandSlot>,
+    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    timed: Vec<&'static str>,
+}
+
+impl Recorder {
+    pub(super) fn new(context: &Context, label: &str) -> Result<Self, GpuError> {
+        let inner = &context.0;
+        let free = inner.free_slots.lock().ok().and_then(|mut l| l.pop());
+        let slot = match free {
+            Some(slot) => slot,
+            None => make_slot(context)?,
+        };
+        let commands = slot.commands;
+        let recorder = Recorder {
+            context: context.clone(),
+            slot: Some(slot),
+            commands,
+            touched: HashMap::new(),
+            keep: HashMap::new(),
+            timed: None,
+        };
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the slot is free, so its buffer is not pending; its pool resets buffers on begin.
+        unsafe { inner.device.begin_command_buffer(commands, &begin) }.check("vkBeginCommandBuffer")?;
+        recorder.label(label);
+        Ok(recorder)
+    }
+
+    /// Records into the caller's command buffer, which must be in the recording state and of the context's queue family.
+    /// The recorder inserts barriers between its own stages only. Before its first stage the caller must have made its
+    /// writes to shared buffers available to `COMPUTE_SHADER` (`SHADER_READ | SHADER_WRITE`), and `TRANSFER` for copies
+    /// and fills; after the last stage results must be awaited from `COMPUTE_SHADER`/`SHADER_WRITE`.
+    ///
+    /// Returns, when dropped or finished, nothing: [`Recorder::finish`] gives the resources that the caller must keep
+    /// until the commands have run.
+    ///
+    /// # Safety
+    /// The command buffer stays in the recording state while the recorder lives.
+    pub unsafe fn borrow(context: &Context, commands: vk::CommandBuffer) -> Self {
+        Recorder {
+            context: context.clone(),
+            slot: None,
+            commands,
+            touched: HashMap::new(),
+            keep: HashMap::new(),
+            timed: None,
+        }
+    }
+
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+
+    /// Times every stage from here on (own command buffers on devices with timestamps only).
+    pub fn time_stages(&mut self) {
+        if self.slot.is_some() && self.timed.is_none() && self.context.info().timestamp_period > 0.0 {
+            self.timed = Some(Vec::new());
+            self.stamp(0);
+        }
+    }
+
+    /// Runs `kernel` on at least `threads` threads (rounded up to whole workgroups; none for 0).
+    pub fn dispatch<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        threads: u32,
+    ) {
+        let groups = threads.div_ceil(pipeline.workgroup_size);
+        if groups == 0 {
+            return;
+        }
+        self.bind(pipeline, buffers, push, None);
+        let x = groups.min(MAX_GROUPS);
+        // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
+        unsafe { self.context.0.device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1) };
+        self.close(K::NAME);
+    }
+
+    /// Runs `kernel` on as many workgroups as words `3·slot..3·slot+3` of `args` say.
+    pub fn dispatch_indirect<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        args: &Buffer<u32>,
+        slot: u32,
+    ) {
+        self.bind(pipeline, buffers, push, Some(args));
+        // SAFETY: as in `dispatch`; `bind` checked nothing about the slot, which stages derive from their own layout.
+        unsafe { self.context.0.device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12) };
+        self.close(K::NAME);
+    }
+
+    /// Sets every word of a buffer to `word`.
+    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) {
+        self.access([(&**buffer.raw(), Access::Write)].into_iter());
+        self.keep_buffer(buffer);
+        // SAFETY: the buffer is kept until the work is done; its size is a multiple of 4 as all elements are.
+        unsafe { self.context.0.device.cmd_fill_buffer(self.commands, buffer.raw().handle, 0, vk::WHOLE_SIZE, word) };
+        self.close("fill");
+    }
+
+    /// Copies `count` elements; what would lie beyond either end is left out.
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, from_first: usize, to: &Buffer<T>, to_first: usize, count: usize) {
+        let count = count.min(from.len().saturating_sub(from_first)).min(to.len().saturating_sub(to_first));
+        if count == 0 {
+            return;
+        }
+        self.access([(&**from.raw(), Access::Read), (&**to.raw(), Access::Write)].into_iter());
+        self.keep_buffer(from);
+        self.keep_buffer(to);
+        let size = size_of::<T>() as u64;
+        let region = [vk::BufferCopy {
+            src_offset: from_first as u64 * size,
+            dst_offset: to_first as u64 * size,
+            size: count as u64 * size,
+        }];
+        // SAFETY: the region lies within both buffers, see above.
+        unsafe { self.context.0.device.cmd_copy_buffer(self.commands, from.raw().handle, to.raw().handle, &region) };
+        self.close("copy");
+    }
+
+    /// Ends recording and hands the work to the queue without waiting.
+    pub fn submit(mut self) -> Result<Submission, GpuError> {
+        let Some(slot) = self.slot.take() else {
+            return Err(GpuError::Vulkan { call: "submit a borrowed command buffer", result: vk::Result::NOT_READY });
+        };
+        let inner = &self.context.0;
+        // SAFETY: the command buffer is recording; the queue is used under its lock; the slot goes with the submission.
+        unsafe {
+            // What the host reads after the wait must be made visible to it.
+            let host = [vk::MemoryBarrier::default()
+                .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+                .dst_access_mask(vk::AccessFlags::HOST_READ)];
+            inner.device.cmd_pipeline_barrier(
+                slot.commands,
+                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
+                vk::PipelineStageFlags::HOST,
+                vk::DependencyFlags::empty(),
+                &host,
+                &[],
+                &[],
+            );
+            if let Some(debug) = &inner.debug {
+                debug.cmd_end_debug_utils_label(slot.commands);
+            }
+            inner.device.end_command_buffer(slot.commands).check("vkEndCommandBuffer")?;
+            let commands = [slot.commands];
+            let info = [vk::SubmitInfo::default().command_buffers(&commands)];
+            let queue = inner.queue.lock().unwrap_or_else(|e| e.into_inner());
+            inner.device.queue_submit(*queue, &info, slot.fence).check("vkQueueSubmit")?;
+        }
+        inner.submissions.fetch_add(1, Ordering::Relaxed);
+        Ok(Submission {
+            context: self.context.clone(),
+            slot: Some(slot),
+            keep: std::mem::take(&mut self.keep),
+            timed: self.timed.take().unwrap_or_default(),
+        })
+    }
+
+    /// For a borrowed command buffer: the buffers and pipelines that must outlive the commands.
+    pub fn finish(mut self) -> Vec<Arc<dyn Any + Send + Sync>> {
+        std::mem::take(&mut self.keep).into_values().collect()
+    }
+
+    fn bind<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        args: Option<&Buffer<u32>>,
+    ) {
+        let raw = K::raw_buffers(buffers);
+        let used = raw.iter().map(|b| &***b).zip(K::ACCESS.iter().copied());
+        self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
+        self.keep.entry(vk::Handle::as_raw(pipeline.raw.handle)).or_insert_with(|| pipeline.raw.clone());
+        for buffer in &raw {
+            self.keep.entry(vk::Handle::as_raw(buffer.handle)).or_insert_with(|| (*buffer).clone());
+        }
+        if let Some(args) = args {
+            self.keep_buffer(args);
+        }
+        let infos: Vec<_> = raw
+            .iter()
+            .map(|b| [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }])
+            .collect();
+        let writes: Vec<_> = infos
+            .iter()
+            .enumerate()
+            .map(|(binding, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_binding(binding as u32)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        self.label(K::NAME);
+        let inner = &self.context.0;
+        let bytes = bytemuck::bytes_of(push);
+        // SAFETY: all handles are alive and kept; layout, bindings and constants come from the kernel's own reflection.
+        unsafe {
+            inner.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw.handle);
+            inner.push_descriptor.cmd_push_descriptor_set(
+                self.commands,
+                vk::PipelineBindPoint::COMPUTE,
+                pipeline.raw.layout,
+                0,
+                &writes,
+            );
+            if !bytes.is_empty() {
+                let stage = vk::ShaderStageFlags::COMPUTE;
+                inner.device.cmd_push_constants(self.commands, pipeline.raw.layout, stage, 0, bytes);
+            }
+        }
+    }
+
+    /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
+    fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)>) {
+        let used: Vec<_> = used.map(|(b, a)| (b.handle, a.writes())).collect();
+        let hazard = used.iter().any(|(b, writes)| self.touched.get(b).is_some_and(|written| *written || *writes));
+        if hazard {
+            let everything = [vk::MemoryBarrier::default()
+                .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+                .dst_access_mask(
+                    vk::AccessFlags::SHADER_READ
+                        | vk::AccessFlags::SHADER_WRITE
+                        | vk::AccessFlags::TRANSFER_READ
+                        | vk::AccessFlags::TRANSFER_WRITE
+                        | vk::AccessFlags::INDIRECT_COMMAND_READ,
+                )];
+            let stages = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+            // SAFETY: the command buffer is recording.
+            unsafe {
+                self.context.0.device.cmd_pipeline_barrier(
+                    self.commands,
+                    stages,
+                    stages | vk::PipelineStageFlags::DRAW_INDIRECT,
+                    vk::DependencyFlags::empty(),
+                    &everything,
+                    &[],
+                    &[],
+                );
+            }
+            self.touched.clear();
+        }
+        for (buffer, writes) in used {
+            *self.touched.entry(buffer).or_insert(false) |= writes;
+        }
+    }
+
+    fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
+        self.keep.entry(vk::Handle::as_raw(buffer.raw().handle)).or_insert_with(|| buffer.raw().clone());
+    }
+
+    fn label(&self, name: &str) {
+        if let (Some(debug), Ok(name)) = (&self.context.0.debug, CString::new(name)) {
+            let info = vk::DebugUtilsLabelEXT::default().label_name(&name);
+            // SAFETY: the command buffer is recording; every label is closed by `close` or `submit`.
+            unsafe { debug.cmd_begin_debug_utils_label(self.commands, &info) };
+        }
+    }
+
+    fn close(&mut self, name: &'static str) {
+        if let (Some(debug), true) = (&self.context.0.debug, name != "fill" && name != "copy") {
+            // SAFETY: closes the label that `bind` opened.
+            unsafe { debug.cmd_end_debug_utils_label(self.commands) };
+        }
+        if let Some(timed) = &mut self.timed
+            && timed.len() < MAX_TIMED as usize
+        {
+            timed.push(name);
+            let index = timed.len() as u32;
+            self.stamp(index);
+        }
+    }
+
+    fn stamp(&self, index: u32) {
+        if let Some(slot) = &self.slot {
+            let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+            // SAFETY: the pool was reset when the slot was taken and holds MAX_TIMED + 1 queries.
+            unsafe { self.context.0.device.cmd_write_timestamp(self.commands, stage, slot.queries, index) };
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        if let Some(slot) = self.slot.take() {
+            // Never submitted: the pool's reset takes the recording back.
+            recycle(&self.context, slot);
+        }
+    }
+}
+
+impl Submission {
+    /// True once the device is done, without waiting.
+    pub fn is_done(&self) -> bool {
+        // SAFETY: the fence belongs to the slot.
+        self.slot.as_ref().is_none_or(|s| unsafe { self.context.0.device.get_fence_status(s.fence) }.unwrap_or(true))
+    }
+
+    /// Waits for the work and gives the times of its stages, in order, if they were asked for.
+    pub fn wait(mut self) -> Result<Vec<StageTime>, GpuError> {
+        self.block()?;
+        let mut times = Vec::new();
+        if let Some(slot) = self.slot.take() {
+            if !self.timed.is_empty() {
+                let mut stamps = vec![0u64; self.timed.len() + 1];
+                // SAFETY: that many queries were written by the work that is done.
+                unsafe {
+                    self.context.0.device.get_query_pool_results(
+                        slot.queries,
+                        0,
+                        &mut stamps,
+                        vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
+                    )
+                }
+                .check("vkGetQueryPoolResults")?;
+                let period = f64::from(self.context.info().timestamp_period);
+                times = self
+                    .timed
+                    .iter()
+                    .zip(stamps.windows(2))
+                    .map(|(&name, w)| StageTime {
+                        name,
+                        time: Duration::from_nanos((w[1].saturating_sub(w[0]) as f64 * period) as u64),
+                    })
+                    .collect();
+            }
+            recycle(&self.context, slot);
+        }
+        self.keep.clear();
+        Ok(times)
+    }
+
+    fn block(&self) -> Result<(), GpuError> {
+        let Some(slot) = &self.slot else { return Ok(()) };
+        let inner = &self.context.0;
+        // SAFETY: the fence belongs to this submission.
+        unsafe {
+            if inner.device.get_fence_status(slot.fence).unwrap_or(false) {
+                return Ok(());
+            }
+            inner.waits.fetch_add(1, Ordering::Relaxed);
+            inner.device.wait_for_fences(&[slot.fence], true, u64::MAX).check("vkWaitForFences")
+        }
+    }
+}
+
+impl Drop for Submission {
+    fn drop(&mut self) {
+        let _ = self.block();
+        if let Some(slot) = self.slot.take() {
+            recycle(&self.context, slot);
+        }
+    }
+}
+
+fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
+    let inner = &context.0;
+    let device = &inner.device;
+    // SAFETY: structures live for their calls; on failure what was made before is destroyed.
+    unsafe {
+        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(inner.queue_family);
+        let pool = device.create_command_pool(&pool_info, None).check("vkCreateCommandPool")?;
+        let mut slot = CommandSlot {
+            pool,
+            commands: vk::CommandBuffer::null(),
+            fence: vk::Fence::null(),
+            queries: vk::QueryPool::null(),
+        };
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        let query_info =
+            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMED + 1);
+        let made = (|| {
+            slot.commands = device.allocate_command_buffers(&info).check("vkAllocateCommandBuffers")?[0];
+            slot.fence = device.create_fence(&vk::FenceCreateInfo::default(), None).check("vkCreateFence")?;
+            slot.queries = device.create_query_pool(&query_info, None).check("vkCreateQueryPool")?;
+            device.reset_query_pool(slot.queries, 0, MAX_TIMED + 1);
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(slot),
+            Err(e) => {
+                destroy_slot(device, slot);
+                Err(e)
+            }
+        }
+    }
+}
+
+/// Makes a slot whose work is done ready for the next recorder.
+fn recycle(context: &Context, slot: CommandSlot) {
+    let device = &context.0.device;
+    // SAFETY: the device is done with the slot (or never saw it).
+    let reset = unsafe {
+        device.reset_query_pool(slot.queries, 0, MAX_TIMED + 1);
+        device
+            .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
+            .and_then(|()| device.reset_fences(&[slot.fence]))
+    };
+    match (reset, context.0.free_slots.lock()) {
+        (Ok(()), Ok(mut list)) => list.push(slot),
+        // SAFETY: as above.
+        _ => unsafe { destroy_slot(device, slot) },
+    }
+}
