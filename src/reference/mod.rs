@@ -1,4 +1,9 @@
 pub mod dispatch_args;
+pub mod lift_append;
+pub mod lift_cluster;
+pub mod lift_count;
+pub mod lift_pca;
+pub mod lift_points;
 pub mod loss_sum;
 pub mod radix_downsweep;
 pub mod radix_spine;
