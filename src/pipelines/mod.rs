@@ -1,1 +1,3 @@
+//! The order in which stages are recorded.
 
+pub mod sort;
