@@ -2,5 +2,6 @@
 
 pub mod model;
 pub mod raster;
+pub mod sort;
 pub mod steps;
 pub mod views;

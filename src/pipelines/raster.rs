@@ -219,7 +219,12 @@ impl Raster {
             tile_counts: words("tile counts", splats)?,
             first_slot: words("first slot", splats)?,
             image: Buffer::new(context, "image", pixels, Location::Device)?,
-            image_grad: Buffer::new(context, "image grad", if options.backward { 3 * pixels } else { 1 }, Location::Device)?,
+            image_grad: Buffer::new(
+                context,
+                "image grad",
+                if options.backward { 3 * pixels } else { 1 },
+                Location::Device,
+            )?,
             backdrop: Buffer::new(
                 context,
                 "backdrop",

@@ -5,10 +5,20 @@
 
 pub mod blend;
 pub mod blend_backward;
+pub mod dispatch_args;
 pub mod emit;
+pub mod loss_sum;
 pub mod median_depth;
 pub mod project;
 pub mod project_backward;
+pub mod radix_downsweep;
+pub mod radix_spine;
+pub mod radix_upsweep;
+pub mod scan_apply;
+pub mod scan_reduce;
+pub mod scan_spine;
+pub mod ssim_backward;
+pub mod ssim_forward;
 pub mod step_done;
 pub mod tile_ranges;
 
