@@ -2,6 +2,7 @@
 
 pub mod model;
 pub mod raster;
+pub mod render;
 pub mod sort;
 pub mod steps;
 pub mod views;

@@ -3,6 +3,7 @@
 //! Splats come from a projection stage (`project` for scenes, `plane_project` for the 2D stage), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
+use super::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers};
 use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     stages::{
@@ -10,12 +11,8 @@ use crate::{
         blend_backward::{self, BlendBackward},
         dispatch_args::{self, DispatchArgs},
         emit::{self, Emit},
-        radix_downsweep::{self, RadixDownsweep},
-        radix_spine::{self, RadixSpine},
-        radix_upsweep::{self, RadixUpsweep, block_counts_len, digit_totals_len, passes_for},
-        scan_apply::{self, ScanApply},
-        scan_reduce::{self, ScanReduce},
-        scan_spine::{self, ScanSpine},
+        radix_upsweep::{block_counts_len, digit_totals_len},
+        scan_reduce::{block_sums_len, items_per_group},
         step_done::OVERFLOW,
         tile_ranges::{self, TileRanges},
         types::{Frame, Splat},
@@ -132,26 +129,6 @@ impl IsectBuffers {
     }
 }
 
-/// The kernels of one radix sort: the first pass drops `0xFFFFFFFF` keys and makes up the values.
-struct Radix {
-    passes: u32,
-    digit_bits: u32,
-    first: (RadixUpsweep, RadixDownsweep),
-    later: (RadixUpsweep, RadixDownsweep),
-    spine: RadixSpine,
-}
-
-impl Radix {
-    fn new(context: &Context, key_bits: u32) -> Result<Self, GpuError> {
-        let (passes, digit_bits) = passes_for(key_bits);
-        let kernels = |compact| -> Result<_, GpuError> {
-            Ok((RadixUpsweep::new(context, digit_bits, compact)?, RadixDownsweep::new(context, digit_bits, compact)?))
-        };
-        let spine = RadixSpine::new(context, digit_bits)?;
-        Ok(Radix { passes, digit_bits, first: kernels(true)?, later: kernels(false)?, spine })
-    }
-}
-
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
 pub struct Raster {
     context: Context,
@@ -176,11 +153,9 @@ pub struct Raster {
     depth_block_counts: Buffer<u32>,
     digit_totals: Buffer<u32>,
     isects: IsectBuffers,
-    depth_radix: Radix,
-    tile_radix: Radix,
-    scan_reduce: ScanReduce,
-    scan_spine: ScanSpine,
-    scan_apply: ScanApply,
+    depth_sort: RadixSort,
+    tile_sort: RadixSort,
+    scan: Scan,
     dispatch_args: DispatchArgs,
     emit: Emit,
     ranges: TileRanges,
@@ -198,8 +173,9 @@ impl Raster {
         };
         // A tile's number needs this many bits.
         let tile_bits = options.tiles.saturating_sub(1).checked_ilog2().map_or(1, |b| b + 1);
-        let (depth_radix, tile_radix) = (Radix::new(context, 32)?, Radix::new(context, tile_bits)?);
-        let digit_bits = depth_radix.digit_bits.max(tile_radix.digit_bits);
+        let depth_sort = RadixSort::new(context, 32, true)?;
+        let tile_sort = RadixSort::new(context, tile_bits, true)?;
+        let digit_bits = depth_sort.digit_bits().max(tile_sort.digit_bits());
         let TileShape { width: tile_width, height: tile_height, pixels: lane_pixels } = tile;
         let workgroup_size = WORKGROUP;
         let blend_spec = blend::Spec {
@@ -237,15 +213,13 @@ impl Raster {
             args: words("dispatch args", 15)?,
             depth_sorted: [pair(0)?, pair(1)?],
             rank_first_slot: words("rank first slot", splats)?,
-            block_sums: words("block sums", scan_reduce::block_sums_len(splats as u32))?,
-            depth_block_counts: words("depth block counts", block_counts_len(splats as u32, depth_radix.digit_bits))?,
+            block_sums: words("block sums", block_sums_len(splats as u32))?,
+            depth_block_counts: words("depth block counts", block_counts_len(splats as u32, depth_sort.digit_bits()))?,
             digit_totals: words("digit totals", digit_totals_len(digit_bits))?,
-            isects: IsectBuffers::new(context, options.isects.max(1), tile_radix.digit_bits, options.backward)?,
-            depth_radix,
-            tile_radix,
-            scan_reduce: ScanReduce::new(context, true)?,
-            scan_spine: ScanSpine::new(context)?,
-            scan_apply: ScanApply::new(context, true)?,
+            isects: IsectBuffers::new(context, options.isects.max(1), tile_sort.digit_bits(), options.backward)?,
+            depth_sort,
+            tile_sort,
+            scan: Scan::new(context, true)?,
             dispatch_args: DispatchArgs::new(context)?,
             emit: Emit::new(context, &emit_spec)?,
             ranges: TileRanges::new(context, &tile_ranges::Spec { workgroup_size })?,
@@ -258,6 +232,10 @@ impl Raster {
             options,
         };
         Ok(raster)
+    }
+
+    pub fn context(&self) -> &Context {
+        &self.context
     }
 
     /// Intersections that fit.
@@ -274,7 +252,7 @@ impl Raster {
     /// be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
         let capacity = needed.saturating_add(needed / 4);
-        self.isects = IsectBuffers::new(&self.context, capacity, self.tile_radix.digit_bits, self.options.backward)?;
+        self.isects = IsectBuffers::new(&self.context, capacity, self.tile_sort.digit_bits(), self.options.backward)?;
         Ok(())
     }
 
@@ -294,55 +272,32 @@ impl Raster {
         splat_frames: &Buffer<u32>,
         status: &Buffer<u32>,
     ) {
-        let per_block = scan_reduce::items_per_group(self.context.info().subgroup_size);
+        let per_block = items_per_group(self.context.info().subgroup_size);
         let isects = &self.isects;
+        let extent = |index, slot| Extent { count: &self.count, index, args: &self.args, slot };
         recorder.fill(&self.count, splats);
         self.args_for(recorder, status, SPLATS, splats, per_block, SPLAT_BLOCKS);
-        let by_depth = self.sort(
+        let by_depth = self.depth_sort.record(
             recorder,
-            &self.depth_radix,
-            (SPLATS, VISIBLE),
-            (SPLAT_BLOCKS, VISIBLE_BLOCKS),
-            &self.depth_keys,
-            [&self.depth_sorted[0].0, &self.depth_sorted[1].0],
-            [&self.depth_sorted[0].1, &self.depth_sorted[1].1],
-            &self.depth_block_counts,
-            |recorder| {
-                self.args_for(recorder, status, VISIBLE, splats, per_block, VISIBLE_BLOCKS);
-                self.args_for(recorder, status, VISIBLE, splats, WORKGROUP, VISIBLE_THREADS);
-            },
+            Pairs { keys: &self.depth_keys, values: &self.depth_keys },
+            [0, 1].map(|i| Pairs { keys: &self.depth_sorted[i].0, values: &self.depth_sorted[i].1 }),
+            RadixScratch { block_counts: &self.depth_block_counts, digit_totals: &self.digit_totals },
+            extent(SPLATS, SPLAT_BLOCKS),
+            VISIBLE,
         );
-        let global_from_rank = &self.depth_sorted[by_depth].1;
-
-        self.scan_reduce.record(
+        let global_from_rank = by_depth.values;
+        self.args_for(recorder, status, VISIBLE, splats, per_block, VISIBLE_BLOCKS);
+        self.args_for(recorder, status, VISIBLE, splats, WORKGROUP, VISIBLE_THREADS);
+        self.scan.record(
             recorder,
-            &scan_reduce::Buffers {
-                count: &self.count,
+            &ScanBuffers {
                 values: &self.tile_counts,
-                index: global_from_rank,
-                block_sums: &self.block_sums,
-            },
-            &scan_reduce::Push { count_index: VISIBLE },
-            &self.args,
-            VISIBLE_BLOCKS,
-        );
-        self.scan_spine.record(
-            recorder,
-            &scan_spine::Buffers { count: &self.count, block_sums: &self.block_sums },
-            &scan_spine::Push { count_index: VISIBLE, total_index: ISECTS },
-        );
-        self.scan_apply.record(
-            recorder,
-            &scan_apply::Buffers {
-                count: &self.count,
-                values: &self.tile_counts,
-                index: global_from_rank,
+                index: Some(global_from_rank),
                 block_sums: &self.block_sums,
                 offsets: &self.rank_first_slot,
             },
-            &scan_apply::Push { count_index: VISIBLE },
-            &self.args,
-            VISIBLE_BLOCKS,
+            extent(VISIBLE, VISIBLE_BLOCKS),
+            ISECTS,
         );
         self.args_for(recorder, status, ISECTS, isects.capacity, per_block, ISECT_BLOCKS);
         self.args_for(recorder, status, ISECTS, isects.capacity, WORKGROUP, ISECT_THREADS);
@@ -370,24 +325,20 @@ impl Raster {
             &self.args,
             VISIBLE_THREADS,
         );
-        let by_tile = self.sort(
+        let by_tile = self.tile_sort.record(
             recorder,
-            &self.tile_radix,
-            (ISECTS, ISECTS_SORTED),
-            (ISECT_BLOCKS, ISECT_BLOCKS),
-            &isects.tiles,
-            [&isects.keys, &isects.tiles],
-            [&isects.values[0], &isects.values[1]],
-            &isects.block_counts,
-            |_| (),
+            Pairs { keys: &isects.tiles, values: &isects.tiles },
+            [
+                Pairs { keys: &isects.keys, values: &isects.values[0] },
+                Pairs { keys: &isects.tiles, values: &isects.values[1] },
+            ],
+            RadixScratch { block_counts: &isects.block_counts, digit_totals: &self.digit_totals },
+            extent(ISECTS, ISECT_BLOCKS),
+            ISECTS_SORTED,
         );
         self.ranges.record(
             recorder,
-            &tile_ranges::Buffers {
-                count: &self.count,
-                isect_tiles: [&isects.keys, &isects.tiles][by_tile],
-                tile_ranges: &self.tile_ranges,
-            },
+            &tile_ranges::Buffers { count: &self.count, isect_tiles: by_tile.keys, tile_ranges: &self.tile_ranges },
             &tile_ranges::Push { count_index: ISECTS },
             &self.args,
             ISECT_THREADS,
@@ -452,7 +403,7 @@ impl Raster {
     }
 
     fn isect_slots(&self) -> &Buffer<u32> {
-        &self.isects.values[(self.tile_radix.passes as usize + 1) % 2]
+        &self.isects.values[self.tile_sort.last_pair()]
     }
 
     fn args_for(
@@ -475,61 +426,5 @@ impl Raster {
                 status_index: OVERFLOW as u32,
             },
         );
-    }
-
-    /// Sorts `keys_in`; says which of the output pairs holds the result. `kept` is recorded once the number of keys that the
-    /// first pass kept is known.
-    #[expect(clippy::too_many_arguments, reason = "the two sorts differ in all of these")]
-    fn sort(
-        &self,
-        recorder: &mut Recorder,
-        radix: &Radix,
-        (count_index, kept_index): (u32, u32),
-        (first_slot, later_slot): (u32, u32),
-        keys_in: &Buffer<u32>,
-        keys: [&Buffer<u32>; 2],
-        values: [&Buffer<u32>; 2],
-        block_counts: &Buffer<u32>,
-        kept: impl Fn(&mut Recorder),
-    ) -> usize {
-        for pass in 0..radix.passes {
-            let out = pass as usize % 2;
-            let (count_index, slot, (upsweep, downsweep), from_keys) = match pass {
-                0 => (count_index, first_slot, &radix.first, keys_in),
-                _ => (kept_index, later_slot, &radix.later, keys[1 - out]),
-            };
-            let shift = pass * radix.digit_bits;
-            upsweep.record(
-                recorder,
-                &radix_upsweep::Buffers { count: &self.count, keys_in: from_keys, block_counts },
-                &radix_upsweep::Push { count_index, shift },
-                &self.args,
-                slot,
-            );
-            radix.spine.record(
-                recorder,
-                &radix_spine::Buffers { count: &self.count, block_counts, digit_totals: &self.digit_totals },
-                &radix_spine::Push { count_index },
-            );
-            downsweep.record(
-                recorder,
-                &radix_downsweep::Buffers {
-                    count: &self.count,
-                    keys_in: from_keys,
-                    values_in: values[1 - out],
-                    block_counts,
-                    digit_totals: &self.digit_totals,
-                    keys_out: keys[out],
-                    values_out: values[out],
-                },
-                &radix_downsweep::Push { count_index, kept_index, shift },
-                &self.args,
-                slot,
-            );
-            if pass == 0 {
-                kept(recorder);
-            }
-        }
-        (radix.passes as usize + 1) % 2
     }
 }
