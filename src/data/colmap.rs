@@ -351,3 +351,205 @@ fn field<'a, T: FromStr>(words: &mut impl Iterator<Item = &'a str>, name: &str) 
 fn number_of<T: FromStr>(word: &str, name: &str) -> Result<T, String> {
     word.parse().map_err(|_| format!("`{word}` is not sound for {name}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const OPENCV: [f64; 8] = [100.0, 101.0, 32.0, 24.0, 0.1, -0.02, 1e-3, 2e-3];
+    const QUAT: [f64; 4] = [0.5, -0.5, 0.5, 0.5];
+
+    fn cameras_bin(list: &[(u32, u32, &[f64])]) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (id, model, params) in list {
+            out.extend(id.to_le_bytes());
+            out.extend(model.to_le_bytes());
+            out.extend(64u64.to_le_bytes());
+            out.extend(48u64.to_le_bytes());
+            params.iter().for_each(|p| out.extend(p.to_le_bytes()));
+        }
+        out
+    }
+
+    fn images_bin(list: &[(&str, u32, [f64; 4], [f64; 3])], points: u64) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (i, (name, camera, quat, translation)) in list.iter().enumerate() {
+            out.extend((i as u32 + 1).to_le_bytes());
+            quat.iter().chain(translation).for_each(|v| out.extend(v.to_le_bytes()));
+            out.extend(camera.to_le_bytes());
+            out.extend(name.bytes());
+            out.push(0);
+            out.extend(points.to_le_bytes());
+            (0..points * 24).for_each(|i| out.push(i as u8));
+        }
+        out
+    }
+
+    fn points_bin(list: &[[f64; 3]]) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (i, p) in list.iter().enumerate() {
+            out.extend((i as u64).to_le_bytes());
+            p.iter().for_each(|v| out.extend(v.to_le_bytes()));
+            out.extend([i as u8, 20, 30]);
+            out.extend(0.5f64.to_le_bytes());
+            out.extend(2u64.to_le_bytes());
+            out.extend([0; 16]);
+        }
+        out
+    }
+
+    /// A dataset on disk out of named files; the image files are not decoded here.
+    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<(Vec<Shot>, Option<PointCloud>)>) {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("sparse").join("0");
+        fs::create_dir_all(&folder).unwrap();
+        fs::create_dir_all(root.path().join("images")).unwrap();
+        files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
+        let result = read(root.path(), &find(root.path()).unwrap());
+        (root, result)
+    }
+
+    fn error(files: &[(&str, &[u8])]) -> String {
+        model(files).1.err().unwrap().to_string()
+    }
+
+    #[test]
+    fn every_model_gives_its_intrinsics_in_both_formats() {
+        let none = Distortion::default();
+        let [fx, fy, cx, cy, k1, k2, p1, p2] = OPENCV;
+        let cases: [(&str, u32, &[f64], [f64; 2], Distortion); 5] = [
+            ("SIMPLE_PINHOLE", 0, &[fx, cx, cy], [fx, fx], none),
+            ("PINHOLE", 1, &[fx, fy, cx, cy], [fx, fy], none),
+            ("SIMPLE_RADIAL", 2, &[fx, cx, cy, k1], [fx, fx], Distortion { k1, ..none }),
+            ("RADIAL", 3, &[fx, cx, cy, k1, k2], [fx, fx], Distortion { k1, k2, ..none }),
+            ("OPENCV", 4, &OPENCV, [fx, fy], Distortion { k1, k2, p1, p2, ..none }),
+        ];
+        let path = Path::new("cameras");
+        for (name, id, params, focal, distortion) in cases {
+            let expected = SourceCamera {
+                size: Some([64.0, 48.0]),
+                focal: Focal::Pixels(focal),
+                center: Some([cx, cy]),
+                distortion,
+            };
+            let binary = cameras_binary(&cameras_bin(&[(7, id, params)]), path).unwrap();
+            assert_eq!(binary[&7], Ok(expected));
+            let words: Vec<String> = params.iter().map(f64::to_string).collect();
+            let text = format!("# Camera list\n\n7 {name} 64 48 {}\n", words.join(" "));
+            assert_eq!(cameras_text(text.as_bytes(), path).unwrap()[&7], Ok(expected));
+        }
+    }
+
+    #[test]
+    fn binary_and_text_give_the_same_and_may_be_mixed() {
+        let poses =
+            [("sub dir/a b.jpg", 7, QUAT, [1.0, 2.0, 3.0]), ("b.jpg", 7, [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.5])];
+        let cameras = cameras_bin(&[(7, 4, &OPENCV), (8, 5, &OPENCV)]);
+        let images = images_bin(&poses, 3);
+        let points = points_bin(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
+        let images_text = "# two lines each\n1 0.5 -0.5 0.5 0.5 1 2 3 7 sub dir/a b.jpg\n1.5 2.5 -1 4 5 6\n\
+                           2 2 0 0 0 0 0 -1.5 7 b.jpg\n\n";
+        let points_text = "# points\n0 1 2 3 0 20 30 0.5 1 2\n1 4 5 6.5 1 20 30 0.5\n";
+        let binary = model(&[("cameras.bin", &cameras), ("images.bin", &images), ("points3D.bin", &points)]);
+        let text = model(&[
+            ("cameras.bin", &cameras),
+            ("images.txt", images_text.as_bytes()),
+            ("points3D.txt", points_text.as_bytes()),
+        ]);
+        for (root, result) in [binary, text] {
+            let (shots, points) = result.unwrap();
+            assert_eq!(shots.len(), 2);
+            assert_eq!(shots[0].name, "sub dir/a b.jpg");
+            assert_eq!(shots[0].path, root.path().join("images").join("sub dir/a b.jpg"));
+            // The quaternion (½, −½, ½, ½) takes x to −z, y to −x and z to y.
+            let turned = shots[0].rotation * DVec3::new(1.0, 2.0, 3.0);
+            assert!((turned - DVec3::new(-2.0, 3.0, -1.0)).length() < 1e-12, "{turned}");
+            assert_eq!(shots[0].translation, DVec3::new(1.0, 2.0, 3.0));
+            assert_eq!(shots[1].rotation, DMat3::IDENTITY);
+            let points = points.unwrap();
+            assert_eq!(points.positions, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
+            assert_eq!(points.colors, [[0, 20, 30], [1, 20, 30]]);
+        }
+        let (_root, result) = model(&[("cameras.bin", &cameras), ("images.bin", &images)]);
+        assert_eq!(result.unwrap().1, None);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let camera = cameras_bin(&[(7, 4, &OPENCV)]);
+        let pose = |name: &'static str, camera, quat| images_bin(&[(name, camera, quat, [0.0; 3])], 0);
+        let image = pose("a.jpg", 7, QUAT);
+        #[track_caller]
+        fn expect(files: &[(&str, &[u8])], parts: &[&str]) {
+            let message = error(files);
+            parts.iter().for_each(|part| assert!(message.contains(part), "`{part}` is not in: {message}"));
+        }
+        let with = |cameras: &[u8], images: &[u8], parts: &[&str]| {
+            expect(&[("cameras.bin", cameras), ("images.bin", images)], parts);
+        };
+        with(&cameras_bin(&[(7, 5, &OPENCV)]), &image, &["a.jpg", "camera 7", "OPENCV_FISHEYE", "images.bin"]);
+        with(&cameras_bin(&[(7, 99, &OPENCV)]), &image, &["cameras.bin", "camera 0", "model number 99"]);
+        with(&cameras_bin(&[(7, 4, &OPENCV), (7, 4, &OPENCV)]), &image, &["camera 7", "twice"]);
+        with(&cameras_bin(&[(7, 1, &[f64::NAN, 1.0, 1.0, 1.0])]), &image, &["cameras.bin", "focal lengths"]);
+        with(&cameras_bin(&[(7, 1, &[1.0, 1.0, f64::INFINITY, 1.0])]), &image, &["principal point"]);
+        with(&camera[..camera.len() - 1], &image, &["ends in camera 0 of 1"]);
+        with(&[&camera[..], &[0]].concat(), &image, &["1 bytes are left after the 1 cameras"]);
+        with(&camera, &pose("a.jpg", 8, QUAT), &["a.jpg", "camera 8 is not in the model"]);
+        with(&camera, &pose("a.jpg", 7, [0.0; 4]), &["a.jpg", "pose", "no rotation"]);
+        with(&camera, &pose("a.jpg", 7, [f64::NAN; 4]), &["a.jpg", "not finite"]);
+        with(&camera, &images_bin(&[], 0), &["no images"]);
+        with(&camera, &u64::MAX.to_le_bytes(), &["images.bin", "promises 18446744073709551615 images", "has 0"]);
+        with(&camera, b"abc", &["images.bin", "too short"]);
+        expect(&[("cameras.bin", &camera)], &["images.txt"]);
+        let bad_points = points_bin(&[[0.0; 3], [0.0, 1e60, 0.0]]);
+        expect(
+            &[("cameras.bin", &camera), ("images.bin", &image), ("points3D.bin", &bad_points)],
+            &["points3D.bin", "point 1 of 2", "not finite"],
+        );
+        let path = Path::new("x.txt");
+        let text = |result: Result<Cameras>| result.err().unwrap().to_string();
+        assert!(text(cameras_text(b"1 PINHOLE 64 48 1 1 1", path)).contains("line 1: model PINHOLE cannot have 3"));
+        assert!(
+            text(cameras_text(b"#\n1 PINHOLE 64 wide 1 1 1 1", path))
+                .contains("line 2: `wide` is not sound for height")
+        );
+        assert!(text(cameras_text(b"1 PINHOLE", path)).contains("ends before width"));
+        let images = images_text(b"1 0.5 0.5 0.5 0.5 1 2\n\n", path).err().unwrap().to_string();
+        assert!(images.contains("line 1: ends before ty"), "{images}");
+    }
+
+    #[test]
+    fn a_model_given_without_its_images_says_what_to_give() {
+        let (root, _) = model(&[
+            ("cameras.bin", &cameras_bin(&[(7, 4, &OPENCV)])),
+            ("images.bin", &images_bin(&[("a", 7, QUAT, [0.0; 3])], 0)),
+        ]);
+        let folder = root.path().join("sparse").join("0");
+        let message = read(&folder, &find(&folder).unwrap()).err().unwrap().to_string();
+        assert!(message.contains("the folder that holds `images`"), "{message}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn no_damage_makes_the_readers_panic(cut in 0.0..2.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..4)) {
+            let path = Path::new("x");
+            let damage = |mut bytes: Vec<u8>| {
+                for (at, value) in &flips {
+                    let at = (at * bytes.len() as f64) as usize;
+                    bytes[at] ^= value;
+                }
+                bytes.truncate((cut * bytes.len() as f64) as usize);
+                bytes
+            };
+            let _ = cameras_binary(&damage(cameras_bin(&[(7, 4, &OPENCV), (8, 5, &OPENCV)])), path);
+            let _ = images_binary(&damage(images_bin(&[("a", 7, QUAT, [0.0; 3]), ("b", 7, QUAT, [0.0; 3])], 2)), path);
+            let _ = points_binary(&damage(points_bin(&[[1.0; 3]; 3])), path);
+            let _ = cameras_text(&damage(b"# c\n1 PINHOLE 64 48 1 1 1 1\n2 SIMPLE_RADIAL 64 48 1 1 1 0.1\n".to_vec()), path);
+            let _ = images_text(&damage(b"# i\n1 0.5 -0.5 0.5 0.5 1 2 3 7 a b.jpg\n1 2 3\n2 1 0 0 0 1 2 3 7 c\n\n".to_vec()), path);
+            let _ = points_text(&damage(b"# p\n1 2 3 4 5 6 7 0.1 1 2\n2 2 3 4 5 6 7 0.1 1 2\n".to_vec()), path);
+        }
+    }
+}

@@ -145,7 +145,7 @@ impl SourceCamera {
     }
 
     /// The intrinsics for an image file of this size, which may be a reduced copy of what they were made for.
-    fn for_image(&self, [width, height]: [u32; 2]) -> Result<Lens, String> {
+    pub(super) fn for_image(&self, [width, height]: [u32; 2]) -> Result<Lens, String> {
         let (disk_w, disk_h) = (width as f64, height as f64);
         let [w, h] = self.size.unwrap_or([disk_w, disk_h]);
         let (scale_x, scale_y) = (disk_w / w, disk_h / h);
@@ -287,4 +287,140 @@ fn prepare(shot: Shot, index: usize, options: &DatasetOptions) -> Result<(Photo,
         pixels: PixelSource::File(ImageFile { path: shot.path, size, lens }),
     };
     Ok((photo, lens.map_or(0.0, |lens| lens.outside_fraction())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(size: Option<[f64; 2]>) -> SourceCamera {
+        let (focal, center) = (Focal::Pixels([4000.0, 4100.0]), Some([2400.0, 1700.0]));
+        SourceCamera { size, focal, center, distortion: Distortion::default() }
+    }
+
+    #[test]
+    fn intrinsics_follow_the_size_of_the_file() {
+        // Mip-NeRF 360: 4946 × 3286, whose copies reduced 4 times are 1237 × 822.
+        let lens = camera(Some([4946.0, 3286.0])).for_image([1237, 822]).unwrap();
+        let (sx, sy) = (1237.0 / 4946.0, 822.0 / 3286.0);
+        assert_eq!([lens.fx, lens.fy, lens.cx, lens.cy], [4000.0 * sx, 4100.0 * sy, 2400.0 * sx, 1700.0 * sy]);
+        let error = camera(Some([4946.0, 3286.0])).for_image([1237, 825]).unwrap_err();
+        assert!(error.contains("1237 × 825") && error.contains("4946 × 3286"), "{error}");
+        assert!(camera(Some([640.0, 480.0])).for_image([480, 640]).unwrap_err().contains("turned"));
+        assert_eq!(camera(None).for_image([10, 20]).unwrap().fx, 4000.0);
+    }
+
+    #[test]
+    fn fields_of_view_become_focal_lengths() {
+        let focal = Focal::Angles { x: std::f64::consts::FRAC_PI_2, y: None };
+        let lens =
+            SourceCamera { size: None, focal, center: None, distortion: Distortion::default() }.for_image([200, 100]);
+        let lens = lens.unwrap();
+        assert!((lens.fx - 100.0).abs() < 1e-12 && lens.fy == lens.fx);
+        assert_eq!([lens.cx, lens.cy], [100.0, 50.0]);
+    }
+
+    #[test]
+    fn names_cannot_lead_out_of_a_folder() {
+        assert_eq!(clean_name("./train/r_0"), "train/r_0");
+        assert_eq!(clean_name("../../etc/passwd"), "etc/passwd");
+        assert_eq!(clean_name("/abs/x.png"), "abs/x.png");
+        assert_eq!(clean_name(".."), "");
+    }
+
+    /// 17 photos of 8 × 6 whose left half is red and opaque, the right half green and transparent.
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let turn = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let frames: Vec<_> = (0..17)
+            .rev()
+            .map(|i| serde_json::json!({"file_path": format!("{i:02}"), "transform_matrix": turn}))
+            .collect();
+        let file = serde_json::json!({"fl_x": 16.0, "w": 16, "h": 12, "frames": frames});
+        std::fs::write(folder.path().join("transforms.json"), file.to_string()).unwrap();
+        for i in 0..17 {
+            let pixel = |x, _| if x < 4 { image::Rgba([255, 0, 0, 255]) } else { image::Rgba([0, 255, 0, 0]) };
+            image::RgbaImage::from_fn(8, 6, pixel).save(folder.path().join(format!("{i:02}.png"))).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn photos_are_sorted_split_composited_and_reduced() {
+        let folder = folder();
+        let options = DatasetOptions { max_size: Some(4), background: [0.0, 0.0, 1.0] };
+        let data = Dataset::open(folder.path(), &options).unwrap();
+        assert_eq!((data.kind, data.photos.len(), data.undistorted), (DatasetKind::Transforms, 17, false));
+        let names: Vec<&str> = data.photos.iter().map(|photo| &photo.name[..]).collect();
+        assert!(names.is_sorted());
+        assert_eq!(data.split(Split::Test).map(|(i, _)| i).collect::<Vec<_>>(), [0, 8, 16]);
+        let camera = data.photos[3].camera;
+        assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [4.0, 4.0, 2.0, 1.5]);
+        assert_eq!((camera.width, camera.height), (4, 3));
+        let row = [[255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255]].concat();
+        for image in data.load_images().unwrap() {
+            assert_eq!(image, Image { width: 4, height: 3, rgb: row.repeat(3) });
+        }
+    }
+
+    #[test]
+    fn missing_changed_and_double_images_are_named() {
+        let folder = folder();
+        let options = DatasetOptions::default();
+        let data = Dataset::open(folder.path(), &options).unwrap();
+        let path = folder.path().join("05.png");
+        image::RgbImage::new(11, 6).save(&path).unwrap();
+        let message = data.load_images().unwrap_err().to_string();
+        assert!(message.contains("05.png") && message.contains("11 × 6"), "{message}");
+        let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+        assert!(
+            message.contains("05.png") && message.contains("aspect") && message.contains("transforms.json"),
+            "{message}"
+        );
+        std::fs::write(&path, "no image").unwrap();
+        let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+        assert!(message.contains("05.png"), "{message}");
+        std::fs::remove_file(&path).unwrap();
+        let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+        assert!(message.contains("05"), "{message}");
+        let json = folder.path().join("transforms.json");
+        let text = std::fs::read_to_string(&json).unwrap().replace("\"05\"", "\"./04\"");
+        std::fs::write(&json, text).unwrap();
+        let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+        assert!(message.contains("`04`") && message.contains("twice"), "{message}");
+    }
+
+    #[test]
+    fn what_is_no_dataset_says_what_is_expected() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = DatasetOptions::default();
+        let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+        assert!(message.contains("sparse/0") && message.contains("transforms.json"), "{message}");
+        let missing = Dataset::open(folder.path().join("none"), &options).unwrap_err();
+        assert_eq!(missing.exit_code(), 2);
+        let zero = DatasetOptions { max_size: Some(0), ..options };
+        assert!(matches!(Dataset::open(folder.path(), &zero), Err(Error::Usage(_))));
+    }
+
+    #[test]
+    fn images_in_memory_must_fit_their_camera() {
+        let camera = Camera {
+            width: 2,
+            height: 1,
+            fx: 1.0,
+            fy: 1.0,
+            cx: 1.0,
+            cy: 0.5,
+            rotation: DMat3::IDENTITY,
+            translation: DVec3::ZERO,
+        };
+        let photo = |rgb: Vec<u8>| Photo {
+            name: "a".into(),
+            camera,
+            split: Split::Train,
+            pixels: PixelSource::Memory(Arc::new(Image { width: 2, height: 1, rgb })),
+        };
+        assert_eq!(photo(vec![7; 6]).load([0.0; 3]).unwrap().rgb, [7; 6]);
+        assert!(photo(vec![7; 5]).load([0.0; 3]).is_err());
+    }
 }

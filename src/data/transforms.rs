@@ -206,3 +206,189 @@ fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     let rotation = DMat3::from_cols(turn.x_axis, -turn.y_axis, -turn.z_axis).transpose();
     Ok((rotation, -(rotation * eye)))
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// A camera at (1, 2, 3) turned about x by a right angle: it looks along world +y with +z up.
+    const UPRIGHT: [[f64; 4]; 4] =
+        [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]];
+
+    fn rows(matrix: [[f64; 4]; 4]) -> Vec<Vec<f64>> {
+        matrix.iter().map(|row| row.to_vec()).collect()
+    }
+
+    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, contents) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, contents).unwrap();
+        }
+        folder
+    }
+
+    /// Reads a transforms.json with these members and one frame with those.
+    fn one(all: Value, frame: Value) -> Result<Shot> {
+        let mut file = json!({"frames": [{"file_path": "a.png", "transform_matrix": UPRIGHT}]});
+        let merge = |into: &mut Value, from: &Value| {
+            let (Value::Object(into), Value::Object(from)) = (into, from) else { panic!("not objects") };
+            into.extend(from.clone());
+        };
+        merge(&mut file, &all);
+        merge(&mut file["frames"][0], &frame);
+        let folder = folder(&[("transforms.json", &file.to_string()), ("a.png", ""), ("b.jpeg", "")]);
+        Ok(read(&find(folder.path()).unwrap(), false)?.shots.remove(0))
+    }
+
+    #[track_caller]
+    fn expect(all: Value, frame: Value, parts: &[&str]) {
+        let message = one(all, frame).err().unwrap().to_string();
+        for part in parts.iter().chain(&["transforms.json"]) {
+            assert!(message.contains(part), "`{part}` is not in: {message}");
+        }
+    }
+
+    #[test]
+    fn opengl_poses_become_opencv_ones() {
+        let (rotation, translation) = pose(&rows(UPRIGHT)).unwrap();
+        let camera = |p: DVec3| rotation * p + translation;
+        assert!((camera(DVec3::new(1.0, 7.0, 3.0)) - DVec3::new(0.0, 0.0, 5.0)).length() < 1e-12);
+        // Up is −y, right stays right.
+        assert!((camera(DVec3::new(1.5, 7.0, 4.0)) - DVec3::new(0.5, -1.0, 5.0)).length() < 1e-12);
+        assert_eq!(pose(&rows(UPRIGHT)[..3]).unwrap(), (rotation, translation));
+    }
+
+    #[test]
+    fn a_uniform_scale_changes_nothing_and_small_errors_are_taken_out() {
+        let exact = pose(&rows(UPRIGHT)).unwrap();
+        for scale in [1e-3, 0.5, 40.0] {
+            let mut scaled = UPRIGHT;
+            scaled[..3].iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= scale));
+            let (rotation, translation) = pose(&rows(scaled)).unwrap();
+            assert!((rotation - exact.0).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+            assert!((translation - exact.1).length() < 1e-12);
+        }
+        let mut skewed = UPRIGHT;
+        skewed[0][1] = 9e-4;
+        let (rotation, _) = pose(&rows(skewed)).unwrap();
+        let gram = rotation.transpose() * rotation - DMat3::IDENTITY;
+        assert!(gram.to_cols_array().iter().all(|v| v.abs() < 1e-12));
+    }
+
+    #[test]
+    fn bad_matrices_are_refused_by_frame() {
+        let edited = |row: usize, column: usize, value: f64| {
+            let mut matrix = UPRIGHT;
+            matrix[row][column] = value;
+            json!({"transform_matrix": matrix})
+        };
+        let all = || json!({"camera_angle_x": 0.7});
+        expect(all(), edited(0, 1, 0.01), &["frame 0", "a.png", "RᵀR"]);
+        expect(all(), edited(0, 0, 1.1), &["RᵀR"]);
+        expect(all(), edited(0, 0, -1.0), &["determinant"]);
+        expect(all(), edited(0, 0, 0.0), &["determinant"]);
+        expect(all(), edited(3, 3, 2.0), &["last row"]);
+        expect(all(), json!({"transform_matrix": [[1, 0, 0, 0]]}), &["4 × 4"]);
+        expect(all(), json!({"transform_matrix": [[1, 0], [1, 0], [1, 0], [1, 0]]}), &["4 × 4"]);
+        expect(all(), json!({"transform_matrix": null}), &["not a sound transforms file", "line 1"]);
+        assert!(pose(&vec![vec![f64::NAN; 4]; 4]).unwrap_err().contains("not finite"));
+    }
+
+    #[test]
+    fn intrinsics_stand_in_the_file_or_in_the_frame_which_counts_first() {
+        let all = json!({"fl_x": 100, "fl_y": 90.5, "cx": 30, "cy": 20, "w": 64, "h": 48.0, "k1": 0.1, "k3": 0.01, "p2": 1e-3});
+        let camera = one(all.clone(), json!({"fl_x": 110.0, "k1": 0.2})).unwrap().camera;
+        let distortion = Distortion { k1: 0.2, k2: 0.0, k3: 0.01, p1: 0.0, p2: 1e-3 };
+        let (size, center) = (Some([64.0, 48.0]), Some([30.0, 20.0]));
+        assert_eq!(camera, SourceCamera { size, focal: Focal::Pixels([110.0, 90.5]), center, distortion });
+        let camera = one(json!({"fl_x": 100}), json!({})).unwrap().camera;
+        let distortion = Distortion::default();
+        assert_eq!(camera, SourceCamera { size: None, focal: Focal::Pixels([100.0, 100.0]), center: None, distortion });
+        let camera = one(json!({"camera_angle_x": 0.7, "camera_model": "PINHOLE"}), json!({})).unwrap().camera;
+        assert_eq!(camera.focal, Focal::Angles { x: 0.7, y: None });
+        // Endings that were left out are found.
+        assert!(one(all, json!({"file_path": "./b"})).unwrap().path.ends_with("b.jpeg"));
+    }
+
+    #[test]
+    fn cameras_that_are_not_read_are_named() {
+        let with = |all: Value, parts: &[&str]| expect(all, json!({}), parts);
+        with(json!({}), &["frame 0", "fl_x", "camera_angle_x"]);
+        with(json!({"fl_x": 1.0, "camera_model": "OPENCV_FISHEYE"}), &["OPENCV_FISHEYE"]);
+        with(json!({"fl_x": 1.0, "is_fisheye": true}), &["is_fisheye"]);
+        with(json!({"fl_x": 1.0, "k4": 0.1}), &["k4"]);
+        with(json!({"fl_x": -1.0}), &["focal lengths"]);
+        with(json!({"camera_angle_x": 3.2}), &["field of view"]);
+        with(json!({"fl_x": 1.0, "w": 64}), &["only one of `w` and `h`"]);
+        with(json!({"fl_x": 1.0, "w": 0, "h": 5}), &["size"]);
+        with(json!({"fl_x": "wide"}), &["not a sound transforms file"]);
+        expect(json!({"fl_x": 1.0}), json!({"file_path": "none"}), &["frame 0", "none", ".png, .jpg or .jpeg"]);
+        assert!(
+            parse(b"{\"frames\": []}", Path::new("t.json")).err().unwrap().to_string().contains("`frames` is empty")
+        );
+        assert!(parse(b"{\"frames\": NaN}", Path::new("t.json")).err().unwrap().to_string().contains("t.json"));
+    }
+
+    #[test]
+    fn test_views_come_only_with_a_folder() {
+        let file = |name: &str| {
+            let frame = json!({"file_path": name, "transform_matrix": UPRIGHT});
+            json!({"camera_angle_x": 0.7, "frames": [frame]}).to_string()
+        };
+        let (train, test) = (file("./train/r_0"), file("./test/r_0"));
+        let files = [
+            (TRAIN, &train[..]),
+            (TEST, &test),
+            ("transforms_val.json", "{"),
+            ("train/r_0.png", ""),
+            ("test/r_0.png", ""),
+        ];
+        let folder = folder(&files);
+        let both = read(&find(folder.path()).unwrap(), false).unwrap();
+        assert!(both.blender);
+        let splits: Vec<_> = both.shots.iter().map(|shot| (&shot.name[..], shot.split)).collect();
+        assert_eq!(splits, [("./train/r_0", Some(Split::Train)), ("./test/r_0", Some(Split::Test))]);
+        let alone = read(&find(&folder.path().join(TRAIN)).unwrap(), true).unwrap();
+        assert_eq!((alone.shots.len(), alone.shots[0].split), (1, None));
+    }
+
+    #[test]
+    fn only_points_that_are_named_are_read() {
+        let frame = json!({"file_path": "a.png", "transform_matrix": UPRIGHT});
+        let plain = json!({"fl_x": 9.0, "frames": [frame]}).to_string();
+        let named = json!({"fl_x": 9.0, "frames": [frame], "ply_file_path": "points.ply"}).to_string();
+        let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
+        let with = |json: &str, name: &str| {
+            let folder = folder(&[(PLAIN, json), ("a.png", ""), (name, ply)]);
+            read(&folder.path().join(PLAIN), false).map(|read| read.points.map(|p| p.positions))
+        };
+        assert_eq!(with(&plain, "points.ply").unwrap(), None);
+        assert_eq!(with(&named, "points.ply").unwrap(), Some(vec![[1.0, 2.0, 3.0]]));
+        assert!(with(&named, "other.ply").unwrap_err().to_string().contains("points.ply"));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1000))]
+        #[test]
+        fn no_damage_makes_the_reader_panic(cut in 0.0..2.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..4)) {
+            let frame = json!({"file_path": "a.png", "transform_matrix": UPRIGHT, "k1": 0.5});
+            let mut bytes = json!({"fl_x": 9.0, "w": 64, "h": 48, "frames": [frame]}).to_string().into_bytes();
+            for (at, value) in &flips {
+                let at = (at * bytes.len() as f64) as usize;
+                bytes[at] ^= value;
+            }
+            bytes.truncate((cut * bytes.len() as f64) as usize);
+            if let Ok(file) = parse(&bytes, Path::new("t.json")) {
+                for frame in &file.frames {
+                    let _ = pose(&frame.transform_matrix);
+                    let _ = source_camera(&frame.camera, &file.camera).and_then(|camera| camera.for_image([64, 48]));
+                }
+            }
+        }
+    }
+}
