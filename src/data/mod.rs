@@ -1,9 +1,7 @@
-//! What comes in and goes out: scene files, photographs, the built-in scene.
-
-pub mod builtin;
-//! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors.
+//! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
 
 mod atomic;
+pub mod builtin;
 mod colmap;
 mod dataset;
 mod distortion;

@@ -1,18 +1,3 @@
-pub mod dispatch_args;
-pub mod lift_append;
-pub mod lift_cluster;
-pub mod lift_count;
-pub mod lift_pca;
-pub mod lift_points;
-pub mod loss_sum;
-pub mod radix_downsweep;
-pub mod radix_spine;
-pub mod radix_upsweep;
-pub mod scan_apply;
-pub mod scan_reduce;
-pub mod scan_spine;
-pub mod ssim_backward;
-pub mod ssim_forward;
 //! The float64 twin of every stage: same name, same loops, on the host. What a kernel computes is
 //! judged against these functions, and these are judged against central differences (`tests/gradients.rs`).
 //!
@@ -25,15 +10,30 @@ pub mod ssim_forward;
 pub mod adam;
 pub mod blend;
 pub mod blend_backward;
+pub mod dispatch_args;
 pub mod emit;
 pub mod harmonics;
+pub mod lift_append;
+pub mod lift_cluster;
+pub mod lift_count;
+pub mod lift_pca;
+pub mod lift_points;
 pub mod lobe;
+pub mod loss_sum;
 pub mod median_depth;
 pub mod project;
 pub mod project_backward;
+pub mod radix_downsweep;
+pub mod radix_spine;
+pub mod radix_upsweep;
 pub mod render;
 pub mod sample;
+pub mod scan_apply;
+pub mod scan_reduce;
+pub mod scan_spine;
 pub mod sort;
+pub mod ssim_backward;
+pub mod ssim_forward;
 pub mod tile_ranges;
 pub mod tiles;
 
