@@ -132,7 +132,11 @@ impl Interface {
             }
         }
         assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{kernel}: bindings must be 0, 1, 2, …");
-        Interface { bindings: bindings.into_values().collect(), push, spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect() }
+        Interface {
+            bindings: bindings.into_values().collect(),
+            push,
+            spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect(),
+        }
     }
 
     fn generate(&self, name: &str, file: &str) -> String {

@@ -82,7 +82,7 @@ void main() {
                     uint i = uint(pixel.y) * frame.width + uint(pixel.x);
                     float x = image[frame.image_first + i][channel];
                     float y = target_channel(targets[frame.target_first + i], channel);
-                    float ssim = p.x + 2 * x * p.y + y * p.z;
+                    float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
                     image_grad[3 * (frame.image_first + i) + channel] =
                         scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
                 }

@@ -32,4 +32,3 @@ impl SsimBackward {
         recorder.dispatch_indirect(&self.0, buffers, push, args, slot);
     }
 }
-
