@@ -6,7 +6,7 @@ use glint::{
     stages::{
         loss_sum::{self, LossSum},
         ssim_backward::{self, SsimBackward},
-        ssim_forward::{self, SsimForward, TILE, WORKGROUP, partials_len, tile_sums_len, tiles_for, tiles_per_frame},
+        ssim_forward::{self, SsimForward, partials_len, tile_sums_len, tiles_for, tiles_per_frame},
         types::{Frame, Loss},
     },
 };
@@ -155,22 +155,27 @@ fn check(context: &Context, sizes: &[(u32, u32)]) {
         let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
         let expected = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
 
-        // An SSIM has an error of 1e-7 / C2 = 1e-4 at worst where the variance is 0; its mean has far less.
+        // One SSIM has an error up to 6e-8 / C2 = 7e-5 where the variance is 0. These are roundings, so in a mean most of
+        // it goes; the 5e-6 is for flat areas of one colour, where the rounding is the same everywhere.
+        let tolerance = 5e-6 + 7e-5 / ((width * height) as f64).sqrt();
         let [l1, ssim, total] = reference::loss_sum::loss_sum(forward.sums, width, height);
         let loss = losses[SLOT as usize + f];
         let errors = [f64::from(loss.l1) - l1, f64::from(loss.ssim) - ssim, f64::from(loss.total) - total];
-        assert!(errors.iter().all(|e| e.abs() < 1e-5), "{what}: loss {errors:?}");
+        assert!(errors.iter().all(|e| e.abs() < tolerance), "{what}: loss {errors:?}");
 
         let first = frame.image_first as usize;
         for i in 0..width * height {
             let error = f64::from(map[first + i]) - forward.loss_map[i];
-            assert!(error.abs() < 2e-4 * 0.2, "{what}: loss of pixel {i} is off by {error}");
+            assert!(error.abs() < 2e-5, "{what}: loss of pixel {i} is off by {error}");
             for c in 0..3 {
-                // In units of 1 / (3 pixels) the L1 part is 0.8; see ssim_forward.comp for the SSIM part's error.
-                let error = (f64::from(gradient[3 * (first + i) + c]) - expected[i][c]) * (3 * width * height) as f64;
-                let size = expected[i][c].abs() * (3 * width * height) as f64;
+                // In units of 1 / (3 pixels) the L1 part is 0.8. Of the SSIM part, the partials have a relative error of
+                // 7e-5, and what they sum up to in flat areas has the rounding of numbers up to 1 / C2 = 1100: 6e-8 of
+                // that, times SSIM_WEIGHT, a few times over.
+                let unit = (3 * width * height) as f64;
+                let size = expected[i][c].abs() * unit;
+                let error = f64::from(gradient[3 * (first + i) + c]) * unit - expected[i][c] * unit;
                 assert!(
-                    error.abs() < 1e-3 + 1e-4 * size,
+                    error.abs() < 2e-4 + 1e-4 * size,
                     "{what}: gradient {c} of pixel {i} is off by {error} of {size}"
                 );
             }
@@ -260,12 +265,6 @@ fn listed_tiles_are_done_and_others_keep_what_they_had() {
             assert!(listed[range.clone()] == whole[range], "frame {f}");
         }
     }
-}
-
-#[test]
-fn the_kernels_layout_is_the_stages() {
-    assert_eq!(WORKGROUP, 128);
-    assert_eq!(partials_len(1, 1), 9 * (TILE * TILE) as usize);
 }
 
 /// Not a test of time, which depends on the machine: prints what each stage takes.

@@ -8,7 +8,7 @@
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
-// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 

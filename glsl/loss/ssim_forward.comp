@@ -17,11 +17,11 @@
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
-// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
-// also writes loss_map.
-layout(constant_id = 3) const bool LOSS_MAP = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
+// Also writes loss_map.
+layout(constant_id = 3) const bool LOSS_MAP = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };

@@ -18,8 +18,8 @@ const int RADIUS = 5;
 // (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
 const float C1 = 0.01 * 0.01;
 const float C2 = 0.03 * 0.03;
-// Moments are of x - MIDDLE and y - MIDDLE, -MIDDLE outside the image: covariances stay what they are, since the weights
-// add up to 1 when the padding has its part, and lose a quarter of what they would in float32.
+// Moments are of x - MIDDLE and y - MIDDLE, -MIDDLE outside the image. Covariances stay what they are, since with the
+// padding the weights add up to 1, and have a quarter of the float32 error that those of x and y would have.
 const float MIDDLE = 0.5;
 
 // The window: exp(-d^2 / (2 * 1.5^2)) for d = 0..5, divided by the sum over -5..5.

@@ -2,9 +2,9 @@
 // Turns a count on the GPU into an indirect dispatch, and keeps it within what the buffers hold.
 //
 // One thread. count[count_index] is clamped to capacity; where it was larger, status[status_index] becomes the largest
-// number ever needed. dispatch_args[3 * args_slot..] = VkDispatchIndirectCommand of ceil(count / items_per_group) workgroups, folded
-// into two dimensions of at most 65,535 (the least maxComputeWorkGroupCount that Vulkan allows); at least one workgroup,
-// so that kernels that also write a total do so for a count of 0.
+// number ever needed. dispatch_args[3 * args_slot..] = the VkDispatchIndirectCommand of ceil(count / items_per_group)
+// workgroups, folded into two dimensions of at most 65,535 (the least maxComputeWorkGroupCount that Vulkan allows); at
+// least one workgroup, so that kernels that also write a total do so for a count of 0.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 

@@ -7,7 +7,7 @@
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
 
-// keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
+// Keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
 // remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
 
