@@ -1,3 +1,8 @@
-//! The order in which stages are recorded.
+//! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod model;
+pub mod raster;
+pub mod render;
 pub mod sort;
+pub mod steps;
+pub mod views;

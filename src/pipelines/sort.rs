@@ -131,6 +131,11 @@ impl RadixSort {
         self.digit_bits
     }
 
+    /// Which of the two pairs of [`RadixSort::record`] the sorted ones end up in.
+    pub fn last_pair(&self) -> usize {
+        (self.passes as usize + 1) % 2
+    }
+
     /// Pass p writes `pairs[p % 2]`; the sorted pairs, which are returned, are in the last one written. `input` may be
     /// `pairs[1]` if it is not needed any more. A compacting sort does not read `input.values`, and leaves the number of
     /// pairs at `extent.count[kept_index]`, which is not `extent.index`; any other sort takes no notice of `kept_index`.

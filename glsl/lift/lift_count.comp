@@ -1,0 +1,45 @@
+#version 460
+// Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1).
+//
+// One subgroup: one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups do not meet.
+// plane, plane_views, views, depths → point_counts (0 for an empty slot).
+
+#extension GL_GOOGLE_include_directive : require
+
+#include "../shared/common.glsl"
+#include "../shared/view.glsl"
+#include "../shared/footprint.glsl"
+
+layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer PointCounts { uint point_counts[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint count;      // 2D Gaussians (slots)
+    uint stride;     // of the planes
+    uint view_count;
+};
+
+void main() {
+    uint item = subgroup_index();
+    if (item >= count) return;
+    uint covered = 0;
+    uint v = plane_views[item];
+    if (v < view_count) {
+        View view = views[v];
+        Footprint f = make_footprint(vec2(plane[item], plane[stride + item]), plane[5 * stride + item],
+            vec2(plane[6 * stride + item], plane[7 * stride + item]), plane[8 * stride + item],
+            uvec2(view.width, view.height));
+        uint pixels = f.size.x * f.size.y;
+        for (uint k = gl_SubgroupInvocationID; k < pixels; k += gl_SubgroupSize) {
+            uvec2 pixel = f.low + uvec2(k % f.size.x, k / f.size.x);
+            if (footprint_weight(f, pixel) > 0.0 && is_depth(depths[view.pixel_first + pixel.y * view.width + pixel.x])) {
+                covered += 1;
+            }
+        }
+    }
+    covered = subgroupAdd(covered);
+    if (subgroupElect()) point_counts[item] = covered;
+}

@@ -1,0 +1,91 @@
+#version 460
+// Covered pixels of each 2D Gaussian as 3D points with their weights (method, section 4.1).
+//
+// One subgroup: one 2D Gaussian; its lanes go through the bounding box in row-major order, ballots number the points, so
+// the order is the pixels' whatever the subgroup size.
+// plane, plane_views, views, depths, point_counts, point_firsts → points (xyz, weight), heaviest, start_taus.
+//
+// Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
+// no digits are lost when the scene lies far from its origin.
+
+#extension GL_GOOGLE_include_directive : require
+
+#include "../shared/common.glsl"
+#include "../shared/view.glsl"
+#include "../shared/footprint.glsl"
+
+layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer PointCounts { uint point_counts[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer PointFirsts { uint point_firsts[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer Points { vec4 points[]; };
+// Index within the set of the point of greatest weight; ties go to the lowest.
+layout(set = 0, binding = 7, scalar) writeonly buffer Heaviest { uint heaviest[]; };
+// τ0 = 5·δd, δd = depth / fx: the distance at that depth of two horizontally adjacent pixels.
+layout(set = 0, binding = 8, scalar) writeonly buffer StartTaus { float start_taus[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint count;      // 2D Gaussians (slots)
+    uint stride;     // of the planes
+    uint view_count;
+};
+
+const float TAU_PIXELS = 5.0; // appendix A: the first threshold is 5·δd
+
+void main() {
+    uint item = subgroup_index();
+    if (item >= count) return;
+    uint n = point_counts[item];
+    uint v = plane_views[item];
+    if (n == 0 || v >= view_count) {
+        if (subgroupElect()) {
+            heaviest[item] = 0;
+            start_taus[item] = 0.0;
+        }
+        return;
+    }
+    View view = views[v];
+    uint first = point_firsts[item];
+    Footprint f = make_footprint(vec2(plane[item], plane[stride + item]), plane[5 * stride + item],
+        vec2(plane[6 * stride + item], plane[7 * stride + item]), plane[8 * stride + item],
+        uvec2(view.width, view.height));
+    uint pixels = f.size.x * f.size.y;
+    uint written = 0;
+    float best_weight = 0.0;
+    float best_depth = 0.0;
+    uint best = 0;
+    for (uint base = 0; base < pixels; base += gl_SubgroupSize) {
+        uint k = base + gl_SubgroupInvocationID;
+        float weight = 0.0;
+        float depth = 0.0;
+        uvec2 pixel = f.low + uvec2(k % f.size.x, k / f.size.x);
+        if (k < pixels) {
+            weight = footprint_weight(f, pixel);
+            if (weight > 0.0) depth = depths[view.pixel_first + pixel.y * view.width + pixel.x];
+        }
+        bool taken = weight > 0.0 && is_depth(depth);
+        uvec4 ballot = subgroupBallot(taken);
+        uint at = written + subgroupBallotExclusiveBitCount(ballot);
+        // at < n holds as the count was taken by the same arithmetic; tested, for a point out of place would be another's.
+        if (taken && at < n) {
+            vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
+            points[first + at] = vec4(ray * depth, depth, weight);
+            if (weight > best_weight) {
+                best_weight = weight;
+                best_depth = depth;
+                best = at;
+            }
+        }
+        written += subgroupBallotBitCount(ballot);
+    }
+    float top = subgroupMax(best_weight);
+    uint winner = subgroupMin(best_weight == top ? best : 0xFFFFFFFFu);
+    float winner_depth = subgroupMax(best_weight == top && best == winner ? best_depth : 0.0);
+    if (subgroupElect()) {
+        float centre_depth = plane[9 * stride + item];
+        heaviest[item] = winner;
+        start_taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;
+    }
+}

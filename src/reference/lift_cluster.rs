@@ -1,0 +1,229 @@
+//! Foreground from background: single-linkage clustering of each set of points (method, section 4.2 and 4.3; Sibson 1973), as the
+//! connected components of the graph that joins points strictly closer than τ.
+
+/// While clustering fails, τ grows by this factor, at most so many times (see the kernel for why 64 is more than enough).
+pub const TAU_GROWTH: f64 = 1.5;
+pub const MAX_GROWTHS: u32 = 64;
+/// Points that PCA needs.
+pub const GROUP_MIN: u32 = 3;
+
+/// What clustering makes of its sets.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LiftClusters {
+    /// Per point: index within its set of the first point of its component.
+    pub labels: Vec<u32>,
+    /// Per set: the τ at which clustering succeeded, or the last one tried.
+    pub taus: Vec<f64>,
+    /// Per set: label of the prime group, the one of the heaviest point if it has 3 points or more, else the largest (ties:
+    /// the smallest label).
+    pub prime_labels: Vec<u32>,
+    /// Per set: points of the prime group; 0: no lift.
+    pub cluster_sizes: Vec<u32>,
+}
+
+fn find(labels: &mut [u32], mut x: u32) -> u32 {
+    while labels[x as usize] != x {
+        labels[x as usize] = labels[labels[x as usize] as usize];
+        x = labels[x as usize];
+    }
+    x
+}
+
+fn join_closer_than(tau: f64, points: &[[f64; 4]], labels: &mut [u32]) {
+    for i in 0..points.len() {
+        for j in 0..i {
+            let d = [0, 1, 2].map(|k| points[i][k] - points[j][k]);
+            if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < tau * tau {
+                let (a, b) = (find(labels, i as u32), find(labels, j as u32));
+                labels[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+}
+
+/// Components of one set at τ: per point, the first member of its component.
+pub fn components(tau: f64, points: &[[f64; 4]]) -> Vec<u32> {
+    let mut labels: Vec<u32> = (0..points.len() as u32).collect();
+    join_closer_than(tau, points, &mut labels);
+    (0..points.len() as u32).map(|i| find(&mut labels, i)).collect()
+}
+
+/// `fail_on_smallest` ⚖: failure is the smallest group having fewer than 3 points, not the largest.
+pub fn lift_cluster(
+    points: &[[f64; 4]],
+    counts: &[u32],
+    firsts: &[u32],
+    heaviest: &[u32],
+    start_taus: &[f64],
+    fail_on_smallest: bool,
+) -> LiftClusters {
+    let mut out = LiftClusters { labels: vec![0; points.len()], ..Default::default() };
+    for set in 0..counts.len() {
+        let n = counts[set];
+        let range = firsts[set] as usize..(firsts[set] + n) as usize;
+        let (points, labels) = (&points[range.clone()], &mut out.labels[range]);
+        let mut tau = start_taus[set];
+        let (mut prime, mut size) = (0, 0);
+        for i in 0..n {
+            labels[i as usize] = i;
+        }
+        if n >= GROUP_MIN && tau > 0.0 && tau <= 1e18 {
+            for growth in 0..=MAX_GROWTHS {
+                if growth > 0 {
+                    tau *= TAU_GROWTH;
+                }
+                join_closer_than(tau, points, labels);
+                let mut sizes = vec![0; n as usize];
+                for i in 0..n {
+                    labels[i as usize] = find(labels, i);
+                    sizes[labels[i as usize] as usize] += 1;
+                }
+                let most = sizes.iter().copied().max().unwrap_or(0);
+                let fewest = sizes.iter().copied().filter(|&s| s > 0).min().unwrap_or(0);
+                if if fail_on_smallest { fewest } else { most } < GROUP_MIN {
+                    continue;
+                }
+                let centre = labels[heaviest[set].min(n - 1) as usize];
+                prime = if sizes[centre as usize] >= GROUP_MIN {
+                    centre
+                } else {
+                    sizes.iter().position(|&s| s == most).unwrap_or(0) as u32
+                };
+                size = sizes[prime as usize];
+                break;
+            }
+        }
+        out.taus.push(tau);
+        out.prime_labels.push(prime);
+        out.cluster_sizes.push(size);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn distance2(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum()
+    }
+
+    /// Single linkage by its definition: the two closest clusters are merged until none are closer than τ. O(n³).
+    fn single_linkage(tau: f64, points: &[[f64; 4]]) -> Vec<u32> {
+        let mut clusters: Vec<Vec<usize>> = (0..points.len()).map(|i| vec![i]).collect();
+        loop {
+            let mut closest = (f64::INFINITY, 0, 0);
+            for a in 0..clusters.len() {
+                for b in 0..a {
+                    for &i in &clusters[a] {
+                        for &j in &clusters[b] {
+                            let d = distance2(&points[i], &points[j]);
+                            if d < closest.0 {
+                                closest = (d, a, b);
+                            }
+                        }
+                    }
+                }
+            }
+            if closest.0 >= tau * tau {
+                break;
+            }
+            let absorbed = clusters.remove(closest.1);
+            clusters[closest.2].extend(absorbed);
+        }
+        let mut labels = vec![0; points.len()];
+        for cluster in clusters {
+            let first = *cluster.iter().min().unwrap();
+            for i in cluster {
+                labels[i] = first as u32;
+            }
+        }
+        labels
+    }
+
+    fn one(points: &[[f64; 4]], heaviest: u32, tau: f64, fail_on_smallest: bool) -> LiftClusters {
+        lift_cluster(points, &[points.len() as u32], &[0], &[heaviest], &[tau], fail_on_smallest)
+    }
+
+    fn at(x: f64, y: f64) -> [f64; 4] {
+        [x, y, 0.0, 1.0]
+    }
+
+    proptest! {
+        #[test]
+        fn components_are_single_linkage_cut_at_tau(
+            points in prop::collection::vec((0.0..10.0f64, 0.0..10.0f64, 0.0..3.0f64), 0..40), tau in 0.1..4.0f64,
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y, z)| [x, y, z, 1.0]).collect();
+            prop_assert_eq!(components(tau, &points), single_linkage(tau, &points));
+        }
+
+        /// On a small integer grid most distances occur often, points coincide, and many are exactly τ (3-4-5).
+        #[test]
+        fn so_they_are_where_distances_tie(
+            points in prop::collection::vec((0..9i32, 0..9i32), 0..40), tau in 1..6i32,
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y)| at(x as f64, y as f64)).collect();
+            prop_assert_eq!(components(tau as f64, &points), single_linkage(tau as f64, &points));
+        }
+
+        #[test]
+        fn the_first_tau_that_does_not_fail_is_taken(
+            points in prop::collection::vec((0.0..100.0f64, 0.0..100.0f64), 3..30), fail_on_smallest: bool,
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y)| at(x, y)).collect();
+            let got = one(&points, 0, 0.5, fail_on_smallest);
+            let mut tau = 0.5;
+            loop {
+                let labels = single_linkage(tau, &points);
+                let sizes: Vec<usize> =
+                    (0..points.len() as u32).map(|l| labels.iter().filter(|&&m| m == l).count()).filter(|&s| s > 0).collect();
+                let size = if fail_on_smallest { sizes.iter().min() } else { sizes.iter().max() };
+                if *size.unwrap() >= 3 {
+                    prop_assert_eq!(&got.labels, &labels);
+                    break;
+                }
+                tau *= 1.5;
+            }
+            prop_assert_eq!(got.taus[0], tau);
+            let prime = got.prime_labels[0];
+            prop_assert_eq!(got.cluster_sizes[0] as usize, got.labels.iter().filter(|&&l| l == prime).count());
+        }
+    }
+
+    #[test]
+    fn a_chain_is_one_component_whatever_the_order_of_its_links() {
+        let chain: Vec<_> = (0..200).map(|i| at((i * 77 % 200) as f64, 0.0)).collect();
+        assert!(components(1.001, &chain).iter().all(|&l| l == 0));
+        // Exactly τ apart is not closer than τ.
+        assert_eq!(components(1.0, &chain), (0..200).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn the_prime_group_is_the_heaviest_points_if_it_has_three() {
+        let mut points = vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)];
+        points.extend([at(50.0, 0.0), at(51.0, 0.0), at(50.0, 1.0), at(51.0, 1.0)]);
+        points.push(at(99.0, 99.0));
+        let got = one(&points, 1, 1.2, false);
+        assert_eq!((got.prime_labels[0], got.cluster_sizes[0]), (0, 3));
+        let got = one(&points, 7, 1.2, false);
+        assert_eq!((got.prime_labels[0], got.cluster_sizes[0]), (3, 4));
+        // The lone point makes the smallest group fail until all are one: 1.2·1.5^n > 110.
+        let got = one(&points, 7, 1.2, true);
+        assert_eq!((got.prime_labels[0], got.cluster_sizes[0]), (0, 8));
+    }
+
+    #[test]
+    fn sets_without_a_lift_have_size_zero() {
+        assert_eq!(one(&[], 0, 1.0, false).cluster_sizes, [0]);
+        assert_eq!(one(&[at(0.0, 0.0); 2], 0, 1.0, false).cluster_sizes, [0]);
+        let three = [at(0.0, 0.0); 3];
+        assert_eq!(one(&three, 0, 1.0, false).cluster_sizes, [3]);
+        for tau in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(one(&three, 0, tau, false).cluster_sizes, [0]);
+        }
+        let lost = [at(0.0, 0.0), at(f64::NAN, 0.0), at(1.0, f64::INFINITY), at(0.0, f64::NAN)];
+        assert_eq!(one(&lost, 0, 1.0, false).cluster_sizes, [0]);
+    }
+}

@@ -1,0 +1,110 @@
+//! Covered pixels of each 2D Gaussian as 3D points with their weights (method, section 4.1).
+
+use super::lift_count::{PlaneGaussians, is_depth};
+
+/// The first threshold of clustering in pixels' widths (appendix A: 5·δd).
+pub const TAU_PIXELS: f64 = 5.0;
+
+/// Points of all 2D Gaussians; those of item i are `points[firsts[i]..][..counts[i]]`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LiftPoints {
+    pub counts: Vec<u32>,
+    pub firsts: Vec<u32>,
+    /// (x, y, z, weight) in the frame of the view's camera, pixels in row-major order.
+    pub points: Vec<[f64; 4]>,
+    /// Index within the set of the point of greatest weight; ties go to the lowest; 0 for an empty set.
+    pub heaviest: Vec<u32>,
+    /// τ0 = 5·depth/fx, with the depth at the centre or, where it has none, at the heaviest point; 0 for an empty set.
+    pub start_taus: Vec<f64>,
+}
+
+impl LiftPoints {
+    pub fn set(&self, item: usize) -> &[[f64; 4]] {
+        let first = self.firsts[item] as usize;
+        &self.points[first..first + self.counts[item] as usize]
+    }
+}
+
+pub fn lift_points(gaussians: &PlaneGaussians) -> LiftPoints {
+    let mut out = LiftPoints::default();
+    for item in 0..gaussians.len() {
+        let first = out.points.len();
+        let mut best = 0;
+        if let (Some(camera), Some(f)) = (gaussians.view(item), gaussians.footprint(item)) {
+            for (x, y) in f.pixels() {
+                let depth = gaussians.depth(item, x, y);
+                let Some(weight) = f.weight(x, y) else { continue };
+                if !is_depth(depth) {
+                    continue;
+                }
+                let ray = [(x as f64 + 0.5 - camera.cx) / camera.fx, (y as f64 + 0.5 - camera.cy) / camera.fy];
+                out.points.push([ray[0] * depth, ray[1] * depth, depth, weight]);
+                if weight > out.points[first + best][3] {
+                    best = out.points.len() - 1 - first;
+                }
+            }
+        }
+        let centre = gaussians.get(9, item);
+        let tau = match (out.points.get(first + best), gaussians.view(item)) {
+            (Some(heavy), Some(camera)) => TAU_PIXELS * if is_depth(centre) { centre } else { heavy[2] } / camera.fx,
+            _ => 0.0,
+        };
+        out.counts.push((out.points.len() - first) as u32);
+        out.firsts.push(first as u32);
+        out.heaviest.push(best as u32);
+        out.start_taus.push(tau);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lift_count::lift_count;
+    use super::*;
+    use crate::scene::Camera;
+    use glam::{DMat3, DVec3};
+
+    #[test]
+    fn points_project_to_their_pixels_in_order_and_the_heaviest_is_the_first_of_the_best() {
+        let camera = Camera {
+            width: 20,
+            height: 16,
+            fx: 30.0,
+            fy: 32.0,
+            cx: 9.0,
+            cy: 8.5,
+            rotation: DMat3::IDENTITY,
+            translation: DVec3::ZERO,
+        };
+        let depths: Vec<f64> = (0..320).map(|i| if i % 7 == 3 { 0.0 } else { 2.0 + (i % 5) as f64 }).collect();
+        // Centre on a pixel corner: four pixels tie.
+        let plane = [10.0, 8.0, 0.5, 0.5, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0];
+        let g = PlaneGaussians {
+            plane: &plane,
+            stride: 1,
+            plane_views: &[0],
+            views: &[camera],
+            pixel_firsts: &[0],
+            depths: &depths,
+        };
+        let lifted = lift_points(&g);
+        assert_eq!(lifted.counts, lift_count(&g));
+        let pixels: Vec<(f64, f64)> = lifted
+            .points
+            .iter()
+            .map(|p| {
+                let (x, y, z) = camera.project(DVec3::new(p[0], p[1], p[2]));
+                let at = (y - 0.5).round() as usize * 20 + (x - 0.5).round() as usize;
+                assert_eq!(z, depths[at]);
+                assert!((x.fract() - 0.5).abs() < 1e-12 && (y.fract() - 0.5).abs() < 1e-12);
+                (y, x)
+            })
+            .collect();
+        assert!(pixels.is_sorted());
+        let heavy = lifted.heaviest[0] as usize;
+        let top = lifted.points.iter().map(|p| p[3]).fold(0.0, f64::max);
+        assert_eq!(lifted.points.iter().position(|p| p[3] == top), Some(heavy));
+        // The centre has no depth, so the heaviest point's counts.
+        assert_eq!(lifted.start_taus[0], 5.0 * lifted.points[heavy][2] / 30.0);
+    }
+}
