@@ -50,7 +50,8 @@ impl Counted {
     /// Items of `capacity` at most; the dispatch is in slot 1 and the status in word 1.
     fn record(&self, stage: &DispatchArgs, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
-        let push = dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_slot: 1, status_index: 1 };
+        let push =
+            dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, status_index: 1 };
         stage.record(recorder, &buffers, &push);
     }
 
