@@ -117,7 +117,8 @@ impl OnGpu {
 
     fn sum(&self) -> (loss_sum::Buffers<'_>, loss_sum::Push) {
         let OnGpu { frames, tile_sums, losses, frame_count, tiles_per_frame, .. } = self;
-        let push = loss_sum::Push { frame_count: *frame_count, tiles_per_frame: *tiles_per_frame, slot: SLOT };
+        let push =
+            loss_sum::Push { frame_first: 0, frame_count: *frame_count, tiles_per_frame: *tiles_per_frame, slot: SLOT };
         (loss_sum::Buffers { frames, tile_sums, losses }, push)
     }
 
@@ -128,12 +129,12 @@ impl OnGpu {
         SsimForward::new(context, false, loss_map).unwrap().record(
             &mut recorder,
             &self.forward(&self.targets, &self.targets),
-            &ssim_forward::Push { tiles_per_frame, tile_count, count_index: 0 },
+            &ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
         );
         SsimBackward::new(context, false).unwrap().record(
             &mut recorder,
             &self.backward(&self.targets, &self.targets),
-            &ssim_backward::Push { tiles_per_frame, tile_count, count_index: 0 },
+            &ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
         );
         let (buffers, push) = self.sum();
         LossSum::new(context).unwrap().record(&mut recorder, &buffers, &push);
@@ -243,14 +244,14 @@ fn listed_tiles_are_done_and_others_keep_what_they_had() {
     SsimForward::new(&context, true, false).unwrap().record_list(
         &mut recorder,
         &listed.forward(&count, &tile_list),
-        &ssim_forward::Push { tiles_per_frame: push.0, tile_count: push.1, count_index: push.2 },
+        &ssim_forward::Push { frame_first: 0, tiles_per_frame: push.0, tile_count: push.1, count_index: push.2 },
         &args,
         1,
     );
     SsimBackward::new(&context, true).unwrap().record_list(
         &mut recorder,
         &listed.backward(&count, &tile_list),
-        &ssim_backward::Push { tiles_per_frame: push.0, tile_count: push.1, count_index: push.2 },
+        &ssim_backward::Push { frame_first: 0, tiles_per_frame: push.0, tile_count: push.1, count_index: push.2 },
         &args,
         1,
     );
@@ -284,9 +285,17 @@ fn times_of_loss_and_gradient() {
             recorder.time_stages();
             let (tiles_per_frame, tile_count, count_index) = (on_gpu.tiles_per_frame, on_gpu.tile_count(), 0);
             let buffers = on_gpu.forward(&on_gpu.targets, &on_gpu.targets);
-            forward.record(&mut recorder, &buffers, &ssim_forward::Push { tiles_per_frame, tile_count, count_index });
+            forward.record(
+                &mut recorder,
+                &buffers,
+                &ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index },
+            );
             let buffers = on_gpu.backward(&on_gpu.targets, &on_gpu.targets);
-            backward.record(&mut recorder, &buffers, &ssim_backward::Push { tiles_per_frame, tile_count, count_index });
+            backward.record(
+                &mut recorder,
+                &buffers,
+                &ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index },
+            );
             let (buffers, push) = on_gpu.sum();
             sum.record(&mut recorder, &buffers, &push);
             for (i, stage) in recorder.submit().unwrap().wait().unwrap().iter().enumerate() {

@@ -32,8 +32,9 @@ layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[
 layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
-// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
-layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
+// Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
+// their number without a list.
+layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
 // Odd, so that neighbouring rows begin in different banks.
@@ -48,7 +49,7 @@ void main() {
     if (TILE_LIST) tile = tile_list[tile];
     uint frame_index = tile / push.tiles_per_frame;
     uint tile_in_frame = tile % push.tiles_per_frame;
-    Frame frame = frames[frame_index];
+    Frame frame = frames[push.frame_first + frame_index];
     if (!(tile_in_frame < tiles_of(frame))) return;
     ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
 

@@ -1,8 +1,11 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod join;
+pub mod loss;
 pub mod model;
 pub mod raster;
 pub mod render;
 pub mod sort;
 pub mod steps;
+pub mod train;
 pub mod views;
