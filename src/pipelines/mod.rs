@@ -1,11 +1,13 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
 pub mod join;
+pub mod layers;
 pub mod loss;
 pub mod model;
 pub mod raster;
 pub mod render;
 pub mod sort;
+pub mod start;
 pub mod steps;
 pub mod train;
 pub mod views;
