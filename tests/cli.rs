@@ -268,8 +268,8 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     let (white, black) = (exr(&work.path("white/i.exr")).2, exr(&work.path("black/i.exr")).2);
     work.ok("render base.ply data -o light --what transmittance --format exr");
     let light = &exr(&work.path("light/i.exr")).2[0].1;
-    for i in 0..light.len() {
-        assert!((white[0].1[i] - black[0].1[i] - light[i]).abs() < 1e-5);
+    for ((white, black), light) in white[0].1.iter().zip(&black[0].1).zip(light) {
+        assert!((white - black - light).abs() < 1e-5);
     }
     work.ok("render base.ply data -o small --max-size 16");
     assert_eq!(image::open(work.path("small/a.png")).unwrap().width(), 16);

@@ -14,9 +14,9 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos.
-\"base\" is the base Gaussians of the file as they are stored; augmenting a scene changes their opacities, so the scene that was
-augmented is better than that. Without a supplement \"augmented\" is the same as \"base\".
+PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos. \
+\"base\" is the base Gaussians of the file as they are stored; augmenting a scene changes their opacities, so it is not \
+the scene that was augmented. Without a supplement \"augmented\" is the same as \"base\".
 
 Examples:
   glint eval augmented.ply garden
@@ -30,6 +30,7 @@ pub(super) struct Args {
     scene: PathBuf,
     /// Folder or JSON file of the dataset
     dataset: PathBuf,
+    /// Photos to compare with
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
     /// Print JSON: {"base":{"psnr","ssim"},"augmented":{"psnr","ssim"},"views":[{"name","base","augmented"}]}; an infinite

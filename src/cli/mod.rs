@@ -31,13 +31,13 @@ use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
-  glint train garden -o base.ply                 train a base scene on the photos of a COLMAP folder
-  glint eval base.ply garden                     PSNR and SSIM of its test views
-  glint render base.ply garden -o views          their images as PNG
-  glint info base.ply                            what is in the file
+  glint train garden -o base.ply           train a base scene on a dataset
+  glint eval base.ply garden               PSNR and SSIM of its test views
+  glint render base.ply garden -o views    their images as PNG
+  glint info base.ply                      what is in the file
 
-A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or such a
-JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
+A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
+such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
 
 Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v.";
 

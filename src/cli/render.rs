@@ -23,24 +23,26 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
+PNG, 8 bits:
+  color, base        sRGB values, clamped
+  diffuse, specular  sRGB values, clamped
+  depth              grey by 1/depth, 1 % cut off at either end of the view:
+                     nearest white, farthest dark, none black
+  transmittance      grey
+EXR, 32-bit float:
+  color, base        R G B, sRGB values, not clamped
+  diffuse, specular  R G B, linear light, not clamped; they add up to the color
+  depth              Z, camera z in scene units, 0 where there is none
+  transmittance      Y
+
+Depth is where half of the light is stopped. Diffuse is what the base Gaussians show with their constant SH band \
+only, but nowhere more than the color; specular is the rest.
+
 Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all.
-
-What is in them:
-                PNG (8 bits)                                          EXR (32-bit float)
-  color, base   sRGB values, clamped                                  R G B: sRGB values, not clamped
-  diffuse,      sRGB values, clamped                                  R G B: linear light, not clamped; the two add
-  specular                                                            up to the color in linear light
-  depth         grey, linear in 1/depth: white the nearest of the     Z: camera z in scene units, 0 where there is
-                view, dark the farthest (1 % are cut off at either    none
-                end), black where there is none
-  transmittance grey                                                  Y
-
-Depth is where half of the light is stopped. Diffuse is what the base Gaussians show with their constant SH band only, but
-nowhere more than the color; specular is the rest.
 
 Examples:
   glint render augmented.ply garden -o views
-  glint render augmented.ply garden -o depth --what depth --format exr --split all";
+  glint render augmented.ply garden -o depth --what depth --format exr";
 
 /// Render the views of a dataset
 #[derive(Debug, clap::Args)]
@@ -53,10 +55,13 @@ pub(super) struct Args {
     /// Folder for the images; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Photos whose cameras are used
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
+    /// What to show
     #[arg(long, value_enum, default_value_t = What::Color)]
     what: What,
+    /// Kind of file
     #[arg(long, value_enum, default_value_t = Format::Png)]
     format: Format,
     /// Print JSON: [{"name","file"}]
