@@ -40,7 +40,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "L", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     /// Gaussians: of more sparse points a random selection is taken, and as many random points are made where there are no
-    /// sparse ones [default: all sparse points, or as many random ones as the largest photo has pixels, at most 100000]
+    /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
+    /// most 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
     /// Seed of the random points and of the order of photos; the same seed gives the same scene on the same device

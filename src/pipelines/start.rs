@@ -12,8 +12,12 @@ use crate::{
     scene::Camera,
 };
 
-/// Random points at most, and 3DGS's number for photos of 800 × 800.
+/// Random points at most: 3DGS's number.
 pub const MAX_RANDOM_POINTS: usize = 100_000;
+/// Random points for each pixel of the largest training photo, where that is less. Gaussians are fixed in number and most
+/// random ones begin in empty space. NeRF Synthetic lego at 64 × 64: after 5000 steps four for each pixel are 2.4 dB better
+/// than one, at a fourth of the speed; in runs of 20 s they lose 0.7 dB to one for each pixel.
+pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
 /// Cameras of `photos`, and their photographs as targets. Photographs are decoded a few at a time, so that the host never
 /// holds them all. `background` is what transparent pixels are put over; `progress` hears the number of photos done.
@@ -62,9 +66,8 @@ pub struct FirstPoints {
 /// The dataset's sparse points, else random ones.
 ///
 /// With a `limit`, more sparse points than that are thinned to a random selection in their order, and random points are that
-/// many. Without one all sparse points are taken, and as many random ones as the largest training photo has pixels, at most
-/// [`MAX_RANDOM_POINTS`]: the Gaussians of a base scene are fixed in number, more than one for each pixel of a view cannot be
-/// told apart, and from 317 × 317 on the number is that of 3DGS.
+/// many. Without one all sparse points are taken, and [`RANDOM_POINTS_PER_PIXEL`] times as many random ones as the largest
+/// training photo has pixels, at most [`MAX_RANDOM_POINTS`].
 pub fn first_points(dataset: &Dataset, limit: Option<usize>, seed: u64) -> FirstPoints {
     match &dataset.points {
         Some(cloud) => {
@@ -85,7 +88,7 @@ pub fn first_points(dataset: &Dataset, limit: Option<usize>, seed: u64) -> First
         }
         None => {
             let pixels = dataset.split(Split::Train).map(|(_, photo)| photo.camera.pixels() as usize).max();
-            let n = limit.unwrap_or(pixels.unwrap_or(0).min(MAX_RANDOM_POINTS));
+            let n = limit.unwrap_or((RANDOM_POINTS_PER_PIXEL * pixels.unwrap_or(0)).min(MAX_RANDOM_POINTS));
             FirstPoints { cloud: dataset.random_points(n, seed), sparse: None }
         }
     }
@@ -161,9 +164,9 @@ mod tests {
     }
 
     #[test]
-    fn random_points_are_as_many_as_pixels() {
+    fn random_points_follow_the_pixels_of_the_largest_training_photo() {
         let data = dataset(None);
-        assert_eq!(first_points(&data, None, 0).cloud.positions.len(), 24);
+        assert_eq!(first_points(&data, None, 0).cloud.positions.len(), 4 * 24);
         assert_eq!(first_points(&data, Some(7), 0).cloud.positions.len(), 7);
         assert_eq!(first_points(&data, Some(7), 0).sparse, None);
     }
