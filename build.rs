@@ -99,7 +99,7 @@ struct Interface {
 impl Interface {
     fn reflect(kernel: &str, words: &[u32], types: &mut Types) -> Self {
         let entry = ReflectConfig::new()
-            .spv(without_logic(words))
+            .spv(without_expressions(words))
             .ref_all_rscs(true)
             .reflect()
             .unwrap_or_else(|e| panic!("{kernel}: reflection failed: {e}"))
@@ -179,23 +179,33 @@ impl Interface {
     }
 }
 
-/// `!`, `&&` and `||` of specialisation constants are operations that spirq 1.3 cannot evaluate and the interface does not
-/// depend on: for the reflection (only) they become `false`.
-fn without_logic(words: &[u32]) -> Vec<u32> {
-    const SPEC_CONSTANT_OP: u32 = 52;
-    /// OpLogicalEqual to OpLogicalNot.
-    const LOGIC: std::ops::RangeInclusive<u32> = 164..=168;
-    const CONSTANT_FALSE: u32 = 42;
+/// Expressions of specialisation constants (`!A`, `gl_WorkGroupSize.x / 8`) are more than spirq 1.3 can evaluate, and the
+/// interface does not depend on them: for the reflection (only) they become the constants `false` or 1.
+fn without_expressions(words: &[u32]) -> Vec<u32> {
     const HEADER: usize = 5;
+    const TYPE_BOOL: u32 = 20;
+    const TYPE_INT: u32 = 21;
+    const TYPE_FLOAT: u32 = 22;
+    const CONSTANT_FALSE: u32 = 42;
+    const CONSTANT: u32 = 43;
+    const SPEC_CONSTANT_OP: u32 = 52;
     let mut out = words[..HEADER].to_vec();
+    let mut scalar_types = BTreeMap::new();
     let mut at = HEADER;
     while at < words.len() {
         let (length, opcode) = ((words[at] >> 16) as usize, words[at] & 0xFFFF);
         let instruction = &words[at..at + length];
-        if opcode == SPEC_CONSTANT_OP && LOGIC.contains(&instruction[3]) {
-            out.extend([3 << 16 | CONSTANT_FALSE, instruction[1], instruction[2]]);
-        } else {
-            out.extend_from_slice(instruction);
+        if [TYPE_BOOL, TYPE_INT, TYPE_FLOAT].contains(&opcode) {
+            scalar_types.insert(instruction[1], opcode);
+        }
+        match scalar_types.get(instruction.get(1).unwrap_or(&0)) {
+            Some(&TYPE_BOOL) if opcode == SPEC_CONSTANT_OP => {
+                out.extend([3 << 16 | CONSTANT_FALSE, instruction[1], instruction[2]]);
+            }
+            Some(_) if opcode == SPEC_CONSTANT_OP => {
+                out.extend([4 << 16 | CONSTANT, instruction[1], instruction[2], 1]);
+            }
+            _ => out.extend_from_slice(instruction),
         }
         at += length;
     }

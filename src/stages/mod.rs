@@ -6,6 +6,11 @@
 pub mod blend;
 pub mod blend_backward;
 pub mod emit;
+pub mod lift_append;
+pub mod lift_cluster;
+pub mod lift_count;
+pub mod lift_pca;
+pub mod lift_points;
 pub mod median_depth;
 pub mod project;
 pub mod project_backward;
