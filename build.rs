@@ -92,8 +92,8 @@ struct Interface {
     bindings: Vec<(String, String, AccessType)>,
     /// Name and type of each push constant member, in order.
     push: Vec<(String, String)>,
-    /// Name and type of each specialisation constant, by id.
-    spec: Vec<(String, &'static str)>,
+    /// Id, name and type of each specialisation constant.
+    spec: Vec<(u32, String, &'static str)>,
 }
 
 impl Interface {
@@ -132,8 +132,11 @@ impl Interface {
             }
         }
         assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{kernel}: bindings must be 0, 1, 2, …");
-        assert!(spec.keys().copied().eq(0..spec.len() as u32), "{kernel}: constant_id must be 1, 2, 3, …");
-        Interface { bindings: bindings.into_values().collect(), push, spec: spec.into_values().collect() }
+        Interface {
+            bindings: bindings.into_values().collect(),
+            push,
+            spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect(),
+        }
     }
 
     fn generate(&self, name: &str, file: &str) -> String {
@@ -146,7 +149,7 @@ impl Interface {
         writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
         writeln!(s, "#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]").unwrap();
         writeln!(s, "pub struct Push {{\n{}}}", fields(push)).unwrap();
-        let spec_fields: Vec<_> = spec.iter().map(|(n, t)| (n.clone(), (*t).to_owned())).collect();
+        let spec_fields: Vec<_> = spec.iter().map(|(_, n, t)| (n.clone(), (*t).to_owned())).collect();
         writeln!(s, "#[derive(Clone, Copy, Debug)]\npub struct Spec {{\n{}}}", fields(&spec_fields)).unwrap();
         writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
         for (n, t, a) in bindings {
@@ -168,9 +171,12 @@ impl Interface {
         writeln!(s, "    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;").unwrap();
         let words: Vec<_> = spec
             .iter()
-            .map(|(n, t)| if *t == "f32" { format!("spec.{n}.to_bits()") } else { format!("spec.{n} as u32") })
+            .map(|(id, n, t)| match *t {
+                "f32" => format!("({id}, spec.{n}.to_bits())"),
+                _ => format!("({id}, spec.{n} as u32)"),
+            })
             .collect();
-        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<u32> {{ vec![{}] }}", words.join(", ")).unwrap();
+        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> {{ vec![{}] }}", words.join(", ")).unwrap();
         let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
         writeln!(s, "    fn raw_buffers<'a>(b: &Self::Buffers<'a>) -> Vec<&'a std::sync::Arc<crate::gpu::RawBuffer>> {{ vec![{}] }}", raw.join(", "))
             .unwrap();

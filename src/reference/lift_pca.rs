@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use super::lift_cluster::LiftClusters;
 use super::lift_count::PlaneGaussians;
+use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
 use crate::scene::Camera;
 

@@ -12,8 +12,8 @@ impl LiftPoints {
         Ok(LiftPoints(Pipeline::new(context, spec)?))
     }
 
-    /// `point_firsts` is the exclusive scan of `point_counts`, `points` has room for their sum; `heaviest` and `start_taus` have
-    /// `count` elements. One subgroup for each 2D Gaussian.
+    /// `point_firsts` is the exclusive scan of `point_counts`, `points`, `point_sets` and `labels` have room for their
+    /// sum; `heaviest` and `taus` have `count` elements. One subgroup for each 2D Gaussian.
     pub fn record(&self, recorder: &mut Recorder, buffers: &Buffers<'_>, push: &Push) {
         let lanes = recorder.context().info().subgroup_size;
         recorder.dispatch(&self.0, buffers, push, push.count * lanes);

@@ -1,0 +1,93 @@
+#version 460
+// Gradient of (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM) by the rendered pixels of each frame.
+//
+// A workgroup does one tile of TILE * TILE pixels and its border: thread (channel, run, row) filters the partials of a run
+// along its row, STRIP rows at a time; they go through shared memory to thread (channel, column), which filters down the
+// column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/ssim.glsl"
+
+// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+layout(constant_id = 1) const bool TILE_LIST = false;
+layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Partials { float partials[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer ImageGrad { float image_grad[]; };
+
+// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
+layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
+
+// Odd, so that neighbouring rows begin in different banks.
+const uint PITCH = TILE + 1;
+const uint PLANE = 3 * STRIP * PITCH;
+shared float blurred[3 * PLANE];
+
+void main() {
+    uint tile = group_index();
+    if (!(tile < (TILE_LIST ? count[push.count_index] : push.tile_count))) return;
+    if (TILE_LIST) tile = tile_list[tile];
+    uint frame_index = tile / push.tiles_per_frame;
+    uint tile_in_frame = tile % push.tiles_per_frame;
+    Frame frame = frames[frame_index];
+    if (!(tile_in_frame < tiles_of(frame))) return;
+    ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
+
+    uint thread = gl_LocalInvocationIndex;
+    uint channel = thread / TILE;
+    bool live = channel < 3;
+    uint row = thread % STRIP;
+    uint run = thread / STRIP % RUNS;
+    uint column = thread % TILE;
+    Filter3 down = EMPTY3;
+    float scale = 1 / (3 * float(frame.width) * float(frame.height));
+
+    // One strip above the tile, where its upper border ends, and one below.
+    for (int strip = -1; strip <= int(TILE / STRIP); strip++) {
+        int top = corner.y + strip * int(STRIP);
+        if (top >= int(frame.height) + RADIUS) break;
+        if (live) {
+            ivec2 pixel = ivec2(corner.x + int(run * RUN) - RADIUS, top + int(row));
+            uint at = (channel * STRIP + row) * PITCH + run * RUN;
+            Filter3 along = EMPTY3;
+            for (uint step = 0; step < RUN + 2 * RADIUS; step++) {
+                vec3 p = vec3(0);
+                if (within(frame, pixel)) {
+                    uint i = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
+                    p = vec3(partials[i], partials[i + STRIP_PIXELS], partials[i + 2 * STRIP_PIXELS]);
+                }
+                pixel.x += 1;
+                vec3 done = feed(along, p);
+                if (step >= 2 * RADIUS) {
+                    blurred[at] = done.x;
+                    blurred[at + PLANE] = done.y;
+                    blurred[at + 2 * PLANE] = done.z;
+                    at += 1;
+                }
+            }
+        }
+        barrier();
+        if (live) {
+            for (uint step = 0; step < STRIP; step++) {
+                uint at = (channel * STRIP + step) * PITCH + column;
+                vec3 p = feed(down, vec3(blurred[at], blurred[at + PLANE], blurred[at + 2 * PLANE]));
+                // Before the tile's first row has its whole window this is a row above the tile.
+                ivec2 pixel = ivec2(corner.x + int(column), top + int(step) - RADIUS);
+                if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {
+                    uint i = uint(pixel.y) * frame.width + uint(pixel.x);
+                    float x = image[frame.image_first + i][channel];
+                    float y = target_channel(targets[frame.target_first + i], channel);
+                    float ssim = p.x + 2 * x * p.y + y * p.z;
+                    image_grad[3 * (frame.image_first + i) + channel] =
+                        scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
+                }
+            }
+        }
+        barrier();
+    }
+}

@@ -1,0 +1,143 @@
+#version 460
+// SSIM and L1 of rendered frames against their targets, and the derivatives of SSIM by its blurred moments.
+//
+// A workgroup does one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its border, filtering
+// x, y, x^2 + y^2 and xy; STRIP rows at a time go through shared memory to thread (channel, run, row), which filters
+// along the row. image, targets -> partials (see ssim.glsl), tile_sums (sum of |x - y|, sum of SSIM over the tile's
+// pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels.
+//
+// With S = A1 A2 / (B1 B2), A1 = 2 mx my + C1, A2 = 2 (E[xy] - mx my) + C2, B1 = mx^2 + my^2 + C1,
+// B2 = E[x^2 + y^2] - mx^2 - my^2 + C2, the partials are dS/dmx (E fixed), dS/dE[x^2] = -S / B2 and
+// dS/dE[xy] = 2 A1 / (B1 B2); so dS/dx = blur(p0) + 2 x blur(p1) + y blur(p2).
+// Float32: E[x^2] - mx^2 has an error near 1e-7, 1e-4 of C2 at most. p0 is made from p1 and p2 as they are, so an error in
+// these only scales (x - mx) in the gradient, and what stays is the rounding of numbers up to 2 / C2: 2e-4, where
+// SSIM_WEIGHT times it stands beside the 0.8 of L1.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/ssim.glsl"
+
+// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+layout(constant_id = 1) const bool TILE_LIST = false;
+// also writes loss_map.
+layout(constant_id = 3) const bool LOSS_MAP = false;
+layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec2 tile_sums[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
+
+// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
+layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
+
+const uint COLUMNS = TILE + 2 * RADIUS;
+// Odd, so that neighbouring rows begin in different banks.
+const uint PITCH = COLUMNS + 1;
+shared vec4 moments[3 * STRIP * PITCH];
+// One per subgroup; a subgroup has 8 lanes or more.
+shared vec2 subgroup_sums[WORKGROUP / 8];
+
+void main() {
+    uint tile = group_index();
+    if (!(tile < (TILE_LIST ? count[push.count_index] : push.tile_count))) return;
+    if (TILE_LIST) tile = tile_list[tile];
+    uint frame_index = tile / push.tiles_per_frame;
+    uint tile_in_frame = tile % push.tiles_per_frame;
+    Frame frame = frames[frame_index];
+    if (!(tile_in_frame < tiles_of(frame))) return;
+    ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
+
+    uint thread = gl_LocalInvocationIndex;
+    uint column_channel = thread / COLUMNS;
+    ivec2 column = corner + ivec2(int(thread % COLUMNS) - RADIUS, -RADIUS);
+    bool own_column = column.x >= corner.x && column.x < corner.x + int(TILE);
+    Filter4 down = EMPTY4;
+
+    // With a loss map one thread does all channels of a run, else the channels have threads of their own.
+    uint row = thread % STRIP;
+    uint run = thread / STRIP % RUNS;
+    uint first_channel = LOSS_MAP ? 0 : thread / (STRIP * RUNS);
+    uint end_channel = LOSS_MAP ? (thread < STRIP * RUNS ? 3 : 0) : min(first_channel + 1, 3);
+
+    float l1 = 0;
+    float ssim = 0;
+    for (uint strip = 0; strip < TILE / STRIP && corner.y + int(strip * STRIP) < int(frame.height); strip++) {
+        if (column_channel < 3) {
+            // The first strip has to fill the window first.
+            uint fed = strip == 0 ? STRIP + 2 * RADIUS : STRIP;
+            for (uint step = 0; step < fed; step++) {
+                float x = 0;
+                float y = 0;
+                if (within(frame, column)) {
+                    uint pixel = uint(column.y) * frame.width + uint(column.x);
+                    x = image[frame.image_first + pixel][column_channel];
+                    y = target_channel(targets[frame.target_first + pixel], column_channel);
+                }
+                bool own_row = column.y >= corner.y && column.y < corner.y + int(TILE);
+                if (own_column && own_row) l1 += abs(x - y);
+                column.y += 1;
+                vec4 done = feed(down, vec4(x, y, x * x + y * y, x * y));
+                if (step + STRIP >= fed) {
+                    uint at = (column_channel * STRIP + step + STRIP - fed) * PITCH + thread % COLUMNS;
+                    moments[at] = done;
+                }
+            }
+        }
+        barrier();
+        float pixel_loss[RUN] = float[RUN](0, 0, 0, 0, 0, 0, 0, 0);
+        for (uint channel = first_channel; channel < end_channel; channel++) {
+            Filter4 along = EMPTY4;
+            uint at = (channel * STRIP + row) * PITCH + run * RUN;
+            for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
+            ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
+            uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
+            [[unroll]] for (uint step = 0; step < RUN; step++) {
+                vec4 m = feed(along, moments[at + 2 * RADIUS + step]);
+                float a1 = 2 * m.x * m.y + C1;
+                float a2 = 2 * (m.w - m.x * m.y) + C2;
+                float b1 = m.x * m.x + m.y * m.y + C1;
+                float b2 = m.z - m.x * m.x - m.y * m.y + C2;
+                float s = a1 * a2 / (b1 * b2);
+                float p1 = -s / b2;
+                float p2 = 2 * a1 / (b1 * b2);
+                float p0 = 2 * (m.y * a2 / b2 - m.x * s) / b1 - 2 * m.x * p1 - m.y * p2;
+                if (within(frame, pixel + ivec2(step, 0))) {
+                    ssim += s;
+                    partials[partial] = p0;
+                    partials[partial + STRIP_PIXELS] = p1;
+                    partials[partial + 2 * STRIP_PIXELS] = p2;
+                    if (LOSS_MAP) {
+                        uint i = uint(pixel.y) * frame.width + uint(pixel.x) + step;
+                        float x = image[frame.image_first + i][channel];
+                        float y = target_channel(targets[frame.target_first + i], channel);
+                        pixel_loss[step] += (1 - SSIM_WEIGHT) * abs(x - y) + SSIM_WEIGHT * (1 - s);
+                    }
+                }
+                partial += RUNS * STRIP;
+            }
+        }
+        if (LOSS_MAP && end_channel == 3) {
+            ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
+            [[unroll]] for (uint step = 0; step < RUN; step++) {
+                if (within(frame, pixel)) {
+                    loss_map[frame.image_first + uint(pixel.y) * frame.width + uint(pixel.x)] = pixel_loss[step] / 3;
+                }
+                pixel.x += 1;
+            }
+        }
+        barrier();
+    }
+
+    vec2 sums = vec2(subgroupAdd(l1), subgroupAdd(ssim));
+    if (subgroupElect()) subgroup_sums[gl_SubgroupID] = sums;
+    barrier();
+    if (thread == 0) {
+        for (uint s = 1; s < gl_NumSubgroups; s++) sums += subgroup_sums[s];
+        tile_sums[tile] = sums;
+    }
+}

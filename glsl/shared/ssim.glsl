@@ -1,0 +1,88 @@
+// What the kernels of the L1 + SSIM loss agree on: frames, tiles, the window, and how the partial derivatives lie.
+// Wang et al., "Image Quality Assessment: From Error Visibility to Structural Similarity", 2004; loss as in Kerbl et al.,
+// "3D Gaussian Splatting", 2023: (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM), means over pixels and
+// channels. Outside the image both pictures are 0 and the window's weights are not renormalised (conv2d, padding 5).
+
+#include "frame.glsl"
+
+// Everything here is laid out for this workgroup size: 3 channels * (TILE + 2 * RADIUS) columns fit into it.
+const uint WORKGROUP = 128;
+// Pixels of a tile's side. A workgroup does one tile.
+const uint TILE = 32;
+// Rows that pass through shared memory at a time.
+const uint STRIP = 8;
+// Consecutive pixels of a row that one thread filters.
+const uint RUN = 8;
+const uint RUNS = TILE / RUN;
+const int RADIUS = 5;
+// (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
+const float C1 = 0.01 * 0.01;
+const float C2 = 0.03 * 0.03;
+
+// The window: exp(-d^2 / (2 * 1.5^2)) for d = 0..5, divided by the sum over -5..5.
+const float E1 = exp(-1.0 / 4.5);
+const float E2 = exp(-4.0 / 4.5);
+const float E3 = exp(-9.0 / 4.5);
+const float E4 = exp(-16.0 / 4.5);
+const float E5 = exp(-25.0 / 4.5);
+const float W0 = 1.0 / (1.0 + 2.0 * (E1 + E2 + E3 + E4 + E5));
+const float W1 = E1 * W0;
+const float W2 = E2 * W0;
+const float W3 = E3 * W0;
+const float W4 = E4 * W0;
+const float W5 = E5 * W0;
+
+// Ten unfinished sums of the filter in transposed form: a sample is added to all windows that hold it as it comes by, so
+// it is read once and nothing is shifted. s0 lacks one sample, s9 ten.
+#define FILTER(T, NAME) \
+    struct NAME { T s0, s1, s2, s3, s4, s5, s6, s7, s8, s9; }; \
+    /* Takes the next sample; the answer is centred on the sample of RADIUS steps before. */ \
+    T feed(inout NAME f, T v) { \
+        T done = f.s0 + W5 * v; \
+        f.s0 = f.s1 + W4 * v; \
+        f.s1 = f.s2 + W3 * v; \
+        f.s2 = f.s3 + W2 * v; \
+        f.s3 = f.s4 + W1 * v; \
+        f.s4 = f.s5 + W0 * v; \
+        f.s5 = f.s6 + W1 * v; \
+        f.s6 = f.s7 + W2 * v; \
+        f.s7 = f.s8 + W3 * v; \
+        f.s8 = f.s9 + W4 * v; \
+        f.s9 = W5 * v; \
+        return done; \
+    }
+FILTER(vec3, Filter3)
+FILTER(vec4, Filter4)
+const Filter3 EMPTY3 = Filter3(vec3(0), vec3(0), vec3(0), vec3(0), vec3(0), vec3(0), vec3(0), vec3(0), vec3(0), vec3(0));
+const Filter4 EMPTY4 = Filter4(vec4(0), vec4(0), vec4(0), vec4(0), vec4(0), vec4(0), vec4(0), vec4(0), vec4(0), vec4(0));
+
+uint tiles_across(Frame frame) {
+    return (frame.width + TILE - 1) / TILE;
+}
+
+uint tiles_of(Frame frame) {
+    return tiles_across(frame) * ((frame.height + TILE - 1) / TILE);
+}
+
+bool within(Frame frame, ivec2 at) {
+    return uint(at.x) < frame.width && uint(at.y) < frame.height;
+}
+
+// Channel of a packed RGBA8 pixel, in [0, 1].
+float target_channel(uint packed, uint channel) {
+    return float(packed >> 8 * channel & 0xFFu) / 255.0;
+}
+
+// The partial derivatives lie in strips of TILE * STRIP pixels, 9 planes each (plane 3 * channel + which), and within a
+// plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
+// side. A frame has room for tiles_per_frame tiles.
+const uint STRIP_PIXELS = TILE * STRIP;
+const uint STRIP_SIZE = 9 * STRIP_PIXELS;
+
+uint partial_index(Frame frame, uint frame_index, uint tiles_per_frame, uint channel, ivec2 at) {
+    uint strip = frame_index * tiles_per_frame * (TILE / STRIP)
+        + uint(at.y) / STRIP * tiles_across(frame) + uint(at.x) / TILE;
+    uint run = uint(at.x) % TILE / RUN;
+    return strip * STRIP_SIZE + channel * 3 * STRIP_PIXELS
+        + uint(at.x) % RUN * (RUNS * STRIP) + run * STRIP + uint(at.y) % STRIP;
+}

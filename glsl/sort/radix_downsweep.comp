@@ -1,0 +1,75 @@
+#version 460
+// Last of three kernels of a radix sort pass: every pair to its place, pairs of equal digit in their old order.
+//
+// A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from ballots over the digit's
+// bits. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/radix.glsl"
+
+// keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
+// remaining keys goes to count[kept_index].
+layout(constant_id = 3) const bool COMPACT = false;
+
+layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer ValuesIn { uint values_in[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer BlockCounts { uint block_counts[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer DigitTotals { uint digit_totals[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer KeysOut { uint keys_out[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer ValuesOut { uint values_out[]; };
+
+// Where in count the number of keys lies; where the number kept goes (another place); lowest bit of the digit.
+layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; uint shift; } push;
+
+// Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
+shared uint next_place[(gl_WorkGroupSize.x / 8) * DIGITS];
+
+void main() {
+    uint keys = count[push.count_index];
+    uint block = subgroup_index();
+    // A compacting pass over no keys still has to say that none is left.
+    if (!(block < blocks_for(keys) || (COMPACT && block == 0))) return;
+    uint lane = gl_SubgroupInvocationID;
+    uint own = gl_SubgroupID * DIGITS;
+
+    uint smaller = 0;
+    for (uint first = 0; first < DIGITS; first += gl_SubgroupSize) {
+        uint digit = first + lane;
+        uint total = digit < DIGITS ? digit_totals[digit] : 0;
+        uint upto = smaller + subgroupInclusiveAdd(total);
+        if (digit < DIGITS) next_place[own + digit] = upto - total + block_counts[block * DIGITS + digit];
+        smaller = subgroupBroadcast(upto, gl_SubgroupSize - 1);
+    }
+    if (COMPACT && block == 0 && subgroupElect()) count[push.kept_index] = smaller;
+    subgroupBarrier();
+
+    uint end = min(keys, (block + 1) * BLOCK);
+    for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
+        uint i = row + lane;
+        bool live = i < end;
+        uint key = live ? keys_in[i] : NONE;
+        uint value = COMPACT ? i : (live ? values_in[i] : 0);
+        if (COMPACT) live = key != NONE;
+
+        uint digit = digit_of(key, push.shift);
+        uvec2 peers = subgroupBallot(live).xy;
+        [[unroll]] for (uint bit = 0; bit < DIGIT_BITS; bit++) {
+            bool one = (digit >> bit & 1u) != 0;
+            uvec2 ones = subgroupBallot(one).xy;
+            peers &= one ? ones : ~ones;
+        }
+        uvec2 earlier = peers & gl_SubgroupLtMask.xy;
+        uvec2 later = peers & gl_SubgroupGtMask.xy;
+        uint place = 0;
+        if (live) place = next_place[own + digit] + bitCount(earlier.x) + bitCount(earlier.y);
+        subgroupBarrier();
+        if (live && (later.x | later.y) == 0) next_place[own + digit] = place + 1;
+        subgroupBarrier();
+        if (live) {
+            keys_out[place] = key;
+            values_out[place] = value;
+        }
+    }
+}

@@ -1,0 +1,45 @@
+#version 460
+// Last of three kernels of the exclusive prefix sum: from where each block begins to where each item does.
+//
+// A subgroup scans one block of BLOCK values, row by row. values (or values[index]), block_sums -> offsets, in the order
+// of the items. Sums saturate at 2^32 - 1; rows are scanned with care only in blocks that reach it.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/blocks.glsl"
+#include "../shared/saturate.glsl"
+
+// item i is values[index[i]].
+layout(constant_id = 2) const bool GATHER = false;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Values { uint values[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Index { uint index[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer BlockSums { uint block_sums[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer Offsets { uint offsets[]; };
+
+// Where in count the number of items lies.
+layout(push_constant, scalar) uniform Push { uint count_index; } push;
+
+void main() {
+    uint items = count[push.count_index];
+    uint block = subgroup_index();
+    if (!(block < blocks_for(items))) return;
+    uint end = min(items, (block + 1) * BLOCK);
+    uint before = block_sums[block];
+    // Where the next block's beginning is not saturated, no sum within this block can have wrapped.
+    bool exact = block_sums[block + 1] < SATURATED;
+    for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
+        uint i = row + gl_SubgroupInvocationID;
+        uint value = i < end ? values[GATHER ? index[i] : i] : 0;
+        uint offset;
+        if (exact) {
+            uint upto = before + subgroupInclusiveAdd(value);
+            offset = upto - value;
+            before = subgroupBroadcast(upto, gl_SubgroupSize - 1);
+        } else {
+            offset = saturating_add(before, saturating_subgroup_exclusive_add(value));
+            before = saturating_add(before, saturating_subgroup_add(value));
+        }
+        if (i < end) offsets[i] = offset;
+    }
+}

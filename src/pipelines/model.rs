@@ -1,0 +1,121 @@
+//! A scene on the device: the parameter planes that every stage reads.
+
+use crate::{
+    error::Result,
+    gpu::{Buffer, Context, GpuError},
+    scene::{Gaussians, Lobes, Scene, Supplement},
+};
+
+/// Planes of `geometry`: mean, log scale, quaternion, opacity.
+pub const GEOMETRY_PLANES: usize = 11;
+/// Planes of `lobes`: direction, width, sharpness.
+pub const LOBE_PLANES: usize = 5;
+
+/// Base Gaussians first, supplementary ones after them; see the buffer table of ARCHITECTURE.md.
+#[derive(Clone)]
+pub struct Model {
+    pub geometry: Buffer<f32>,
+    pub sh: Buffer<f32>,
+    pub lobes: Buffer<f32>,
+    /// Gaussians that a plane has room for.
+    pub stride: u32,
+    /// Supplementary Gaussians that a plane of `lobes` has room for.
+    pub lobe_stride: u32,
+    pub base_count: u32,
+    pub supplement_count: u32,
+    pub sh_degree: u32,
+}
+
+impl Model {
+    /// Copies `scene` to the device, with room for `spare` more supplementary Gaussians.
+    ///
+    /// # Errors
+    /// [`GpuError::BufferTooLarge`] where the planes do not fit into one buffer of the device.
+    pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self, GpuError> {
+        let empty = Supplement::default();
+        let supplement = scene.supplement.as_ref().unwrap_or(&empty);
+        let (n, m) = (scene.base.len(), supplement.gaussians.len());
+        let (stride, lobe_stride) = (n + m + spare, m + spare);
+        let coefficients = scene.base.sh_coefficients();
+        let mut geometry = vec![0f32; GEOMETRY_PLANES * stride];
+        let mut sh = vec![0f32; 3 * coefficients * stride];
+        let mut lobes = vec![0f32; LOBE_PLANES * lobe_stride];
+        for (from, first) in [(&scene.base, 0), (&supplement.gaussians, n)] {
+            for i in 0..from.len() {
+                let at = first + i;
+                for c in 0..3 {
+                    geometry[c * stride + at] = from.means[i][c];
+                    geometry[(3 + c) * stride + at] = from.log_scales[i][c];
+                }
+                for c in 0..4 {
+                    geometry[(6 + c) * stride + at] = from.quats[i][c];
+                }
+                geometry[10 * stride + at] = from.opacities[i];
+                for k in 0..coefficients.min(from.sh_coefficients()) {
+                    for c in 0..3 {
+                        sh[(3 * k + c) * stride + at] = from.sh[i * from.sh_coefficients() + k][c];
+                    }
+                }
+            }
+        }
+        for j in 0..m {
+            for c in 0..3 {
+                lobes[c * lobe_stride + j] = supplement.lobes.directions[j][c];
+            }
+            lobes[3 * lobe_stride + j] = supplement.lobes.widths[j];
+            lobes[4 * lobe_stride + j] = supplement.lobes.sharpness[j];
+        }
+        Ok(Model {
+            geometry: Buffer::from_slice(context, "geometry", &geometry)?,
+            sh: Buffer::from_slice(context, "sh", &sh)?,
+            lobes: Buffer::from_slice(context, "lobes", &lobes)?,
+            stride: stride as u32,
+            lobe_stride: lobe_stride as u32,
+            base_count: n as u32,
+            supplement_count: m as u32,
+            sh_degree: scene.base.sh_degree,
+        })
+    }
+
+    /// Gaussians in all.
+    pub fn count(&self) -> u32 {
+        self.base_count + self.supplement_count
+    }
+
+    /// SH coefficients that are stored for each Gaussian.
+    pub fn coefficients(&self) -> u32 {
+        (self.sh_degree + 1).pow(2)
+    }
+
+    /// Copies the scene back to the host, and waits.
+    pub fn download(&self) -> Result<Scene> {
+        let (geometry, sh, lobes) = (self.geometry.download()?, self.sh.download()?, self.lobes.download()?);
+        let (stride, coefficients) = (self.stride as usize, self.coefficients() as usize);
+        let gaussians = |first: usize, count: usize| {
+            let plane = |p: usize, i: usize| geometry[p * stride + i];
+            let range = first..first + count;
+            Gaussians {
+                sh_degree: self.sh_degree,
+                means: range.clone().map(|i| [0, 1, 2].map(|p| plane(p, i))).collect(),
+                log_scales: range.clone().map(|i| [3, 4, 5].map(|p| plane(p, i))).collect(),
+                quats: range.clone().map(|i| [6, 7, 8, 9].map(|p| plane(p, i))).collect(),
+                opacities: range.clone().map(|i| plane(10, i)).collect(),
+                sh: range
+                    .flat_map(|i| (0..coefficients).map(move |k| (i, k)))
+                    .map(|(i, k)| [0, 1, 2].map(|c| sh[(3 * k + c) * stride + i]))
+                    .collect(),
+            }
+        };
+        let (n, m, lobe_stride) = (self.base_count as usize, self.supplement_count as usize, self.lobe_stride as usize);
+        let lobe = |p: usize, j: usize| lobes[p * lobe_stride + j];
+        let supplement = (m > 0).then(|| Supplement {
+            gaussians: gaussians(n, m),
+            lobes: Lobes {
+                directions: (0..m).map(|j| [0, 1, 2].map(|p| lobe(p, j))).collect(),
+                widths: (0..m).map(|j| lobe(3, j)).collect(),
+                sharpness: (0..m).map(|j| lobe(4, j)).collect(),
+            },
+        });
+        Ok(Scene { base: gaussians(0, n), supplement })
+    }
+}

@@ -1,0 +1,79 @@
+//! Twin of `ssim_backward.comp`.
+
+use super::ssim_forward::{SSIM_WEIGHT, filter, target_channel};
+
+/// ∂loss/∂RGB per pixel, row by row, from the partials of [`super::ssim_forward::ssim_forward`].
+pub fn ssim_backward(
+    width: usize,
+    height: usize,
+    image: &[[f64; 4]],
+    targets: &[u32],
+    partials: &[[[f64; 3]; 3]],
+) -> Vec<[f64; 3]> {
+    let blurred = filter(width, height, partials);
+    let scale = 1.0 / (3.0 * width as f64 * height as f64);
+    (0..width * height)
+        .map(|i| {
+            std::array::from_fn(|c| {
+                let (x, y) = (image[i][c], target_channel(targets[i], c));
+                let [p0, p1, p2] = blurred[i][c];
+                let ssim = p0 + 2.0 * x * p1 + y * p2;
+                // f64::signum(0.0) is 1.
+                let sign = f64::from(i8::from(x > y) - i8::from(x < y));
+                scale * ((1.0 - SSIM_WEIGHT) * sign - SSIM_WEIGHT * ssim)
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{
+        loss_sum::loss_sum,
+        ssim_forward::{
+            ssim_forward,
+            tests::{SIZES, pictures},
+        },
+    };
+    use super::*;
+
+    #[test]
+    fn the_gradient_is_the_central_difference_of_the_loss() {
+        for (width, height) in SIZES {
+            let (mut image, targets) = pictures(width, height);
+            let partials = ssim_forward(width, height, &image, &targets).partials;
+            let gradient = ssim_backward(width, height, &image, &targets, &partials);
+            let pixels = width * height;
+            // All pixels of the small pictures; of the large one every 97th, over all columns modulo the tile.
+            for i in (0..pixels).step_by(if pixels > 100 { 97 } else { 1 }) {
+                for c in 0..3 {
+                    let x = image[i][c];
+                    // Truncation ~ step² and rounding ~ 1e-16 / step are both near 1e-10 of a gradient ~ 1 / pixels.
+                    let step = 1e-5;
+                    assert!((x - target_channel(targets[i], c)).abs() > step, "the kink of |x - y|");
+                    let mut loss_at = |value| {
+                        image[i][c] = value;
+                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[2]
+                    };
+                    let difference = (loss_at(x + step) - loss_at(x - step)) / (2.0 * step);
+                    loss_at(x);
+                    let error = (difference - gradient[i][c]).abs() * pixels as f64;
+                    assert!(
+                        error < 1e-5,
+                        "{width}x{height}, pixel {i}, channel {c}: {difference} for {}",
+                        gradient[i][c]
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_pictures_have_no_gradient() {
+        let targets = [0x0020_4060; 12];
+        let image = [[f64::from(0x60) / 255.0, f64::from(0x40) / 255.0, f64::from(0x20) / 255.0, 1.0]; 12];
+        let partials = ssim_forward(4, 3, &image, &targets).partials;
+        let gradient = ssim_backward(4, 3, &image, &targets, &partials);
+        assert!(gradient.iter().flatten().all(|g| g.abs() < 1e-12));
+    }
+}

@@ -1,0 +1,171 @@
+//! Twin of `ssim_forward.comp`.
+
+/// Weight of 1 − SSIM in the loss; |x − y| has the rest.
+pub const SSIM_WEIGHT: f64 = 0.2;
+/// Half the window's width in pixels; σ is 1.5 pixels.
+const RADIUS: usize = 5;
+const C1: f64 = 0.01 * 0.01;
+const C2: f64 = 0.03 * 0.03;
+
+/// What the forward pass finds out about one frame; pixels row by row.
+pub struct SsimForward {
+    /// Per pixel and channel: ∂S/∂mx with the second moments fixed, ∂S/∂E\[x²\], ∂S/∂E\[xy\].
+    pub partials: Vec<[[f64; 3]; 3]>,
+    /// Sums over pixels and channels of |x − y| and of SSIM.
+    pub sums: [f64; 2],
+    /// The loss of each pixel, the mean over its channels.
+    pub loss_map: Vec<f64>,
+}
+
+/// Channel `channel` of a packed RGBA8 pixel, in [0, 1].
+pub fn target_channel(packed: u32, channel: usize) -> f64 {
+    f64::from(packed >> (8 * channel) & 0xFF) / 255.0
+}
+
+/// `image` is RGB and transmittance, `targets` RGBA8 with R in the low byte, both `width` × `height` pixels.
+pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[u32]) -> SsimForward {
+    let pixels = width * height;
+    let moments: Vec<[[f64; 4]; 3]> = (0..pixels)
+        .map(|i| {
+            std::array::from_fn(|c| {
+                let (x, y) = (image[i][c], target_channel(targets[i], c));
+                [x, y, x * x + y * y, x * y]
+            })
+        })
+        .collect();
+    let moments = filter(width, height, &moments);
+    let mut forward =
+        SsimForward { partials: vec![[[0.0; 3]; 3]; pixels], sums: [0.0; 2], loss_map: vec![0.0; pixels] };
+    for i in 0..pixels {
+        for c in 0..3 {
+            let [mx, my, squares, product] = moments[i][c];
+            let a1 = 2.0 * mx * my + C1;
+            let a2 = 2.0 * (product - mx * my) + C2;
+            let b1 = mx * mx + my * my + C1;
+            let b2 = squares - mx * mx - my * my + C2;
+            let s = a1 * a2 / (b1 * b2);
+            let p1 = -s / b2;
+            let p2 = 2.0 * a1 / (b1 * b2);
+            let p0 = 2.0 * (my * a2 / b2 - mx * s) / b1 - 2.0 * mx * p1 - my * p2;
+            let l1 = (image[i][c] - target_channel(targets[i], c)).abs();
+            forward.partials[i][c] = [p0, p1, p2];
+            forward.sums[0] += l1;
+            forward.sums[1] += s;
+            forward.loss_map[i] += ((1.0 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1.0 - s)) / 3.0;
+        }
+    }
+    forward
+}
+
+/// Filters each plane down the columns, then along the rows. Outside the image is 0, and the weights are not renormalised.
+pub(super) fn filter<const N: usize>(width: usize, height: usize, planes: &[[[f64; N]; 3]]) -> Vec<[[f64; N]; 3]> {
+    let window = window();
+    let down = tap(planes, |i, t| {
+        let y = (i / width + t).checked_sub(RADIUS).filter(|&y| y < height)?;
+        Some((y * width + i % width, window[t]))
+    });
+    tap(&down, |i, t| {
+        let x = (i % width + t).checked_sub(RADIUS).filter(|&x| x < width)?;
+        Some((i / width * width + x, window[t]))
+    })
+}
+
+/// Σ over the taps t of weight × sample, `at` giving both by pixel and tap where the tap is within the image.
+fn tap<const N: usize>(
+    planes: &[[[f64; N]; 3]],
+    at: impl Fn(usize, usize) -> Option<(usize, f64)>,
+) -> Vec<[[f64; N]; 3]> {
+    let mut sums = vec![[[0.0; N]; 3]; planes.len()];
+    for (i, sums) in sums.iter_mut().enumerate() {
+        for (from, weight) in (0..=2 * RADIUS).filter_map(|t| at(i, t)) {
+            for (sums, plane) in sums.iter_mut().zip(&planes[from]) {
+                for (sum, value) in sums.iter_mut().zip(plane) {
+                    *sum += weight * value;
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// exp(−d²/2σ²) for d = −5..5, divided by their sum.
+fn window() -> [f64; 2 * RADIUS + 1] {
+    let bell: [f64; 2 * RADIUS + 1] = std::array::from_fn(|t| (-(t as f64 - RADIUS as f64).powi(2) / 4.5).exp());
+    let sum: f64 = bell.iter().sum();
+    bell.map(|b| b / sum)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Sizes with less than a window, with less than a tile, and with more than one.
+    pub const SIZES: [(usize, usize); 3] = [(1, 1), (17, 3), (64, 48)];
+
+    /// A picture with gradients, edges and noise, and a target near it.
+    pub fn pictures(width: usize, height: usize) -> (Vec<[f64; 4]>, Vec<u32>) {
+        let noise = |i: usize| (i as u32).wrapping_mul(2_654_435_761) as f64 / 4_294_967_296.0;
+        let image = (0..width * height)
+            .map(|i| {
+                let (x, y) = ((i % width) as f64, (i / width) as f64);
+                let edge = if x > 20.0 { 0.5 } else { 0.1 };
+                [edge + 0.1 * noise(3 * i), 0.013 + 0.02 * y, 0.5 + 0.4 * (0.3 * x).sin() * (0.2 * y).cos(), 0.3]
+            })
+            .collect::<Vec<_>>();
+        let targets = image
+            .iter()
+            .enumerate()
+            .map(|(i, rgb)| {
+                let byte = |c: usize| ((rgb[c] + 0.2 * noise(5 * i + c) - 0.1).clamp(0.0, 1.0) * 255.0) as u32;
+                byte(0) | byte(1) << 8 | byte(2) << 16 | 0xFF00_0000
+            })
+            .collect();
+        (image, targets)
+    }
+
+    #[test]
+    fn an_image_equal_to_its_target_has_no_loss() {
+        let targets: Vec<u32> = (0..300).map(|i| i * 40_503).collect();
+        let image: Vec<[f64; 4]> =
+            targets.iter().map(|&t| std::array::from_fn(|c| if c < 3 { target_channel(t, c) } else { 0.0 })).collect();
+        let forward = ssim_forward(20, 15, &image, &targets);
+        assert_eq!(forward.sums[0], 0.0);
+        assert!((forward.sums[1] - 900.0).abs() < 1e-9);
+        assert!(forward.loss_map.iter().all(|loss| loss.abs() < 1e-12));
+    }
+
+    /// SSIM of the definition, with the window of 11 × 11 taps at each pixel.
+    #[test]
+    fn separable_filters_give_what_the_square_window_gives() {
+        let bell = |d: i64| (-(d * d) as f64 / 4.5).exp();
+        let norm: f64 = (-5..=5).map(bell).sum();
+        for (width, height) in SIZES {
+            let (image, targets) = pictures(width, height);
+            let (mut l1, mut ssim) = (0.0, 0.0);
+            for (i, c) in (0..width * height).flat_map(|i| (0..3).map(move |c| (i, c))) {
+                let (mut mx, mut my, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+                for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
+                    let (px, py) = ((i % width) as i64 + dx, (i / width) as i64 + dy);
+                    if px < 0 || py < 0 || px >= width as i64 || py >= height as i64 {
+                        continue;
+                    }
+                    let j = py as usize * width + px as usize;
+                    let (x, y, w) = (image[j][c], target_channel(targets[j], c), bell(dx) * bell(dy) / (norm * norm));
+                    mx += w * x;
+                    my += w * y;
+                    xx += w * x * x;
+                    yy += w * y * y;
+                    xy += w * x * y;
+                }
+                l1 += (image[i][c] - target_channel(targets[i], c)).abs();
+                ssim += (2.0 * mx * my + 1e-4) * (2.0 * (xy - mx * my) + 9e-4)
+                    / ((mx * mx + my * my + 1e-4) * (xx - mx * mx + yy - my * my + 9e-4));
+            }
+            let forward = ssim_forward(width, height, &image, &targets);
+            assert!((forward.sums[0] - l1).abs() < 1e-9 && (forward.sums[1] - ssim).abs() < 1e-9);
+            let of_map: f64 = forward.loss_map.iter().sum();
+            let total = 0.8 * l1 / 3.0 + 0.2 * ((width * height) as f64 - ssim / 3.0);
+            assert!((of_map - total).abs() < 1e-9);
+        }
+    }
+}

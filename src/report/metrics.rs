@@ -1,0 +1,265 @@
+//! PSNR and SSIM in f64 of unquantised renders against 8-bit photographs.
+//!
+//! Images are sRGB values, interleaved `[height · width · 3]`, rows from the top. Renders are clamped to [0, 1] here;
+//! photographs are bytes, value / 255.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{Error, Result};
+
+/// Window of SSIM (Wang et al. 2004), as 3DGS has it: 11 × 11, Gaussian of σ = 1.5 pixels, zeros beyond the border.
+const WINDOW: usize = 11;
+const SIGMA: f64 = 1.5;
+/// (K₁ · range)² and (K₂ · range)² with K₁ = 0.01, K₂ = 0.03 and values in [0, 1].
+const C1: f64 = 0.01 * 0.01;
+const C2: f64 = 0.03 * 0.03;
+
+/// A render and the photograph it is compared with.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair<'a> {
+    pub image: &'a [f32],
+    pub reference: &'a [u8],
+    /// Pixels.
+    pub width: u32,
+    pub height: u32,
+}
+
+/// How near a render is to its photograph.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Quality {
+    /// Peak signal-to-noise ratio, dB; infinite for identical images (`null` in JSON, which has no infinity).
+    pub psnr: f64,
+    /// Structural similarity, in [−1, 1]; 1 for identical images. Mean over pixels and channels.
+    pub ssim: f64,
+}
+
+impl Quality {
+    /// Mean over views, of the decibels too, as the literature's tables have it; infinite if any view is. `None` of none.
+    pub fn mean(views: &[Quality]) -> Option<Quality> {
+        let n = views.len() as f64;
+        (!views.is_empty()).then(|| Quality {
+            psnr: views.iter().map(|q| q.psnr).sum::<f64>() / n,
+            ssim: views.iter().map(|q| q.ssim).sum::<f64>() / n,
+        })
+    }
+}
+
+/// Both metrics of every pair, in order; pairs are spread over the cores.
+pub fn qualities(pairs: &[Pair]) -> Result<Vec<Quality>> {
+    pairs.par_iter().map(|p| Ok(Quality { psnr: psnr(p)?, ssim: ssim(p)? })).collect()
+}
+
+/// Peak signal-to-noise ratio in dB, 10 log₁₀(1 / mean squared error over pixels and channels); infinite if they are equal.
+pub fn psnr(pair: &Pair) -> Result<f64> {
+    pair.check()?;
+    let square = |(a, b): (&f32, &u8)| (value(*a) - *b as f64 / 255.0).powi(2);
+    let error = pair.image.iter().zip(pair.reference).map(square).sum::<f64>() / pair.image.len() as f64;
+    Ok(10.0 * error.recip().log10())
+}
+
+/// Mean structural similarity over pixels and channels.
+pub fn ssim(pair: &Pair) -> Result<f64> {
+    pair.check()?;
+    let (width, height) = (pair.width as usize, pair.height as usize);
+    let weights = weights();
+    let mut sum = 0.0;
+    for channel in 0..3 {
+        let x: Vec<f64> = pair.image[channel..].iter().step_by(3).map(|v| value(*v)).collect();
+        let y: Vec<f64> = pair.reference[channel..].iter().step_by(3).map(|v| *v as f64 / 255.0).collect();
+        let blurred = |f: &dyn Fn(f64, f64) -> f64| {
+            let product: Vec<f64> = x.iter().zip(&y).map(|(x, y)| f(*x, *y)).collect();
+            blur(&product, width, height, &weights)
+        };
+        let (mx, my) = (blurred(&|x, _| x), blurred(&|_, y| y));
+        let (xx, yy, xy) = (blurred(&|x, _| x * x), blurred(&|_, y| y * y), blurred(&|x, y| x * y));
+        sum += (0..width * height).map(|i| similarity(mx[i], my[i], xx[i], yy[i], xy[i])).sum::<f64>();
+    }
+    Ok(sum / (3 * width * height) as f64)
+}
+
+/// SSIM from the windowed means of x, y, x², y², xy.
+fn similarity(mx: f64, my: f64, xx: f64, yy: f64, xy: f64) -> f64 {
+    let (vx, vy, cov) = (xx - mx * mx, yy - my * my, xy - mx * my);
+    (2.0 * mx * my + C1) * (2.0 * cov + C2) / ((mx * mx + my * my + C1) * (vx + vy + C2))
+}
+
+/// The window along one axis; the window is the outer product of two.
+fn weights() -> [f64; WINDOW] {
+    let centre = (WINDOW / 2) as f64;
+    let raw: [f64; WINDOW] = std::array::from_fn(|i| (-(i as f64 - centre).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
+    let sum: f64 = raw.iter().sum();
+    raw.map(|w| w / sum)
+}
+
+/// `[height · width]` blurred along x, then along y.
+fn blur(image: &[f64], width: usize, height: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
+    const HALF: usize = WINDOW / 2;
+    let mut rows = vec![0.0; image.len()];
+    for (row, out) in image.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
+        for (x, out) in out.iter_mut().enumerate() {
+            for k in x.saturating_sub(HALF)..(x + HALF + 1).min(width) {
+                *out += weights[k + HALF - x] * row[k];
+            }
+        }
+    }
+    let mut both = vec![0.0; image.len()];
+    for (y, out) in both.chunks_exact_mut(width).enumerate() {
+        for k in y.saturating_sub(HALF)..(y + HALF + 1).min(height) {
+            let weight = weights[k + HALF - y];
+            for (out, v) in out.iter_mut().zip(&rows[k * width..]) {
+                *out += weight * v;
+            }
+        }
+    }
+    both
+}
+
+fn value(v: f32) -> f64 {
+    v.clamp(0.0, 1.0) as f64
+}
+
+impl Pair<'_> {
+    /// A metric of nothing, of images of different sizes or of NaN would be a number without meaning.
+    fn check(&self) -> Result<()> {
+        let expected = (self.width as u64 * self.height as u64).saturating_mul(3);
+        let (image, reference) = (self.image.len() as u64, self.reference.len() as u64);
+        if expected == 0 || image != expected || reference != expected {
+            return Err(Error::Usage(format!(
+                "comparing images of {} × {} pixels takes {expected} values each (at least one pixel), but the image has {image} \
+                 and the reference {reference}",
+                self.width, self.height
+            )));
+        }
+        if let Some(i) = self.image.iter().position(|v| v.is_nan()) {
+            let (x, y) = (i / 3 % self.width as usize, i / 3 / self.width as usize);
+            return Err(Error::Usage(format!("the image to compare is not a number at pixel ({x}, {y})")));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The definition, pixel by pixel with the two-dimensional window.
+    fn ssim_by_definition(pair: &Pair) -> f64 {
+        let (width, height) = (pair.width as i64, pair.height as i64);
+        let mut kernel = vec![];
+        for dy in -5i64..=5 {
+            for dx in -5i64..=5 {
+                kernel.push((dx, dy, (-((dx * dx + dy * dy) as f64) / (2.0 * 1.5 * 1.5)).exp()));
+            }
+        }
+        let total: f64 = kernel.iter().map(|k| k.2).sum();
+        let mut sum = 0.0;
+        for y in 0..height {
+            for x in 0..width {
+                for c in 0..3 {
+                    let mut m = [0.0; 5];
+                    for &(dx, dy, w) in &kernel {
+                        let (u, v) = (x + dx, y + dy);
+                        if u < 0 || v < 0 || u >= width || v >= height {
+                            continue;
+                        }
+                        let i = ((v * width + u) * 3 + c) as usize;
+                        let a = f64::from(pair.image[i].clamp(0.0, 1.0));
+                        let b = f64::from(pair.reference[i]) / 255.0;
+                        for (m, p) in m.iter_mut().zip([a, b, a * a, b * b, a * b]) {
+                            *m += w / total * p;
+                        }
+                    }
+                    let [mx, my, xx, yy, xy] = m;
+                    let luminance = (2.0 * mx * my + 0.0001) / (mx * mx + my * my + 0.0001);
+                    let structure = (2.0 * (xy - mx * my) + 0.0009) / (xx - mx * mx + yy - my * my + 0.0009);
+                    sum += luminance * structure;
+                }
+            }
+        }
+        sum / (width * height * 3) as f64
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn ssim_is_its_definition(
+            (width, height, image, reference) in (1u32..24, 1u32..24).prop_flat_map(|(w, h)| {
+                let n = (w * h * 3) as usize;
+                let image = prop::collection::vec(-0.2f32..1.2, n);
+                (Just(w), Just(h), image, prop::collection::vec(any::<u8>(), n))
+            })
+        ) {
+            let pair = Pair { image: &image, reference: &reference, width, height };
+            // f64 sums of 121 products in another order.
+            prop_assert!((ssim(&pair).unwrap() - ssim_by_definition(&pair)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn identical_images_have_ssim_1_and_infinite_psnr() {
+        let reference: Vec<u8> = (0..20 * 13 * 3).map(|i| (i * 37 % 256) as u8).collect();
+        let image: Vec<f32> = reference.iter().map(|b| *b as f32 / 255.0).collect();
+        let pair = Pair { image: &image, reference: &reference, width: 20, height: 13 };
+        assert!((ssim(&pair).unwrap() - 1.0).abs() < 1e-6);
+        // b / 255 in f32 is not b / 255 in f64, except at the ends.
+        assert!(psnr(&pair).unwrap() > 140.0);
+        let ends: Vec<u8> = reference.iter().map(|b| if *b > 127 { 255 } else { 0 }).collect();
+        let image: Vec<f32> = ends.iter().map(|b| *b as f32 / 255.0).collect();
+        let pair = Pair { image: &image, reference: &ends, width: 20, height: 13 };
+        assert_eq!(psnr(&pair).unwrap(), f64::INFINITY);
+        assert_eq!(ssim(&pair).unwrap(), 1.0);
+    }
+
+    #[test]
+    fn constant_images_have_closed_forms() {
+        let (width, height) = (31usize, 17usize);
+        let (a, b) = (0.5f64, 51.0 / 255.0);
+        let (image, reference) = (vec![a as f32; width * height * 3], vec![51u8; width * height * 3]);
+        let pair = Pair { image: &image, reference: &reference, width: width as u32, height: height as u32 };
+        // Error 0.3 everywhere: −20 log₁₀ 0.3.
+        assert!((psnr(&pair).unwrap() - 10.457574905606752).abs() < 1e-9);
+        // With s the window's mass inside the image, means are s·a and s·b, second moments s·a² and so on.
+        let w = weights();
+        let mass = |x: usize, n: usize| (0..n).filter(|k| k.abs_diff(x) <= 5).map(|k| w[k + 5 - x]).sum::<f64>();
+        let mut sum = 0.0;
+        for y in 0..height {
+            for x in 0..width {
+                let s = mass(x, width) * mass(y, height);
+                let (q, v) = (s * s, s - s * s);
+                let (plus, times) = (a * a + b * b, 2.0 * a * b);
+                sum += (q * times + C1) * (v * times + C2) / ((q * plus + C1) * (v * plus + C2));
+            }
+        }
+        assert!((ssim(&pair).unwrap() - sum / (width * height) as f64).abs() < 1e-12);
+    }
+
+    #[test]
+    fn values_beyond_white_and_black_are_clamped() {
+        let pair = Pair { image: &[1.5, -3.0, f32::INFINITY], reference: &[255, 0, 255], width: 1, height: 1 };
+        assert_eq!(psnr(&pair).unwrap(), f64::INFINITY);
+    }
+
+    #[test]
+    fn sizes_that_do_not_fit_and_nan_are_errors() {
+        let message = |p: Pair| qualities(&[p]).unwrap_err().to_string();
+        let (image, reference) = ([0.0f32; 12], [0u8; 12]);
+        let good = Pair { image: &image, reference: &reference, width: 2, height: 2 };
+        assert!(qualities(&[good]).is_ok());
+        assert!(message(Pair { reference: &reference[..9], ..good }).contains("the reference 9"));
+        assert!(message(Pair { width: u32::MAX, height: u32::MAX, ..good }).contains("values each"));
+        assert!(message(Pair { image: &[], reference: &[], width: 0, height: 2 }).contains("at least one pixel"));
+        let mut image = image;
+        image[10] = f32::NAN;
+        assert!(message(Pair { image: &image, ..good }).contains("pixel (1, 1)"));
+    }
+
+    #[test]
+    fn means_are_over_views() {
+        let of = |psnr, ssim| Quality { psnr, ssim };
+        assert_eq!(Quality::mean(&[of(20.0, 0.5), of(30.0, 1.0)]), Some(of(25.0, 0.75)));
+        assert_eq!(Quality::mean(&[]), None);
+    }
+}

@@ -1,0 +1,26 @@
+//! Counts a training step, unless the step was left out because a buffer was too small.
+
+use crate::gpu::{Context, GpuError, Pipeline, Recorder};
+
+pub use super::kernels::step_done::{Buffers, Kernel, Push, Spec};
+
+/// Word of `status`: 0, or the number of intersections that a view needed when it was more than the buffers hold.
+pub const OVERFLOW: usize = 0;
+/// Word of `status`: training steps completed.
+pub const STEPS: usize = 1;
+/// Words of `status`.
+pub const STATUS_WORDS: usize = 2;
+
+/// See `glsl/optim/step_done.comp`.
+pub struct StepDone(Pipeline<Kernel>);
+
+impl StepDone {
+    pub fn new(context: &Context, spec: &Spec) -> Result<Self, GpuError> {
+        Ok(StepDone(Pipeline::new(context, spec)?))
+    }
+
+    /// One thread.
+    pub fn record(&self, recorder: &mut Recorder, buffers: &Buffers<'_>) {
+        recorder.dispatch(&self.0, buffers, &Push {}, 1);
+    }
+}
