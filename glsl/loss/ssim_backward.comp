@@ -8,7 +8,7 @@
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
-// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 
@@ -82,7 +82,7 @@ void main() {
                     uint i = uint(pixel.y) * frame.width + uint(pixel.x);
                     float x = image[frame.image_first + i][channel];
                     float y = target_channel(targets[frame.target_first + i], channel);
-                    float ssim = p.x + 2 * x * p.y + y * p.z;
+                    float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
                     image_grad[3 * (frame.image_first + i) + channel] =
                         scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
                 }
