@@ -113,8 +113,8 @@ fn assert_same_clusters(context: &Context, sets: &Sets, workgroup_size: u32) {
     for rule in [false, true] {
         let got = cluster_on_device(context, sets, rule, workgroup_size);
         let want = cluster_twin::lift_cluster(&points, &sets.counts, &firsts, &sets.heaviest, &wide(&sets.taus), rule);
-        for set in 0..sets.counts.len() {
-            let range = firsts[set] as usize..(firsts[set] + sets.counts[set]) as usize;
+        for (set, (&first, &n)) in firsts.iter().zip(&sets.counts).enumerate() {
+            let range = first as usize..(first + n) as usize;
             let what = format!("set {set} of {} points, fail on smallest {rule}", range.len());
             assert_eq!(got.labels[range.clone()], want.labels[range], "{what}");
             assert_eq!(got.primes[set], want.prime_labels[set], "{what}");
@@ -228,7 +228,9 @@ fn sets_that_cannot_be_clustered_have_size_zero() {
     }
     sets.push(vec![[f32::NAN; 3]; 40], 0, 1.0);
     // Broken points among good ones.
-    let mixed = |i: usize| if i % 3 == 0 { [1.0, [f32::NAN, f32::INFINITY][i % 2], 2.0] } else { [i as f32, 0.0, 0.0] };
+    let mixed = |i: usize| {
+        if i.is_multiple_of(3) { [1.0, [f32::NAN, f32::INFINITY][i % 2], 2.0] } else { [i as f32, 0.0, 0.0] }
+    };
     sets.push((0..60).map(mixed).collect(), 1, 5.0);
     // Farther apart than 1.5^32 times the first τ.
     sets.push((0..9).map(|i| [i as f32 * 1e12, 0.0, 0.0]).collect(), 0, 1.0);
@@ -310,7 +312,7 @@ fn case(seed: u64, count: usize, centre: DVec3) -> Case {
                 let (a, b, c) = (ray.length_squared(), eye.dot(ray), eye.length_squared() - 2.25);
                 let hit = b * b - a * c;
                 let z = if hit > 0.0 { (-b - hit.sqrt()) / a } else { (4.0 - eye.z) / ray.z };
-                let hole = (x / 8 + y / 8) % 9 == 0;
+                let hole = (x / 8 + y / 8).is_multiple_of(9);
                 depths.push(if hole || z <= 0.0 { 0.0 } else { z as f32 });
             }
         }
