@@ -1,15 +1,113 @@
+//! The float64 twin of every stage: same name, same loops, on the host. What a kernel computes is
+//! judged against these functions, and these are judged against central differences (`tests/gradients.rs`).
+//!
+//! Layouts are those of `ARCHITECTURE.md`: parameters are planes, base Gaussians come first.
+//! Slices must have the lengths their docs give; the twins do not check what the stages check.
+
+pub mod adam;
+pub mod blend;
+pub mod blend_backward;
 pub mod dispatch_args;
+pub mod emit;
+pub mod harmonics;
 pub mod lift_append;
 pub mod lift_cluster;
 pub mod lift_count;
 pub mod lift_pca;
 pub mod lift_points;
+pub mod lobe;
 pub mod loss_sum;
+pub mod median_depth;
+pub mod plane_backward;
+pub mod plane_draw;
+pub mod plane_project;
+pub mod plane_prune;
+pub mod project;
+pub mod project_backward;
 pub mod radix_downsweep;
 pub mod radix_spine;
 pub mod radix_upsweep;
+pub mod render;
+pub mod sample;
 pub mod scan_apply;
 pub mod scan_reduce;
 pub mod scan_spine;
+pub mod sort;
 pub mod ssim_backward;
 pub mod ssim_forward;
+pub mod tile_ranges;
+pub mod tiles;
+
+mod params;
+mod view;
+
+pub use params::Params;
+pub use render::{Intersections, Options, Rendered, render};
+pub use sample::{random_camera, random_scene};
+pub use view::View;
+
+/// Smallest α that contributes to a pixel (3DGS): half a step of an 8-bit image, rounded up.
+pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+/// Largest α (3DGS): keeps 1 − α away from 0, by which the backward pass divides.
+pub const ALPHA_MAX: f64 = 0.99;
+/// A pixel stops before the Gaussian that would take its transmittance below this (3DGS).
+pub const TRANSMITTANCE_MIN: f64 = 1e-4;
+/// Near plane, scene units (3DGS).
+pub const NEAR: f64 = 0.2;
+/// Variance added to the projected Gaussian, px² (3DGS): no splat is thinner than a pixel.
+pub const DILATION: f64 = 0.3;
+/// "No Gaussian" wherever a Gaussian index is expected.
+pub const NONE: u32 = u32::MAX;
+
+/// What projection leaves of a Gaussian in a view; `ARCHITECTURE.md` defines the factor L.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Splat {
+    /// Centre, px.
+    pub x: f64,
+    pub y: f64,
+    /// L = [[l11, l12], [0, l22]] with LᵀL = Σ2D⁻¹, 1/px.
+    pub l11: f64,
+    pub l12: f64,
+    pub l22: f64,
+    /// σ(logit) · lobe · compensation.
+    pub opacity: f64,
+    /// Colour, ≥ 0.
+    pub r: f64,
+    pub g: f64,
+    pub b: f64,
+    /// Camera z, scene units.
+    pub z: f64,
+}
+
+impl Splat {
+    pub fn color(&self) -> [f64; 3] {
+        [self.r, self.g, self.b]
+    }
+
+    /// w = Lδ at a pixel's centre; the exponent is −½|w|².
+    pub fn whiten(&self, column: u32, row: u32) -> (f64, f64) {
+        let dx = column as f64 + 0.5 - self.x;
+        let dy = row as f64 + 0.5 - self.y;
+        (self.l11 * dx + self.l12 * dy, self.l22 * dy)
+    }
+}
+
+/// The constant colour or the image (row-major, width · height pixels) behind all Gaussians.
+#[derive(Debug, Clone, Copy)]
+pub enum Background<'a> {
+    Color([f64; 3]),
+    Image(&'a [[f64; 3]]),
+}
+
+impl Background<'_> {
+    pub fn at(&self, pixel: usize) -> [f64; 3] {
+        match self {
+            Background::Color(color) => *color,
+            Background::Image(image) => image[pixel],
+        }
+    }
+}
+
+pub(crate) fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}

@@ -1,0 +1,124 @@
+//! The opacity lobe of supplementary Gaussians (method, section 1).
+//!
+//! With v the unit vector from the Gaussian to the eye, θ the angle between d and v and ψ = θ/T, the factor
+//! is f = cos(ψ/2)^(2 e^β) for ψ < π and exactly 0 beyond.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+/// The factor in [0, 1]. 0 when d is 0 (no direction) or anything is NaN.
+pub fn factor(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> f64 {
+    match half_angle(direction, width, to_eye) {
+        Some(half) => (2.0 * sharpness.exp() * half.cos().ln()).exp(),
+        None => 0.0,
+    }
+}
+
+/// ∂f/∂(d, T, β, mean).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gradient {
+    pub direction: DVec3,
+    pub width: f64,
+    pub sharpness: f64,
+    /// Through v = unit(eye − mean), 1/scene unit.
+    pub mean: DVec3,
+}
+
+/// The factor's gradient; all 0 where the factor is.
+///
+/// ∂f/∂ψ = −f e^β tan(ψ/2), ∂θ/∂d = −(v − cos θ d̂) / (|d| sin θ), ∂θ/∂v = −(d̂ − cos θ v) / sin θ.
+/// tan(ψ/2) / sin θ tends to 1/(2T) as θ → 0, where the vectors it multiplies vanish.
+pub fn factor_gradient(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> Gradient {
+    let Some(half) = half_angle(direction, width, to_eye) else { return Gradient::default() };
+    let f = factor(direction, width, sharpness, to_eye);
+    if f == 0.0 {
+        // cos(ψ/2)^(2e^β) underflowed: f · tan(ψ/2) is 0 there however large the tangent.
+        return Gradient::default();
+    }
+    let (length, distance) = (direction.length(), to_eye.length());
+    let (d, v) = (direction / length, to_eye / distance);
+    let (cos, sin) = (d.dot(v), d.cross(v).length());
+    let tan = half.tan();
+    let quotient = if sin > 0.0 { tan / sin } else { 0.5 / width };
+    let steepness = f * sharpness.exp() / width;
+    Gradient {
+        direction: (v - cos * d) * (steepness * quotient / length),
+        width: steepness * tan * (2.0 * half),
+        sharpness: f * 2.0 * sharpness.exp() * half.cos().ln(),
+        mean: (d - cos * v) * (-steepness * quotient / distance),
+    }
+}
+
+/// ψ/2, none outside the support. The angle comes from atan2 since acos loses half its digits near 0.
+fn half_angle(direction: DVec3, width: f64, to_eye: DVec3) -> Option<f64> {
+    if !(direction.dot(direction) > 0.0) {
+        return None;
+    }
+    let theta = direction.cross(to_eye).length().atan2(direction.dot(to_eye));
+    let psi = theta / width;
+    if !(psi < PI) {
+        return None;
+    }
+    Some(0.5 * psi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EYE: DVec3 = DVec3::new(0.4, -0.2, 3.0);
+
+    fn of(p: [f64; 8]) -> f64 {
+        factor(DVec3::new(p[0], p[1], p[2]), p[3], p[4], EYE - DVec3::new(p[5], p[6], p[7]))
+    }
+
+    /// The method's own formula, ((cos ψ + 1)/2)^exp(β).
+    #[test]
+    fn the_factor_is_the_methods() {
+        for (angle, width, beta) in [(0.0, 0.5, 0.0), (0.3, 0.4, 1.0), (1.2, 1.0, -2.0), (2.9, 0.95, 0.5)] {
+            let to_eye = DVec3::new(f64::sin(angle), 0.0, f64::cos(angle));
+            let expected = ((f64::cos(angle / width) + 1.0) / 2.0).powf(f64::exp(beta));
+            let found = factor(2.0 * DVec3::Z, width, beta, 5.0 * to_eye);
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn outside_its_support_and_without_a_direction_factor_and_gradient_are_zero() {
+        let v = DVec3::new(f64::sin(0.5), 0.0, f64::cos(0.5));
+        for (direction, width) in [(DVec3::Z, 0.49 / PI), (DVec3::ZERO, 1.0), (-v, 1.0), (DVec3::NAN, 1.0)] {
+            assert_eq!(factor(direction, width, 0.0, v), 0.0);
+            assert_eq!(factor_gradient(direction, width, 0.0, v), Gradient::default());
+        }
+    }
+
+    /// Fourth-order differences at h = 1e-4: truncation is h⁴ times a fifth derivative of at most ~1e5 here
+    /// (T = 0.2, 5! / T⁵ being the scale), that is 1e-11, and rounding 1e-16/1e-4.
+    #[test]
+    fn the_gradient_is_that_of_the_factor() {
+        let on_axis = EYE - DVec3::new(0.1, 0.3, 0.2);
+        let cases = [
+            [0.3, 0.2, 0.9, 0.4, 0.7, 0.1, 0.3, 0.2],
+            [-0.9, 0.8, 0.4, 0.9, -1.0, 0.1, 0.3, 0.2],
+            [0.1, -0.3, 2.0, 0.2, 2.0, 0.1, 0.3, 0.2],
+            [2.0 * on_axis.x, 2.0 * on_axis.y, 2.0 * on_axis.z, 0.2, 1.0, 0.1, 0.3, 0.2],
+        ];
+        for p in cases {
+            assert!(of(p) > 0.0);
+            let g = factor_gradient(DVec3::new(p[0], p[1], p[2]), p[3], p[4], EYE - DVec3::new(p[5], p[6], p[7]));
+            let expected =
+                [g.direction.x, g.direction.y, g.direction.z, g.width, g.sharpness, g.mean.x, g.mean.y, g.mean.z];
+            for (k, expected) in expected.into_iter().enumerate() {
+                let at = |h: f64| {
+                    let mut q = p;
+                    q[k] += h;
+                    of(q)
+                };
+                let h = 1e-4;
+                let difference = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+                assert!((difference - expected).abs() < 1e-8, "{k}: {difference} {expected}");
+            }
+        }
+    }
+}

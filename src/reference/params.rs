@@ -1,0 +1,197 @@
+//! A scene's parameters as planes, in float64.
+
+use glam::DVec3;
+
+use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::{Error, Result};
+
+/// Plane p of Gaussian i is `planes[p * stride + i]`; base Gaussians first, supplementary ones from `lobe_first` on.
+/// Gradients and Adam's moments have the same layout and use the same type.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Params {
+    /// 11 planes × stride: mean xyz, log scale xyz, quaternion wxyz, opacity logit.
+    pub geometry: Vec<f64>,
+    /// 3(L+1)² planes × stride: coefficient k of channel c is plane 3k + c.
+    pub sh: Vec<f64>,
+    /// 5 planes × lobe stride: direction xyz, width T, sharpness β of Gaussian `lobe_first` + j at j.
+    pub lobes: Vec<f64>,
+    /// Gaussians, N + M.
+    pub count: usize,
+    /// Elements of a plane, ≥ `count`.
+    pub stride: usize,
+    /// N, the first Gaussian that has a lobe.
+    pub lobe_first: usize,
+    /// Elements of a lobe plane, ≥ M.
+    pub lobe_stride: usize,
+    /// L, 0 to 3.
+    pub sh_degree: u32,
+}
+
+impl Params {
+    pub const GEOMETRY_PLANES: usize = 11;
+    pub const LOBE_PLANES: usize = 5;
+
+    /// Strides are the counts. Fails when the scene's arrays do not have the lengths their docs give.
+    pub fn from_scene(scene: &Scene) -> Result<Self> {
+        let none = Supplement::default();
+        let supplement = scene.supplement.as_ref().unwrap_or(&none);
+        let (first, extra) = (scene.base.len(), supplement.gaussians.len());
+        let sh_degree = if first > 0 || extra == 0 { scene.base.sh_degree } else { supplement.gaussians.sh_degree };
+        check("base", &scene.base, sh_degree)?;
+        check("supplement", &supplement.gaussians, sh_degree)?;
+        let lobes = &supplement.lobes;
+        if lobes.directions.len() != extra || lobes.widths.len() != extra || lobes.sharpness.len() != extra {
+            return Err(Error::Usage(format!("supplement: {extra} Gaussians need as many lobes")));
+        }
+        let mut params = Params::zeros(first + extra, first, sh_degree);
+        let coefficients = params.sh_coefficients();
+        for (gaussians, offset) in [(&scene.base, 0), (&supplement.gaussians, first)] {
+            for j in 0..gaussians.len() {
+                let i = offset + j;
+                let planes = gaussians.means[j].iter().chain(&gaussians.log_scales[j]).chain(&gaussians.quats[j]);
+                for (p, &value) in planes.chain([&gaussians.opacities[j]]).enumerate() {
+                    params.geometry[p * params.stride + i] = value as f64;
+                }
+                for k in 0..coefficients {
+                    for c in 0..3 {
+                        params.sh[(3 * k + c) * params.stride + i] = gaussians.sh[j * coefficients + k][c] as f64;
+                    }
+                }
+            }
+        }
+        for j in 0..extra {
+            let planes = lobes.directions[j].iter().chain([&lobes.widths[j], &lobes.sharpness[j]]);
+            for (p, &value) in planes.enumerate() {
+                params.lobes[p * params.lobe_stride + j] = value as f64;
+            }
+        }
+        Ok(params)
+    }
+
+    /// The scene with every parameter rounded to float32. No supplement when there is no lobe.
+    pub fn to_scene(&self) -> Scene {
+        let part = |from: usize, to: usize| {
+            let mut part = Gaussians { sh_degree: self.sh_degree, ..Default::default() };
+            for i in from..to {
+                let plane = |p: usize| self.geometry[p * self.stride + i] as f32;
+                part.means.push([0, 1, 2].map(plane));
+                part.log_scales.push([3, 4, 5].map(plane));
+                part.quats.push([6, 7, 8, 9].map(plane));
+                part.opacities.push(plane(10));
+                part.sh.extend((0..self.sh_coefficients()).map(|k| self.coefficient(i, k).map(|c| c as f32)));
+            }
+            part
+        };
+        let supplement = (self.lobe_first < self.count).then(|| {
+            let mut lobes = Lobes::default();
+            for j in 0..self.count - self.lobe_first {
+                let plane = |p: usize| self.lobes[p * self.lobe_stride + j] as f32;
+                lobes.directions.push([0, 1, 2].map(plane));
+                lobes.widths.push(plane(3));
+                lobes.sharpness.push(plane(4));
+            }
+            Supplement { gaussians: part(self.lobe_first, self.count), lobes }
+        });
+        Scene { base: part(0, self.lobe_first), supplement }
+    }
+
+    /// All zero, strides as counts.
+    pub fn zeros(count: usize, lobe_first: usize, sh_degree: u32) -> Self {
+        let lobe_stride = count - lobe_first.min(count);
+        Params {
+            geometry: vec![0.0; Self::GEOMETRY_PLANES * count],
+            sh: vec![0.0; 3 * ((sh_degree + 1) * (sh_degree + 1)) as usize * count],
+            lobes: vec![0.0; Self::LOBE_PLANES * lobe_stride],
+            count,
+            stride: count,
+            lobe_first,
+            lobe_stride,
+            sh_degree,
+        }
+    }
+
+    /// All zero, in the same layout.
+    pub fn zeros_like(&self) -> Self {
+        Params {
+            geometry: vec![0.0; self.geometry.len()],
+            sh: vec![0.0; self.sh.len()],
+            lobes: vec![0.0; self.lobes.len()],
+            ..*self
+        }
+    }
+
+    /// Coefficients per Gaussian and channel, (L + 1)².
+    pub fn sh_coefficients(&self) -> usize {
+        ((self.sh_degree + 1) * (self.sh_degree + 1)) as usize
+    }
+
+    pub fn mean(&self, i: usize) -> DVec3 {
+        self.triple(0, i)
+    }
+
+    pub fn log_scale(&self, i: usize) -> DVec3 {
+        self.triple(3, i)
+    }
+
+    /// (w, x, y, z), not normalised.
+    pub fn quat(&self, i: usize) -> [f64; 4] {
+        [6, 7, 8, 9].map(|p| self.geometry[p * self.stride + i])
+    }
+
+    pub fn logit(&self, i: usize) -> f64 {
+        self.geometry[10 * self.stride + i]
+    }
+
+    /// RGB of coefficient k.
+    pub fn coefficient(&self, i: usize, k: usize) -> [f64; 3] {
+        [0, 1, 2].map(|c| self.sh[(3 * k + c) * self.stride + i])
+    }
+
+    /// Direction d, width T and sharpness β; none for a base Gaussian.
+    pub fn lobe(&self, i: usize) -> Option<(DVec3, f64, f64)> {
+        let j = i.checked_sub(self.lobe_first)?;
+        let plane = |p: usize| self.lobes[p * self.lobe_stride + j];
+        Some((DVec3::new(plane(0), plane(1), plane(2)), plane(3), plane(4)))
+    }
+
+    fn triple(&self, p: usize, i: usize) -> DVec3 {
+        let plane = |p: usize| self.geometry[p * self.stride + i];
+        DVec3::new(plane(p), plane(p + 1), plane(p + 2))
+    }
+}
+
+fn check(name: &str, gaussians: &Gaussians, sh_degree: u32) -> Result<()> {
+    let n = gaussians.len();
+    if n > 0 && (gaussians.sh_degree != sh_degree || sh_degree > 3) {
+        return Err(Error::Usage(format!("{name}: SH degree {} is not {}", gaussians.sh_degree, sh_degree.min(3))));
+    }
+    let lengths = [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len()];
+    if lengths.iter().any(|&length| length != n) || gaussians.sh.len() != n * gaussians.sh_coefficients() {
+        return Err(Error::Usage(format!("{name}: arrays of {n} Gaussians differ in length")));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::random_scene;
+
+    #[test]
+    fn a_scene_survives_the_way_to_planes_and_back() {
+        for (count, supplement, degree) in [(5, 3, 3), (4, 0, 0), (0, 2, 1), (0, 0, 2)] {
+            let scene = random_scene(7, count, supplement, degree);
+            assert_eq!(Params::from_scene(&scene).unwrap().to_scene(), scene);
+        }
+    }
+
+    #[test]
+    fn arrays_of_unequal_length_are_an_error() {
+        let mut scene = random_scene(7, 5, 3, 1);
+        scene.base.sh.pop();
+        assert!(Params::from_scene(&scene).is_err());
+        let mut scene = random_scene(7, 5, 3, 1);
+        scene.supplement.as_mut().unwrap().lobes.widths.pop();
+        assert!(Params::from_scene(&scene).is_err());
+    }
+}

@@ -1,0 +1,214 @@
+//! From gradient records to parameters: sums a Gaussian's records over its slots and goes back through `project`.
+
+use glam::{DMat3, DVec3, DVec4};
+
+use super::blend_backward::Record;
+use super::project::{Footprint, compensation, footprint, lobe_factor};
+use super::{DILATION, Intersections, Options, Params, Splat, View, harmonics, lobe, sigmoid};
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gradients {
+    /// ∂loss/∂parameter, in the parameters' layout.
+    pub params: Params,
+    /// Records summed over slots, by Gaussian index.
+    pub records: Vec<Record>,
+    /// Whether a Gaussian's record has a part that is not zero: it was blended into this view.
+    pub touched: Vec<bool>,
+}
+
+/// `tile_counts` and `isects` are the forward pass's, `isect_grads` the blend's, by slot.
+pub fn project_backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splats: &[Splat],
+    tile_counts: &[u32],
+    isects: &Intersections,
+    isect_grads: &[Record],
+) -> Gradients {
+    let mut out = Gradients {
+        params: params.zeros_like(),
+        records: vec![[0.0; 9]; params.count],
+        touched: vec![false; params.count],
+    };
+    for i in 0..params.count {
+        let first = isects.first_slot[i] as usize;
+        let record = &mut out.records[i];
+        for slot_record in &isect_grads[first..first + tile_counts[i] as usize] {
+            for (sum, part) in record.iter_mut().zip(slot_record) {
+                *sum += part;
+            }
+        }
+        out.touched[i] = record.iter().any(|&part| part != 0.0);
+        if !out.touched[i] {
+            continue;
+        }
+        let Some(f) = footprint(params, view, i) else { continue };
+        let mean = geometry_backward(params, view, options, &splats[i], &f, record, i, &mut out.params)
+            + color_backward(params, view, options, &splats[i], record, i, &mut out.params)
+            + opacity_backward(params, view, options, &splats[i], &f, record, i, &mut out.params);
+        for axis in 0..3 {
+            out.params.geometry[axis * params.stride + i] = mean[axis];
+        }
+    }
+    out
+}
+
+/// ∂loss/∂centre = Lᵀ (Σ g w), per px: −½|w|² with w = L(pixel − centre) has the gradient +Lᵀw in the centre.
+pub fn centre_gradient(splat: &Splat, record: &Record) -> [f64; 2] {
+    [splat.l11 * record[0], splat.l12 * record[0] + splat.l22 * record[1]]
+}
+
+/// Log scales and quaternion; returns the mean's part through centre, Σ2D and compensation.
+#[allow(clippy::too_many_arguments)]
+fn geometry_backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splat: &Splat,
+    f: &Footprint,
+    record: &Record,
+    i: usize,
+    out: &mut Params,
+) -> DVec3 {
+    // ∂(−½ δᵀQδ)/∂Σ2D = ½ Qδ (Qδ)ᵀ since ∂Q = −Q ∂Σ Q, and Qδ = Lᵀw: so ∂loss/∂Σ2D = ½ Lᵀ(Σ g wwᵀ)L =: H.
+    // Σ2D = MMᵀ + 0.3 I gives ∂loss/∂M = 2HM = Lᵀ (Σ g wwᵀ) (LM), taken in this order because LM is of order 1.
+    let n1 = splat.l11 * f.m1 + splat.l12 * f.m2;
+    let n2 = splat.l22 * f.m2;
+    let k1 = record[2] * n1 + record[3] * n2;
+    let k2 = record[3] * n1 + record[4] * n2;
+    let mut m1_grad = splat.l11 * k1;
+    let mut m2_grad = splat.l12 * k1 + splat.l22 * k2;
+
+    if options.compensate {
+        // k = √(D0/D): ∂k = ½ k (∂D0/D0 − ∂D/D) with D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09 and D0 = |m1 × m2|², whose
+        // gradients are 2 m2 × (m1 × m2) and 2 (m1 × m2) × m1. The opacity is proportional to k, and k > 0 when visible.
+        let opacity_grad = record[5] * splat.opacity;
+        let cross = f.m1.cross(f.m2);
+        let share = opacity_grad * (1.0 / f.d0 - 1.0 / f.d);
+        let dilation = opacity_grad * DILATION / f.d;
+        m1_grad += share * f.m2.cross(cross) - dilation * f.m1;
+        m2_grad += share * cross.cross(f.m1) - dilation * f.m2;
+    }
+
+    // Component k of both rows of M is proportional to the k-th scale.
+    let log_scale_grad = m1_grad * f.m1 + m2_grad * f.m2;
+    for axis in 0..3 {
+        out.geometry[(3 + axis) * params.stride + i] = log_scale_grad[axis];
+    }
+
+    // m1 = S Rᵀ jw1: ∂/∂jw1 = R S m1_grad, ∂/∂R[j][k] = jw1[j] · s_k m1_grad[k].
+    let (s1, s2) = (f.scale * m1_grad, f.scale * m2_grad);
+    let rotation_grad = outer(f.jw1, s1) + outer(f.jw2, s2);
+    let quat_grad = quat_backward(params.quat(i), rotation_grad);
+    for (k, grad) in quat_grad.into_iter().enumerate() {
+        out.geometry[(6 + k) * params.stride + i] = grad;
+    }
+
+    // jw1 = fx/z (row_x − tx row_z): proportional to 1/z, and to −row_z in tx, which is x/z unless clamped.
+    let (jw1_grad, jw2_grad) = (f.rotation * s1, f.rotation * s2);
+    let z = f.p.z;
+    let mut p_grad = DVec3::new(0.0, 0.0, -(f.jw1.dot(jw1_grad) + f.jw2.dot(jw2_grad)) / z);
+    let row_z = view.row_z.truncate();
+    if !f.clamped.0 {
+        let tx_grad = -view.fx / z * row_z.dot(jw1_grad);
+        p_grad += DVec3::new(tx_grad / z, 0.0, -tx_grad * f.tx / z);
+    }
+    if !f.clamped.1 {
+        let ty_grad = -view.fy / z * row_z.dot(jw2_grad);
+        p_grad += DVec3::new(0.0, ty_grad / z, -ty_grad * f.ty / z);
+    }
+
+    // The centre is never clamped.
+    let [u_grad, v_grad] = centre_gradient(splat, record);
+    p_grad += DVec3::new(
+        view.fx / z * u_grad,
+        view.fy / z * v_grad,
+        -(view.fx * f.p.x * u_grad + view.fy * f.p.y * v_grad) / (z * z),
+    );
+    view.rotation().transpose() * p_grad
+}
+
+/// SH coefficients; returns the mean's part through the viewing direction.
+fn color_backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splat: &Splat,
+    record: &Record,
+    i: usize,
+    out: &mut Params,
+) -> DVec3 {
+    // A channel that max(0, ·) clamped is exactly 0 and has no gradient.
+    let color = splat.color();
+    let color_grad = [0, 1, 2].map(|c| if color[c] > 0.0 { record[6 + c] } else { 0.0 });
+    let offset = params.mean(i) - view.eye;
+    let distance = offset.length();
+    let direction = offset / distance;
+    let degree = options.active_degree.min(params.sh_degree);
+    let basis = harmonics::basis(degree, direction);
+    let basis_grad = harmonics::basis_gradient(degree, direction);
+    let mut direction_grad = DVec3::ZERO;
+    for k in 0..((degree + 1) * (degree + 1)) as usize {
+        let coefficient = params.coefficient(i, k);
+        let mut sum = 0.0;
+        for c in 0..3 {
+            out.sh[(3 * k + c) * params.stride + i] = basis[k] * color_grad[c];
+            sum += coefficient[c] * color_grad[c];
+        }
+        direction_grad += basis_grad[k] * sum;
+    }
+    (direction_grad - direction * direction.dot(direction_grad)) / distance
+}
+
+/// Logit and lobe; returns the mean's part through the lobe.
+#[allow(clippy::too_many_arguments)]
+fn opacity_backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splat: &Splat,
+    f: &Footprint,
+    record: &Record,
+    i: usize,
+    out: &mut Params,
+) -> DVec3 {
+    let logit = params.logit(i);
+    // σ' = σ(1 − σ), and 1 − σ(x) = σ(−x) without cancellation.
+    out.geometry[10 * params.stride + i] = record[5] * splat.opacity * sigmoid(-logit);
+    let Some((direction, width, sharpness)) = params.lobe(i) else { return DVec3::ZERO };
+    debug_assert!(lobe_factor(params, view, i) > 0.0);
+    let factor_grad = record[5] * sigmoid(logit) * compensation(f, options);
+    let lobe = lobe::factor_gradient(direction, width, sharpness, view.eye - params.mean(i));
+    let j = i - params.lobe_first;
+    let planes = [lobe.direction.x, lobe.direction.y, lobe.direction.z, lobe.width, lobe.sharpness];
+    for (p, grad) in planes.into_iter().enumerate() {
+        out.lobes[p * params.lobe_stride + j] = factor_grad * grad;
+    }
+    factor_grad * lobe.mean
+}
+
+/// a bᵀ.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// ∂/∂(w, x, y, z) of the quaternion as stored, from ∂/∂R: through R(q̂), then through q̂ = q/|q|, which
+/// takes out the part along q̂ and divides by |q|.
+fn quat_backward(quat: [f64; 4], grad: DMat3) -> [f64; 4] {
+    let q = DVec4::from_array(quat);
+    let length = q.length();
+    let [w, x, y, z] = (q / length).to_array();
+    let g = |row: usize, column: usize| grad.col(column)[row];
+    let unit_grad = DVec4::new(
+        2.0 * (x * (g(2, 1) - g(1, 2)) + y * (g(0, 2) - g(2, 0)) + z * (g(1, 0) - g(0, 1))),
+        2.0 * (y * (g(0, 1) + g(1, 0)) + z * (g(0, 2) + g(2, 0)) + w * (g(2, 1) - g(1, 2)))
+            - 4.0 * x * (g(1, 1) + g(2, 2)),
+        2.0 * (x * (g(0, 1) + g(1, 0)) + z * (g(1, 2) + g(2, 1)) + w * (g(0, 2) - g(2, 0)))
+            - 4.0 * y * (g(0, 0) + g(2, 2)),
+        2.0 * (x * (g(0, 2) + g(2, 0)) + y * (g(1, 2) + g(2, 1)) + w * (g(1, 0) - g(0, 1)))
+            - 4.0 * z * (g(0, 0) + g(1, 1)),
+    );
+    let unit = q / length;
+    ((unit_grad - unit * unit.dot(unit_grad)) / length).to_array()
+}

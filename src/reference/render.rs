@@ -1,0 +1,90 @@
+//! All stages of the forward and the backward pass in their order.
+
+use super::blend::{Blended, blend};
+use super::blend_backward::blend_backward;
+use super::emit::{Emitted, emit};
+use super::project::{Projected, project};
+use super::project_backward::{Gradients, project_backward};
+use super::sort::{sort_depth, sort_isects};
+use super::tile_ranges::tile_ranges;
+use super::tiles::Tiling;
+use super::{Background, Params, Splat, View};
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// SH degree to evaluate, at most the parameters' own; coefficients beyond it get no gradient.
+    pub active_degree: u32,
+    /// Mip-Splatting's opacity compensation.
+    pub compensate: bool,
+    /// Pixels of a tile; 0 counts as 1.
+    pub tile_width: u32,
+    pub tile_height: u32,
+    /// Transmittance below which a pixel has its median Gaussian.
+    pub median_threshold: f64,
+}
+
+impl Default for Options {
+    /// The method's defaults, on tiles of 16 × 16.
+    fn default() -> Self {
+        Options { active_degree: 3, compensate: false, tile_width: 16, tile_height: 16, median_threshold: 0.5 }
+    }
+}
+
+/// What the blend walks over; `ARCHITECTURE.md` names the buffers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Intersections {
+    pub tiling: Tiling,
+    /// Gaussian index by depth rank.
+    pub global_from_rank: Vec<u32>,
+    /// Tile and slot, sorted by tile, front to back in each.
+    pub isect_tiles: Vec<u32>,
+    pub isect_slots: Vec<u32>,
+    /// Gaussian index by slot.
+    pub global_from_slot: Vec<u32>,
+    /// First slot by Gaussian index.
+    pub first_slot: Vec<u32>,
+    /// Begin and end of a tile's sorted intersections.
+    pub tile_ranges: Vec<[u32; 2]>,
+}
+
+impl Intersections {
+    /// `depths` are ∞ where a Gaussian is not visible.
+    pub fn new(splats: &[Splat], depths: &[f64], tiling: Tiling) -> Self {
+        let global_from_rank = sort_depth(depths);
+        let Emitted { tile_of_slot, global_from_slot, first_slot } = emit(splats, &global_from_rank, &tiling);
+        let (isect_tiles, isect_slots) = sort_isects(&tile_of_slot);
+        let tile_ranges = tile_ranges(&isect_tiles, tiling.count());
+        Intersections { tiling, global_from_rank, isect_tiles, isect_slots, global_from_slot, first_slot, tile_ranges }
+    }
+
+    /// (slot, Gaussian index) of the pixel's tile, front to back.
+    pub(super) fn of_pixel(&self, column: u32, row: u32) -> impl Iterator<Item = (u32, u32)> {
+        let [begin, end] = self.tile_ranges[self.tiling.tile_of(column, row) as usize];
+        let slots = &self.isect_slots[begin as usize..end as usize];
+        slots.iter().map(|&slot| (slot, self.global_from_slot[slot as usize]))
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    pub projected: Projected,
+    pub isects: Intersections,
+    pub blended: Blended,
+}
+
+pub fn render(params: &Params, view: &View, options: &Options, background: Background) -> Rendered {
+    let projected = project(params, view, options);
+    let tiling = Tiling::new(view.width, view.height, options);
+    let isects = Intersections::new(&projected.splats, &projected.depths, tiling);
+    let blended = blend(&projected.splats, &isects, background, options.median_threshold);
+    Rendered { projected, isects, blended }
+}
+
+impl Rendered {
+    /// `image_grad` is ∂loss/∂RGB by pixel; the rest are what [`render`] was given.
+    pub fn backward(&self, params: &Params, view: &View, options: &Options, image_grad: &[[f64; 3]]) -> Gradients {
+        let splats = &self.projected.splats;
+        let isect_grads = blend_backward(splats, &self.isects, &self.blended.image, image_grad);
+        project_backward(params, view, options, splats, &self.projected.tile_counts, &self.isects, &isect_grads)
+    }
+}

@@ -1,0 +1,76 @@
+//! A camera as the kernels see it.
+
+use glam::{DMat3, DVec3, DVec4};
+
+use crate::scene::Camera;
+
+/// World-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    pub row_x: DVec4,
+    pub row_y: DVec4,
+    pub row_z: DVec4,
+    /// Camera centre, world.
+    pub eye: DVec3,
+    /// Focal lengths and principal point, px.
+    pub fx: f64,
+    pub fy: f64,
+    pub cx: f64,
+    pub cy: f64,
+    /// 1.3 tan(fov/2) = 1.3 · width / (2 fx), likewise height: where the Jacobian's x/z and y/z are clamped (3DGS).
+    pub limit_x: f64,
+    pub limit_y: f64,
+    /// Pixels.
+    pub width: u32,
+    pub height: u32,
+}
+
+impl View {
+    pub fn from_camera(camera: &Camera) -> Self {
+        let row = |i: usize| camera.rotation.row(i).extend(camera.translation[i]);
+        View {
+            row_x: row(0),
+            row_y: row(1),
+            row_z: row(2),
+            eye: camera.eye(),
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            limit_x: 1.3 * camera.width as f64 / (2.0 * camera.fx),
+            limit_y: 1.3 * camera.height as f64 / (2.0 * camera.fy),
+            width: camera.width,
+            height: camera.height,
+        }
+    }
+
+    /// Every number rounded to float32: the view that a kernel is given, so that a comparison measures the
+    /// kernel's arithmetic and not the rounding of its input.
+    pub fn rounded(&self) -> Self {
+        let f = |x: f64| x as f32 as f64;
+        let row = |r: DVec4| DVec4::new(f(r.x), f(r.y), f(r.z), f(r.w));
+        View {
+            row_x: row(self.row_x),
+            row_y: row(self.row_y),
+            row_z: row(self.row_z),
+            eye: DVec3::new(f(self.eye.x), f(self.eye.y), f(self.eye.z)),
+            fx: f(self.fx),
+            fy: f(self.fy),
+            cx: f(self.cx),
+            cy: f(self.cy),
+            limit_x: f(self.limit_x),
+            limit_y: f(self.limit_y),
+            ..*self
+        }
+    }
+
+    pub fn to_camera(&self, world: DVec3) -> DVec3 {
+        let p = world.extend(1.0);
+        DVec3::new(self.row_x.dot(p), self.row_y.dot(p), self.row_z.dot(p))
+    }
+
+    /// R, world to camera.
+    pub fn rotation(&self) -> DMat3 {
+        DMat3::from_cols(self.row_x.truncate(), self.row_y.truncate(), self.row_z.truncate()).transpose()
+    }
+}

@@ -1,0 +1,341 @@
+//! The twins' gradients against central differences of the whole chain project → … → blend, and properties that
+//! any renderer of this method has. Runs on the CPU alone.
+
+use glint::reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render};
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+const WIDTH: u32 = 24;
+const HEIGHT: u32 = 20;
+const PIXELS: usize = (WIDTH * HEIGHT) as usize;
+
+/// One parameter: the plane array, the index into it, the Gaussian it belongs to and its kind.
+#[derive(Debug, Clone, Copy)]
+struct Parameter {
+    array: Array,
+    at: usize,
+    gaussian: usize,
+    class: &'static str,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Array {
+    Geometry,
+    Sh,
+    Lobes,
+}
+
+const CLASSES: [&str; 9] =
+    ["mean", "log scale", "quaternion", "opacity", "DC", "SH", "lobe direction", "lobe width", "lobe sharpness"];
+
+fn value(params: &mut Params, parameter: Parameter) -> &mut f64 {
+    match parameter.array {
+        Array::Geometry => &mut params.geometry[parameter.at],
+        Array::Sh => &mut params.sh[parameter.at],
+        Array::Lobes => &mut params.lobes[parameter.at],
+    }
+}
+
+/// All parameters but of the SH bands above 0, in which everything is linear, only every seventh.
+fn parameters(params: &Params) -> Vec<Parameter> {
+    let mut all = Vec::new();
+    for gaussian in 0..params.count {
+        for p in 0..Params::GEOMETRY_PLANES {
+            let class = CLASSES[[0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 3][p]];
+            all.push(Parameter { array: Array::Geometry, at: p * params.stride + gaussian, gaussian, class });
+        }
+        for p in 0..3 * params.sh_coefficients() {
+            if p < 3 || (p + gaussian) % 7 == 0 {
+                let class = CLASSES[if p < 3 { 4 } else { 5 }];
+                all.push(Parameter { array: Array::Sh, at: p * params.stride + gaussian, gaussian, class });
+            }
+        }
+        if gaussian >= params.lobe_first {
+            for p in 0..Params::LOBE_PLANES {
+                let class = CLASSES[[6, 6, 6, 7, 8][p]];
+                let at = p * params.lobe_stride + gaussian - params.lobe_first;
+                all.push(Parameter { array: Array::Lobes, at, gaussian, class });
+            }
+        }
+    }
+    all
+}
+
+struct Problem {
+    params: Params,
+    view: View,
+    options: Options,
+    background: Vec<[f64; 3]>,
+    /// loss = Σ weights · image.
+    weights: Vec<[f64; 3]>,
+}
+
+impl Problem {
+    fn new(seed: u64, count: usize, supplement: usize, options: Options) -> Self {
+        let params = Params::from_scene(&random_scene(seed, count, supplement, 3)).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed + 1000);
+        let mut image = |low: f64| (0..PIXELS).map(|_| std::array::from_fn(|_| rng.random_range(low..1.0))).collect();
+        Problem {
+            params,
+            view: View::from_camera(&random_camera(WIDTH, HEIGHT)),
+            options,
+            background: image(0.0),
+            weights: image(-1.0),
+        }
+    }
+
+    /// Adds to every log scale and to every opacity logit.
+    fn grown(mut self, log_scale: f64, logit: f64) -> Self {
+        let stride = self.params.stride;
+        self.params.geometry[3 * stride..6 * stride].iter_mut().for_each(|s| *s += log_scale);
+        self.params.geometry[10 * stride..11 * stride].iter_mut().for_each(|o| *o += logit);
+        self
+    }
+
+    fn render(&self, params: &Params) -> Rendered {
+        render(params, &self.view, &self.options, Background::Image(&self.background))
+    }
+
+    fn loss(&self, rendered: &Rendered) -> f64 {
+        let pixels = self.weights.iter().zip(&rendered.blended.image);
+        pixels.map(|(w, c)| w[0] * c[0] + w[1] * c[1] + w[2] * c[2]).sum()
+    }
+
+    /// The fourth-order central difference with the largest step of 1e-5, 1e-6, 1e-7 over which no pixel's
+    /// decisions and no kink of the Gaussian change; none when every step changes one.
+    ///
+    /// At 1e-5 a Gaussian moves by at most 1e-3 of its projected width, so that the truncation, the fourth power
+    /// of that, is below 1e-11; the rounding is 1e-16 · |loss| ~ 1e-15, with sums of 500 pixels 1e-13, over the step.
+    fn difference(&self, base: &Rendered, parameter: Parameter) -> Option<(f64, f64)> {
+        let mut params = self.params.clone();
+        let centre = *value(&mut params, parameter);
+        [1e-5, 1e-6, 1e-7].into_iter().find_map(|h| {
+            let losses = [-2.0, -1.0, 1.0, 2.0].map(|k| {
+                *value(&mut params, parameter) = centre + k * h;
+                let rendered = self.render(&params);
+                let kinks = |r: &Rendered| r.projected.kinks[parameter.gaussian];
+                let smooth = rendered.blended.decisions == base.blended.decisions && kinks(&rendered) == kinks(base);
+                smooth.then(|| self.loss(&rendered))
+            });
+            let [Some(a), Some(b), Some(c), Some(d)] = losses else { return None };
+            Some(((8.0 * (c - b) - (d - a)) / (12.0 * h), h))
+        })
+    }
+}
+
+/// What a check of one problem saw, so that no branch passes by being absent.
+#[derive(Default, Debug)]
+struct Seen {
+    tested: usize,
+    skipped: usize,
+    /// Parameters tested with a smaller step than 1e-5.
+    narrowed: usize,
+    /// Parameters with a gradient, by class.
+    live: [usize; 9],
+    /// Of those, of Gaussians whose Jacobian is clamped.
+    jacobian_clamped: usize,
+    /// Of those, of Gaussians with a colour channel clamped at 0.
+    color_clamped: usize,
+    /// Pixels and Gaussians with an α clamped at 0.99.
+    alpha_clamped: usize,
+    /// Pixels whose transmittance ended below 1e-3.
+    opaque: usize,
+}
+
+fn check(problem: &Problem, seen: &mut Seen) {
+    let base = problem.render(&problem.params);
+    let gradients = base.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
+    let mut analytic = gradients.params.clone();
+    let all = parameters(&problem.params);
+    let differences: Vec<_> = all.par_iter().map(|&parameter| problem.difference(&base, parameter)).collect();
+    for (parameter, difference) in all.into_iter().zip(differences) {
+        let gradient = *value(&mut analytic, parameter);
+        let Some((difference, h)) = difference else {
+            seen.skipped += 1;
+            continue;
+        };
+        let tolerance = 1e-7 * gradient.abs() + 1e-13 / h;
+        assert!(
+            (difference - gradient).abs() <= tolerance,
+            "{parameter:?}: {gradient} but differences say {difference} ({:?}, h = {h})",
+            problem.options
+        );
+        seen.tested += 1;
+        seen.narrowed += (h < 1e-5) as usize;
+        // A gradient that rounding cannot hide.
+        if gradient.abs() > 1e-6 {
+            let kinks = base.projected.kinks[parameter.gaussian];
+            seen.live[CLASSES.iter().position(|&class| class == parameter.class).unwrap()] += 1;
+            seen.jacobian_clamped += (kinks & 3 != 0) as usize;
+            seen.color_clamped += (kinks >> 2 != 0) as usize;
+        }
+    }
+    seen.opaque += base.blended.image.iter().filter(|pixel| pixel[3] < 1e-3).count();
+    for splat in base.projected.splats.iter().filter(|splat| splat.opacity > 0.99) {
+        for (column, row) in (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (column, row))) {
+            let (wu, wv) = splat.whiten(column, row);
+            seen.alpha_clamped += (splat.opacity * (-0.5 * (wu * wu + wv * wv)).exp() > 0.99) as usize;
+        }
+    }
+}
+
+#[test]
+fn every_gradient_is_the_central_difference() {
+    let tiles = [(16, 16), (8, 8), (7, 3), (16, 4)];
+    let mut seen = Seen::default();
+    for (n, (tile_width, tile_height)) in tiles.into_iter().enumerate() {
+        for compensate in [false, true] {
+            let options = Options { compensate, tile_width, tile_height, ..Default::default() };
+            let problem = Problem::new(40 + 2 * n as u64 + compensate as u64, 24, 16, options);
+            check(&problem, &mut seen);
+            // Large and opaque: some reach in from far beside the image, α is clamped, pixels stop early.
+            check(&problem.grown(2.3, 5.0), &mut seen);
+        }
+    }
+    println!("{seen:?}");
+    assert!(seen.skipped * 50 < seen.tested, "too many parameters at a threshold: {seen:?}");
+    assert!(seen.live.iter().all(|&live| live >= 30), "{seen:?}");
+    assert!(seen.jacobian_clamped >= 30 && seen.color_clamped >= 30, "{seen:?}");
+    assert!(seen.alpha_clamped >= 30 && seen.opaque >= 30, "{seen:?}");
+}
+
+#[test]
+fn coefficients_beyond_the_active_degree_neither_shine_nor_learn() {
+    for active_degree in 0..3 {
+        let options = Options { active_degree, ..Default::default() };
+        let problem = Problem::new(60, 60, 20, options).grown(0.5, 0.0);
+        let base = problem.render(&problem.params);
+        let gradients = base.backward(&problem.params, &problem.view, &options, &problem.weights);
+        let first = 3 * ((active_degree + 1) * (active_degree + 1)) as usize * problem.params.stride;
+        assert!(gradients.params.sh[first..].iter().all(|&g| g == 0.0));
+        assert!(gradients.params.sh[..first].iter().any(|&g| g != 0.0));
+        let mut dark = problem.params.clone();
+        dark.sh[first..].fill(0.0);
+        assert_eq!(problem.render(&dark).blended, base.blended);
+    }
+}
+
+/// Copies Gaussian `from[i]` to i; base must stay base and supplement supplement.
+fn permuted(params: &Params, from: &[usize]) -> Params {
+    let mut out = params.clone();
+    for (i, &source) in from.iter().enumerate() {
+        for (to, planes) in [(&mut out.geometry, &params.geometry), (&mut out.sh, &params.sh)] {
+            for p in 0..planes.len() / params.stride {
+                to[p * params.stride + i] = planes[p * params.stride + source];
+            }
+        }
+        if let (Some(j), Some(source)) = (i.checked_sub(params.lobe_first), source.checked_sub(params.lobe_first)) {
+            for p in 0..Params::LOBE_PLANES {
+                out.lobes[p * params.lobe_stride + j] = params.lobes[p * params.lobe_stride + source];
+            }
+        }
+    }
+    out
+}
+
+/// Without ties in z the order of blending, hence every bit, is the same.
+#[test]
+fn the_order_in_which_gaussians_are_stored_changes_nothing() {
+    let problem = Problem::new(70, 400, 150, Options::default());
+    let mut rng = ChaCha8Rng::seed_from_u64(71);
+    let mut from: Vec<usize> = (0..problem.params.count).collect();
+    let (base_part, supplement_part) = from.split_at_mut(problem.params.lobe_first);
+    base_part.shuffle(&mut rng);
+    supplement_part.shuffle(&mut rng);
+    let shuffled = permuted(&problem.params, &from);
+    let (before, after) = (problem.render(&problem.params), problem.render(&shuffled));
+    assert_eq!(before.blended.image, after.blended.image);
+    let before = before.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
+    let after = after.backward(&shuffled, &problem.view, &problem.options, &problem.weights);
+    assert_eq!(permuted(&before.params, &from), after.params);
+}
+
+/// Three opaque walls right before the camera: two take the transmittance to 1e-4, every pixel stops at the third
+/// at the latest.
+#[test]
+fn what_is_hidden_changes_nothing_and_learns_nothing() {
+    let mut problem = Problem::new(80, 203, 50, Options::default());
+    let camera = random_camera(WIDTH, HEIGHT);
+    let (stride, coefficients) = (problem.params.stride, 3 * problem.params.sh_coefficients());
+    for i in 0..3 {
+        let mean = camera.unproject(camera.cx, camera.cy, 0.25 + 0.01 * i as f64).to_array();
+        let geometry = [mean[0], mean[1], mean[2], 3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 9.0];
+        for (p, value) in geometry.into_iter().enumerate() {
+            problem.params.geometry[p * stride + i] = value;
+        }
+        for p in 0..coefficients {
+            problem.params.sh[p * stride + i] = if p < 3 { 0.3 * p as f64 } else { 0.0 };
+        }
+    }
+    let full = problem.render(&problem.params);
+    let mut walls = problem.params.clone();
+    walls.geometry[10 * stride + 3..11 * stride].fill(-20.0);
+    let bare = problem.render(&walls);
+    // Who stopped a pixel may differ, its colour may not.
+    assert_eq!(full.blended.image, bare.blended.image);
+    assert_eq!(full.blended.median, bare.blended.median);
+    assert!(full.isects.isect_slots.len() > bare.isects.isect_slots.len() + 100);
+    let gradients = full.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
+    for i in 3..problem.params.count {
+        assert!(!gradients.touched[i] && gradients.records[i] == [0.0; 9], "Gaussian {i}");
+    }
+}
+
+#[test]
+fn gaussians_that_are_not_visible_can_be_left_out() {
+    let problem = Problem::new(90, 500, 200, Options::default());
+    let full = problem.render(&problem.params);
+    let visible: Vec<usize> = (0..problem.params.count).filter(|&i| full.projected.tile_counts[i] > 0).collect();
+    assert!(visible.len() < problem.params.count - 50);
+    let lobe_first = visible.iter().filter(|&&i| i < problem.params.lobe_first).count();
+    let mut fewer = Params::zeros(visible.len(), lobe_first, problem.params.sh_degree);
+    for (i, &source) in visible.iter().enumerate() {
+        for p in 0..Params::GEOMETRY_PLANES {
+            fewer.geometry[p * fewer.stride + i] = problem.params.geometry[p * problem.params.stride + source];
+        }
+        for p in 0..3 * fewer.sh_coefficients() {
+            fewer.sh[p * fewer.stride + i] = problem.params.sh[p * problem.params.stride + source];
+        }
+        if i >= lobe_first {
+            for p in 0..Params::LOBE_PLANES {
+                fewer.lobes[p * fewer.lobe_stride + i - lobe_first] =
+                    problem.params.lobes[p * problem.params.lobe_stride + source - problem.params.lobe_first];
+            }
+        }
+    }
+    assert_eq!(problem.render(&fewer).blended.image, full.blended.image);
+}
+
+/// The image to the last bit; gradients up to the order in which tiles are summed.
+#[test]
+fn the_tile_size_changes_nothing() {
+    let mut problem = Problem::new(100, 400, 150, Options::default()).grown(0.5, 0.0);
+    let base = problem.render(&problem.params);
+    let gradients = base.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
+    for (tile_width, tile_height) in [(8, 8), (16, 8), (1, 1), (5, 7), (64, 64), (0, 16)] {
+        problem.options = Options { tile_width, tile_height, ..Default::default() };
+        let other = problem.render(&problem.params);
+        assert_eq!(base.blended.image, other.blended.image);
+        assert_eq!(base.blended.median, other.blended.median);
+        assert_eq!(base.blended.decisions, other.blended.decisions);
+        let other = other.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
+        assert_eq!(gradients.touched, other.touched);
+        let arrays = |p: &Params| [p.geometry.clone(), p.sh.clone(), p.lobes.clone()].concat();
+        for (a, b) in arrays(&gradients.params).into_iter().zip(arrays(&other.params)) {
+            assert!((a - b).abs() <= 1e-11 * (1.0 + a.abs()), "{a} {b}");
+        }
+    }
+}
+
+/// The image is a convex combination: transmittance and weights sum to 1, so equal colours everywhere give that colour.
+#[test]
+fn a_scene_of_one_colour_has_that_colour() {
+    let mut problem = Problem::new(110, 400, 150, Options::default()).grown(0.5, 0.0);
+    problem.params.sh.fill(0.0);
+    problem.background.fill([0.5; 3]);
+    for pixel in problem.render(&problem.params).blended.image {
+        assert!(pixel[..3].iter().all(|c| (c - 0.5).abs() < 1e-13), "{pixel:?}");
+    }
+}
