@@ -92,14 +92,14 @@ struct Interface {
     bindings: Vec<(String, String, AccessType)>,
     /// Name and type of each push constant member, in order.
     push: Vec<(String, String)>,
-    /// Name and type of each specialisation constant, by id.
-    spec: Vec<(String, &'static str)>,
+    /// Id, name and type of each specialisation constant.
+    spec: Vec<(u32, String, &'static str)>,
 }
 
 impl Interface {
     fn reflect(kernel: &str, words: &[u32], types: &mut Types) -> Self {
         let entry = ReflectConfig::new()
-            .spv(without_logic(words))
+            .spv(without_expressions(words))
             .ref_all_rscs(true)
             .reflect()
             .unwrap_or_else(|e| panic!("{kernel}: reflection failed: {e}"))
@@ -132,8 +132,11 @@ impl Interface {
             }
         }
         assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{kernel}: bindings must be 0, 1, 2, …");
-        assert!(spec.keys().copied().eq(0..spec.len() as u32), "{kernel}: constant_id must be 1, 2, 3, …");
-        Interface { bindings: bindings.into_values().collect(), push, spec: spec.into_values().collect() }
+        Interface {
+            bindings: bindings.into_values().collect(),
+            push,
+            spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect(),
+        }
     }
 
     fn generate(&self, name: &str, file: &str) -> String {
@@ -146,7 +149,7 @@ impl Interface {
         writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
         writeln!(s, "#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]").unwrap();
         writeln!(s, "pub struct Push {{\n{}}}", fields(push)).unwrap();
-        let spec_fields: Vec<_> = spec.iter().map(|(n, t)| (n.clone(), (*t).to_owned())).collect();
+        let spec_fields: Vec<_> = spec.iter().map(|(_, n, t)| (n.clone(), (*t).to_owned())).collect();
         writeln!(s, "#[derive(Clone, Copy, Debug)]\npub struct Spec {{\n{}}}", fields(&spec_fields)).unwrap();
         writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
         for (n, t, a) in bindings {
@@ -168,9 +171,12 @@ impl Interface {
         writeln!(s, "    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;").unwrap();
         let words: Vec<_> = spec
             .iter()
-            .map(|(n, t)| if *t == "f32" { format!("spec.{n}.to_bits()") } else { format!("spec.{n} as u32") })
+            .map(|(id, n, t)| match *t {
+                "f32" => format!("({id}, spec.{n}.to_bits())"),
+                _ => format!("({id}, spec.{n} as u32)"),
+            })
             .collect();
-        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<u32> {{ vec![{}] }}", words.join(", ")).unwrap();
+        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> {{ vec![{}] }}", words.join(", ")).unwrap();
         let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
         writeln!(s, "    fn raw_buffers<'a>(b: &Self::Buffers<'a>) -> Vec<&'a std::sync::Arc<crate::gpu::RawBuffer>> {{ vec![{}] }}", raw.join(", "))
             .unwrap();
@@ -179,23 +185,33 @@ impl Interface {
     }
 }
 
-/// `!`, `&&` and `||` of specialisation constants are operations that spirq 1.3 cannot evaluate and the interface does not
-/// depend on: for the reflection (only) they become `false`.
-fn without_logic(words: &[u32]) -> Vec<u32> {
-    const SPEC_CONSTANT_OP: u32 = 52;
-    /// OpLogicalEqual to OpLogicalNot.
-    const LOGIC: std::ops::RangeInclusive<u32> = 164..=168;
-    const CONSTANT_FALSE: u32 = 42;
+/// Expressions of specialisation constants (`!A`, `gl_WorkGroupSize.x / 8`) are more than spirq 1.3 can evaluate, and the
+/// interface does not depend on them: for the reflection (only) they become the constants `false` or 1.
+fn without_expressions(words: &[u32]) -> Vec<u32> {
     const HEADER: usize = 5;
+    const TYPE_BOOL: u32 = 20;
+    const TYPE_INT: u32 = 21;
+    const TYPE_FLOAT: u32 = 22;
+    const CONSTANT_FALSE: u32 = 42;
+    const CONSTANT: u32 = 43;
+    const SPEC_CONSTANT_OP: u32 = 52;
     let mut out = words[..HEADER].to_vec();
+    let mut scalar_types = BTreeMap::new();
     let mut at = HEADER;
     while at < words.len() {
         let (length, opcode) = ((words[at] >> 16) as usize, words[at] & 0xFFFF);
         let instruction = &words[at..at + length];
-        if opcode == SPEC_CONSTANT_OP && LOGIC.contains(&instruction[3]) {
-            out.extend([3 << 16 | CONSTANT_FALSE, instruction[1], instruction[2]]);
-        } else {
-            out.extend_from_slice(instruction);
+        if [TYPE_BOOL, TYPE_INT, TYPE_FLOAT].contains(&opcode) {
+            scalar_types.insert(instruction[1], opcode);
+        }
+        match scalar_types.get(instruction.get(1).unwrap_or(&0)) {
+            Some(&TYPE_BOOL) if opcode == SPEC_CONSTANT_OP => {
+                out.extend([3 << 16 | CONSTANT_FALSE, instruction[1], instruction[2]]);
+            }
+            Some(_) if opcode == SPEC_CONSTANT_OP => {
+                out.extend([4 << 16 | CONSTANT, instruction[1], instruction[2], 1]);
+            }
+            _ => out.extend_from_slice(instruction),
         }
         at += length;
     }

@@ -1,15 +1,14 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Sums what ssim_forward left per tile into the losses of each frame, in a fixed order.
 //
 // A workgroup does one frame. tile_sums -> losses[slot + frame].
-#include "shared/common.glsl"
-#include "shared/ssim.glsl"
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/ssim.glsl"
 
-layout(local_size_x_id = 0) in;
-layout(constant_id = 3) const float SSIM_WEIGHT = 0.2;
+layout(constant_id = 1) const float SSIM_WEIGHT = 0.2;
 
-/// Means over a frame's pixels and channels, and the loss made of them.
+// Means over a frame's pixels and channels, and the loss made of them.
 struct Loss {
     float l1;
     float ssim;
@@ -20,18 +19,18 @@ layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Losses { Loss losses[]; };
 
-layout(push_constant, scalar) uniform Push { uint frame_count; uint tiles_per_frame; uint slot; };
+layout(push_constant, scalar) uniform Push { uint frame_count; uint tiles_per_frame; uint slot; } push;
 
-/// One per subgroup; a subgroup has 8 lanes or more.
+// One per subgroup; a subgroup has 8 lanes or more.
 shared vec2 subgroup_sums[gl_WorkGroupSize.x / 8];
 
 void main() {
     uint frame_index = group_index();
-    if (!(frame_index < frame_count)) return;
+    if (!(frame_index < push.frame_count)) return;
     Frame frame = frames[frame_index];
     vec2 sums = vec2(0);
     for (uint tile = gl_LocalInvocationIndex; tile < tiles_of(frame); tile += gl_WorkGroupSize.x) {
-        sums += tile_sums[frame_index * tiles_per_frame + tile];
+        sums += tile_sums[frame_index * push.tiles_per_frame + tile];
     }
     sums = vec2(subgroupAdd(sums.x), subgroupAdd(sums.y));
     if (subgroupElect()) subgroup_sums[gl_SubgroupID] = sums;
@@ -39,6 +38,6 @@ void main() {
     if (gl_LocalInvocationIndex == 0) {
         for (uint s = 1; s < gl_NumSubgroups; s++) sums += subgroup_sums[s];
         vec2 mean = sums / (3 * float(frame.width) * float(frame.height));
-        losses[slot + frame_index] = Loss(mean.x, mean.y, (1 - SSIM_WEIGHT) * mean.x + SSIM_WEIGHT * (1 - mean.y));
+        losses[push.slot + frame_index] = Loss(mean.x, mean.y, (1 - SSIM_WEIGHT) * mean.x + SSIM_WEIGHT * (1 - mean.y));
     }
 }

@@ -1,17 +1,16 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Gradient of (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM) by the rendered pixels of each frame.
 //
 // A workgroup does one tile of TILE * TILE pixels and its border: thread (channel, run, row) filters the partials of a run
 // along its row, STRIP rows at a time; they go through shared memory to thread (channel, column), which filters down the
 // column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y.
-#include "shared/common.glsl"
-#include "shared/ssim.glsl"
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/ssim.glsl"
 
-layout(local_size_x_id = 0) in;
-/// 1: workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
-layout(constant_id = 1) const uint TILE_LIST = 0;
-layout(constant_id = 3) const float SSIM_WEIGHT = 0.2;
+// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+layout(constant_id = 1) const bool TILE_LIST = false;
+layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };
@@ -21,20 +20,20 @@ layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; }
 layout(set = 0, binding = 5, scalar) readonly buffer Partials { float partials[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ImageGrad { float image_grad[]; };
 
-/// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
-layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; };
+// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
+layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
-/// Odd, so that neighbouring rows begin in different banks.
+// Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = TILE + 1;
 const uint PLANE = 3 * STRIP * PITCH;
 shared float blurred[3 * PLANE];
 
 void main() {
     uint tile = group_index();
-    if (!(tile < (TILE_LIST != 0 ? count[count_index] : tile_count))) return;
-    if (TILE_LIST != 0) tile = tile_list[tile];
-    uint frame_index = tile / tiles_per_frame;
-    uint tile_in_frame = tile % tiles_per_frame;
+    if (!(tile < (TILE_LIST ? count[push.count_index] : push.tile_count))) return;
+    if (TILE_LIST) tile = tile_list[tile];
+    uint frame_index = tile / push.tiles_per_frame;
+    uint tile_in_frame = tile % push.tiles_per_frame;
     Frame frame = frames[frame_index];
     if (!(tile_in_frame < tiles_of(frame))) return;
     ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
@@ -59,7 +58,7 @@ void main() {
             for (uint step = 0; step < RUN + 2 * RADIUS; step++) {
                 vec3 p = vec3(0);
                 if (within(frame, pixel)) {
-                    uint i = partial_index(frame, frame_index, tiles_per_frame, channel, pixel);
+                    uint i = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
                     p = vec3(partials[i], partials[i + STRIP_PIXELS], partials[i + 2 * STRIP_PIXELS]);
                 }
                 pixel.x += 1;

@@ -1,5 +1,4 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // SSIM and L1 of rendered frames against their targets, and the derivatives of SSIM by its blurred moments.
 //
 // A workgroup does one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its border, filtering
@@ -13,15 +12,16 @@
 // Float32: E[x^2] - mx^2 has an error near 1e-7, 1e-4 of C2 at most. p0 is made from p1 and p2 as they are, so an error in
 // these only scales (x - mx) in the gradient, and what stays is the rounding of numbers up to 2 / C2: 2e-4, where
 // SSIM_WEIGHT times it stands beside the 0.8 of L1.
-#include "shared/common.glsl"
-#include "shared/ssim.glsl"
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/ssim.glsl"
 
-layout(local_size_x_id = 0) in;
-/// 1: workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
-layout(constant_id = 1) const uint TILE_LIST = 0;
-/// 1: also writes loss_map.
-layout(constant_id = 2) const uint LOSS_MAP = 0;
-layout(constant_id = 3) const float SSIM_WEIGHT = 0.2;
+// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+layout(constant_id = 1) const bool TILE_LIST = false;
+// also writes loss_map.
+layout(constant_id = 3) const bool LOSS_MAP = false;
+layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };
@@ -32,22 +32,22 @@ layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[
 layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
-/// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
-layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; };
+// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
+layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
-/// Odd, so that neighbouring rows begin in different banks.
+// Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = COLUMNS + 1;
 shared vec4 moments[3 * STRIP * PITCH];
-/// One per subgroup; a subgroup has 8 lanes or more.
+// One per subgroup; a subgroup has 8 lanes or more.
 shared vec2 subgroup_sums[WORKGROUP / 8];
 
 void main() {
     uint tile = group_index();
-    if (!(tile < (TILE_LIST != 0 ? count[count_index] : tile_count))) return;
-    if (TILE_LIST != 0) tile = tile_list[tile];
-    uint frame_index = tile / tiles_per_frame;
-    uint tile_in_frame = tile % tiles_per_frame;
+    if (!(tile < (TILE_LIST ? count[push.count_index] : push.tile_count))) return;
+    if (TILE_LIST) tile = tile_list[tile];
+    uint frame_index = tile / push.tiles_per_frame;
+    uint tile_in_frame = tile % push.tiles_per_frame;
     Frame frame = frames[frame_index];
     if (!(tile_in_frame < tiles_of(frame))) return;
     ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
@@ -61,8 +61,8 @@ void main() {
     // With a loss map one thread does all channels of a run, else the channels have threads of their own.
     uint row = thread % STRIP;
     uint run = thread / STRIP % RUNS;
-    uint first_channel = LOSS_MAP != 0 ? 0 : thread / (STRIP * RUNS);
-    uint end_channel = LOSS_MAP != 0 ? (thread < STRIP * RUNS ? 3 : 0) : min(first_channel + 1, 3);
+    uint first_channel = LOSS_MAP ? 0 : thread / (STRIP * RUNS);
+    uint end_channel = LOSS_MAP ? (thread < STRIP * RUNS ? 3 : 0) : min(first_channel + 1, 3);
 
     float l1 = 0;
     float ssim = 0;
@@ -95,7 +95,7 @@ void main() {
             uint at = (channel * STRIP + row) * PITCH + run * RUN;
             for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
             ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
-            uint partial = partial_index(frame, frame_index, tiles_per_frame, channel, pixel);
+            uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
             [[unroll]] for (uint step = 0; step < RUN; step++) {
                 vec4 m = feed(along, moments[at + 2 * RADIUS + step]);
                 float a1 = 2 * m.x * m.y + C1;
@@ -111,7 +111,7 @@ void main() {
                     partials[partial] = p0;
                     partials[partial + STRIP_PIXELS] = p1;
                     partials[partial + 2 * STRIP_PIXELS] = p2;
-                    if (LOSS_MAP != 0) {
+                    if (LOSS_MAP) {
                         uint i = uint(pixel.y) * frame.width + uint(pixel.x) + step;
                         float x = image[frame.image_first + i][channel];
                         float y = target_channel(targets[frame.target_first + i], channel);
@@ -121,7 +121,7 @@ void main() {
                 partial += RUNS * STRIP;
             }
         }
-        if (LOSS_MAP != 0 && end_channel == 3) {
+        if (LOSS_MAP && end_channel == 3) {
             ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
             [[unroll]] for (uint step = 0; step < RUN; step++) {
                 if (within(frame, pixel)) {

@@ -5,7 +5,6 @@
 // tile_ranges, isect_slots, global_from_slot, splats -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
 #include "../shared/frame.glsl"

@@ -7,7 +7,6 @@
 // tile_ranges, isect_slots, global_from_slot, splats, image, image_grad -> isect_grads (9 floats by slot)
 // The record is in whitened coordinates, see ARCHITECTURE.md; every slot is written.
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
 #include "../shared/frame.glsl"

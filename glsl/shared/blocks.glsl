@@ -6,8 +6,3 @@ layout(constant_id = 1) const uint BLOCK = 1024;
 uint blocks_for(uint items) {
     return (items + BLOCK - 1) / BLOCK;
 }
-
-/// The block of this subgroup; beyond the last one in a dispatch's tail.
-uint block_index() {
-    return group_index() * gl_NumSubgroups + gl_SubgroupID;
-}

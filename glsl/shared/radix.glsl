@@ -1,14 +1,11 @@
 // What the three kernels of a radix sort pass agree on.
 // Satish, Harris and Garland, "Designing Efficient Sorting Algorithms for Manycore GPUs", 2009; here a subgroup, not a
 // workgroup, owns a block. No workgroup waits for another, so no forward progress between them is assumed.
-#include "shared/blocks.glsl"
+#include "blocks.glsl"
 
-/// Width of the pass's digit, 1..8 bits.
+// Width of the pass's digit, 1..8 bits.
 layout(constant_id = 2) const uint DIGIT_BITS = 8;
 const uint DIGITS = 1u << DIGIT_BITS;
-
-/// The key that a compacting pass drops.
-const uint NO_KEY = 0xFFFFFFFFu;
 
 uint digit_of(uint key, uint shift) {
     return (key >> shift) & (DIGITS - 1);

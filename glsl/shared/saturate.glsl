@@ -7,7 +7,7 @@ uint saturating_add(uint a, uint b) {
     return sum < a ? SATURATED : sum;
 }
 
-/// high * 2^16 + low, saturated. Both are sums of at most 64 halves, so neither can have wrapped.
+// high * 2^16 + low, saturated. Both are sums of at most 64 halves, so neither can have wrapped.
 uint saturating_join(uint high, uint low) {
     high += low >> 16;
     return high > 0xFFFFu ? SATURATED : (high << 16) | (low & 0xFFFFu);

@@ -3,25 +3,19 @@
 // "3D Gaussian Splatting", 2023: (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM), means over pixels and
 // channels. Outside the image both pictures are 0 and the window's weights are not renormalised (conv2d, padding 5).
 
-/// A picture to compare: its pixels in image, image_grad and loss_map begin at image_first, its target's at target_first.
-struct Frame {
-    uint image_first;
-    uint target_first;
-    uint width;
-    uint height;
-};
+#include "frame.glsl"
 
-/// Everything here is laid out for this workgroup size: 3 channels * (TILE + 2 * RADIUS) columns fit into it.
+// Everything here is laid out for this workgroup size: 3 channels * (TILE + 2 * RADIUS) columns fit into it.
 const uint WORKGROUP = 128;
-/// Pixels of a tile's side. A workgroup does one tile.
+// Pixels of a tile's side. A workgroup does one tile.
 const uint TILE = 32;
-/// Rows that pass through shared memory at a time.
+// Rows that pass through shared memory at a time.
 const uint STRIP = 8;
-/// Consecutive pixels of a row that one thread filters.
+// Consecutive pixels of a row that one thread filters.
 const uint RUN = 8;
 const uint RUNS = TILE / RUN;
 const int RADIUS = 5;
-/// (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
+// (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
 const float C1 = 0.01 * 0.01;
 const float C2 = 0.03 * 0.03;
 
@@ -38,8 +32,8 @@ const float W3 = E3 * W0;
 const float W4 = E4 * W0;
 const float W5 = E5 * W0;
 
-/// Ten unfinished sums of the filter in transposed form: a sample is added to all windows that hold it as it comes by, so
-/// it is read once and nothing is shifted. s0 lacks one sample, s9 ten.
+// Ten unfinished sums of the filter in transposed form: a sample is added to all windows that hold it as it comes by, so
+// it is read once and nothing is shifted. s0 lacks one sample, s9 ten.
 #define FILTER(T, NAME) \
     struct NAME { T s0, s1, s2, s3, s4, s5, s6, s7, s8, s9; }; \
     /* Takes the next sample; the answer is centred on the sample of RADIUS steps before. */ \
@@ -74,7 +68,7 @@ bool within(Frame frame, ivec2 at) {
     return uint(at.x) < frame.width && uint(at.y) < frame.height;
 }
 
-/// Channel of a packed RGBA8 pixel, in [0, 1].
+// Channel of a packed RGBA8 pixel, in [0, 1].
 float target_channel(uint packed, uint channel) {
     return float(packed >> 8 * channel & 0xFFu) / 255.0;
 }

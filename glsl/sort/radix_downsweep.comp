@@ -1,16 +1,16 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Last of three kernels of a radix sort pass: every pair to its place, pairs of equal digit in their old order.
 //
 // A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from ballots over the digit's
 // bits. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
-#include "shared/common.glsl"
-#include "shared/radix.glsl"
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/radix.glsl"
 
-layout(local_size_x_id = 0) in;
-/// 1: keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
-/// remaining keys goes to count[kept_index].
-layout(constant_id = 3) const uint COMPACT = 0;
+// keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
+// remaining keys goes to count[kept_index].
+layout(constant_id = 3) const bool COMPACT = false;
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
@@ -20,17 +20,17 @@ layout(set = 0, binding = 4, scalar) readonly buffer DigitTotals { uint digit_to
 layout(set = 0, binding = 5, scalar) writeonly buffer KeysOut { uint keys_out[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ValuesOut { uint values_out[]; };
 
-/// Where in count the number of keys lies; where the number kept goes (another place); lowest bit of the digit.
-layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; uint shift; };
+// Where in count the number of keys lies; where the number kept goes (another place); lowest bit of the digit.
+layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; uint shift; } push;
 
-/// Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
+// Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
 shared uint next_place[(gl_WorkGroupSize.x / 8) * DIGITS];
 
 void main() {
-    uint keys = count[count_index];
-    uint block = block_index();
+    uint keys = count[push.count_index];
+    uint block = subgroup_index();
     // A compacting pass over no keys still has to say that none is left.
-    if (!(block < blocks_for(keys) || (COMPACT != 0 && block == 0))) return;
+    if (!(block < blocks_for(keys) || (COMPACT && block == 0))) return;
     uint lane = gl_SubgroupInvocationID;
     uint own = gl_SubgroupID * DIGITS;
 
@@ -42,18 +42,18 @@ void main() {
         if (digit < DIGITS) next_place[own + digit] = upto - total + block_counts[block * DIGITS + digit];
         smaller = subgroupBroadcast(upto, gl_SubgroupSize - 1);
     }
-    if (COMPACT != 0 && block == 0 && subgroupElect()) count[kept_index] = smaller;
+    if (COMPACT && block == 0 && subgroupElect()) count[push.kept_index] = smaller;
     subgroupBarrier();
 
     uint end = min(keys, (block + 1) * BLOCK);
     for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
         uint i = row + lane;
         bool live = i < end;
-        uint key = live ? keys_in[i] : NO_KEY;
-        uint value = COMPACT != 0 ? i : (live ? values_in[i] : 0);
-        if (COMPACT != 0) live = key != NO_KEY;
+        uint key = live ? keys_in[i] : NONE;
+        uint value = COMPACT ? i : (live ? values_in[i] : 0);
+        if (COMPACT) live = key != NONE;
 
-        uint digit = digit_of(key, shift);
+        uint digit = digit_of(key, push.shift);
         uvec2 peers = subgroupBallot(live).xy;
         [[unroll]] for (uint bit = 0; bit < DIGIT_BITS; bit++) {
             bool one = (digit >> bit & 1u) != 0;

@@ -1,28 +1,27 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Second of three kernels of a radix sort pass: per digit, how many keys with it lie in earlier blocks.
 //
 // A workgroup scans the columns of gl_SubgroupSize digits, one per lane; each of its subgroups takes a segment of the
 // blocks. block_counts in place, its column sums -> digit_totals.
-#include "shared/common.glsl"
-#include "shared/radix.glsl"
-
-layout(local_size_x_id = 0) in;
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "../shared/common.glsl"
+#include "../shared/radix.glsl"
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) buffer BlockCounts { uint block_counts[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer DigitTotals { uint digit_totals[]; };
 
-/// Where in count the number of keys lies.
-layout(push_constant, scalar) uniform Push { uint count_index; };
+// Where in count the number of keys lies.
+layout(push_constant, scalar) uniform Push { uint count_index; } push;
 
 shared uint segment_sums[gl_WorkGroupSize.x];
 
-/// Rows read before the first is written back, so that their latencies overlap.
+// Rows read before the first is written back, so that their latencies overlap.
 const uint AHEAD = 8;
 
 void main() {
-    uint blocks = blocks_for(count[count_index]);
+    uint blocks = blocks_for(count[push.count_index]);
     uint digit = group_index() * gl_SubgroupSize + gl_SubgroupInvocationID;
     bool live = digit < DIGITS;
     uint segment = (blocks + gl_NumSubgroups - 1) / gl_NumSubgroups;

@@ -1,28 +1,27 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // First of three kernels of a radix sort pass: how often each digit occurs in each block.
 //
 // A subgroup counts one block of BLOCK keys in shared memory. keys_in -> block_counts[block * DIGITS + digit].
-#include "shared/common.glsl"
-#include "shared/radix.glsl"
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/radix.glsl"
 
-layout(local_size_x_id = 0) in;
-/// 1: keys of 0xFFFFFFFF are not counted.
-layout(constant_id = 3) const uint COMPACT = 0;
+// keys of 0xFFFFFFFF are not counted.
+layout(constant_id = 3) const bool COMPACT = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer BlockCounts { uint block_counts[]; };
 
-/// Where in count the number of keys lies; lowest bit of the digit.
-layout(push_constant, scalar) uniform Push { uint count_index; uint shift; };
+// Where in count the number of keys lies; lowest bit of the digit.
+layout(push_constant, scalar) uniform Push { uint count_index; uint shift; } push;
 
-/// A row per subgroup; a subgroup has 8 lanes or more. 8 KiB at a workgroup of 64 and digits of 8 bits.
+// A row per subgroup; a subgroup has 8 lanes or more. 8 KiB at a workgroup of 64 and digits of 8 bits.
 shared uint digit_counts[(gl_WorkGroupSize.x / 8) * DIGITS];
 
 void main() {
-    uint keys = count[count_index];
-    uint block = block_index();
+    uint keys = count[push.count_index];
+    uint block = subgroup_index();
     if (!(block < blocks_for(keys))) return;
     uint lane = gl_SubgroupInvocationID;
     uint own = gl_SubgroupID * DIGITS;
@@ -32,7 +31,7 @@ void main() {
     uint end = min(keys, (block + 1) * BLOCK);
     for (uint i = block * BLOCK + lane; i < end; i += gl_SubgroupSize) {
         uint key = keys_in[i];
-        if (COMPACT == 0 || key != NO_KEY) atomicAdd(digit_counts[own + digit_of(key, shift)], 1);
+        if (!COMPACT || key != NONE) atomicAdd(digit_counts[own + digit_of(key, push.shift)], 1);
     }
     subgroupBarrier();
     for (uint d = lane; d < DIGITS; d += gl_SubgroupSize) block_counts[block * DIGITS + d] = digit_counts[own + d];

@@ -1,16 +1,15 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Last of three kernels of the exclusive prefix sum: from where each block begins to where each item does.
 //
 // A subgroup scans one block of BLOCK values, row by row. values (or values[index]), block_sums -> offsets, in the order
 // of the items. Sums saturate at 2^32 - 1; rows are scanned with care only in blocks that reach it.
-#include "shared/common.glsl"
-#include "shared/blocks.glsl"
-#include "shared/saturate.glsl"
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/blocks.glsl"
+#include "../shared/saturate.glsl"
 
-layout(local_size_x_id = 0) in;
-/// 1: item i is values[index[i]].
-layout(constant_id = 2) const uint GATHER = 0;
+// item i is values[index[i]].
+layout(constant_id = 2) const bool GATHER = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Values { uint values[]; };
@@ -18,12 +17,12 @@ layout(set = 0, binding = 2, scalar) readonly buffer Index { uint index[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer BlockSums { uint block_sums[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Offsets { uint offsets[]; };
 
-/// Where in count the number of items lies.
-layout(push_constant, scalar) uniform Push { uint count_index; };
+// Where in count the number of items lies.
+layout(push_constant, scalar) uniform Push { uint count_index; } push;
 
 void main() {
-    uint items = count[count_index];
-    uint block = block_index();
+    uint items = count[push.count_index];
+    uint block = subgroup_index();
     if (!(block < blocks_for(items))) return;
     uint end = min(items, (block + 1) * BLOCK);
     uint before = block_sums[block];
@@ -31,7 +30,7 @@ void main() {
     bool exact = block_sums[block + 1] < SATURATED;
     for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
         uint i = row + gl_SubgroupInvocationID;
-        uint value = i < end ? values[GATHER != 0 ? index[i] : i] : 0;
+        uint value = i < end ? values[GATHER ? index[i] : i] : 0;
         uint offset;
         if (exact) {
             uint upto = before + subgroupInclusiveAdd(value);

@@ -1,27 +1,25 @@
 #version 460
-#extension GL_GOOGLE_include_directive : require
 // Second of three kernels of the exclusive prefix sum: from the blocks' sums to where each block begins.
 //
 // One workgroup; each subgroup scans a segment of the blocks. block_sums, in place; block_sums[blocks] and
 // count[total_index] are the total. The buffer holds blocks + 1 values. Sums saturate at 2^32 - 1.
-#include "shared/common.glsl"
-#include "shared/blocks.glsl"
-#include "shared/saturate.glsl"
-
-layout(local_size_x_id = 0) in;
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/blocks.glsl"
+#include "../shared/saturate.glsl"
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) buffer BlockSums { uint block_sums[]; };
 
-/// Where in count the number of items lies, and where the total goes (another place).
-layout(push_constant, scalar) uniform Push { uint count_index; uint total_index; };
+// Where in count the number of items lies, and where the total goes (another place).
+layout(push_constant, scalar) uniform Push { uint count_index; uint total_index; } push;
 
-/// One per subgroup; a subgroup has 8 lanes or more.
+// One per subgroup; a subgroup has 8 lanes or more.
 shared uint segment_sums[gl_WorkGroupSize.x / 8];
 
 void main() {
     if (!(group_index() == 0)) return;
-    uint blocks = blocks_for(count[count_index]);
+    uint blocks = blocks_for(count[push.count_index]);
     uint segment = (blocks + gl_NumSubgroups - 1) / gl_NumSubgroups;
     uint begin = min(blocks, gl_SubgroupID * segment);
     uint end = min(blocks, begin + segment);
@@ -45,6 +43,6 @@ void main() {
     }
     if (gl_SubgroupID == gl_NumSubgroups - 1 && subgroupElect()) {
         block_sums[blocks] = before;
-        count[total_index] = before;
+        count[push.total_index] = before;
     }
 }

@@ -2,8 +2,8 @@
 //! analytically in f64, with exact cameras and a point cloud such as structure from motion would give.
 //!
 //! It is made to show what view-dependent opacity adds over spherical harmonics: a surface point lights up over a
-//! cone of view directions about 15° wide, too narrow for harmonics of degree 3 and wide enough to be seen by several
-//! neighbouring cameras, which are 6 to 8° apart.
+//! cone of view directions 12 to 19° wide (at half its brightness), too narrow for harmonics of degree 3 and wide enough to be seen by several
+//! neighbouring cameras, which are 5 to 9° apart.
 //!
 //! Reflection model: the mirror direction sees rectangular lights blurred by a Gaussian of the material's own width,
 //! which for a rectangle is a product of error functions; there is no random sampling in the images.
@@ -12,7 +12,8 @@
 //! World axes: z up, the floor is z = 0, cameras look along +y. Lengths are scene units, angles radians, light is linear
 //! and dimensionless (1 = white of the photograph).
 
-use std::f64::consts::{PI, SQRT_2, TAU};
+use std::collections::HashMap;
+use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 use std::sync::OnceLock;
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
@@ -60,9 +61,9 @@ const AMBIENT: f64 = 1.1;
 
 /// Samples per pixel are `SAMPLES`², on a regular grid.
 const SAMPLES: usize = 4;
-/// Four samples (a rotated grid) suffice where they hit one object and differ by less than this (sRGB-like units):
-/// half a step of 1/64 on the remaining ones is below one 8-bit step of the pixel.
-const CALM: f64 = 1.0 / 64.0;
+/// Four samples suffice where a pixel's corners hit one object and differ by less than this (roots of linear light, which
+/// are near sRGB); against sixteen, one value in 10,000 then differs by more than an 8-bit step.
+const CALM: f64 = 4.0 / 255.0;
 /// Texels of the baked floor irradiance along one axis; a texel is 0.034 scene units, 1.7 pixels.
 const BAKE: usize = 160;
 /// Shadow rays per texel: `BAKE_LIGHT`² per light, `BAKE_SKY` for the ambient light.
@@ -70,14 +71,16 @@ const BAKE_LIGHT: usize = 5;
 const BAKE_SKY: usize = 64;
 
 /// Standard deviation of a surface point's error, scene units: 0.2 % of the extent (1.1 times the largest distance of
-/// a training camera from their mean, about 4.4), as structure from motion has it.
-const POINT_NOISE: f64 = 0.0088;
+/// a training camera from their mean, 4.76), as structure from motion has it.
+const POINT_NOISE: f64 = 0.0095;
 /// Points per area on the objects relative to the floor: features are found where there is detail.
 const OBJECT_DENSITY: f64 = 3.0;
+/// Least distance of the first points on the floor, scene units; room for about a hundred points on everything.
+const FIRST_SPACING: f64 = 0.5;
 /// A point counts as seen in a photograph at least this far from its border, pixels, and needs this many views.
 const POINT_MARGIN: f64 = 1.0;
 const POINT_VIEWS: usize = 3;
-const SEED: u64 = 0x676c_696e_74;
+const SEED: u64 = 0x0067_6c69_6e74;
 
 /// A rectangular light at infinity.
 struct Light {
@@ -268,17 +271,39 @@ pub fn builtin_scene(points: usize) -> BuiltinScene {
 
 /// Renders the scene from `camera` without quantisation: linear light in [0, 1], `[height · width · 3]`, rows from the top.
 pub fn render_truth(camera: &Camera, part: Part) -> Vec<f32> {
+    render(camera, part, CALM)
+}
+
+fn render(camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
     let studio = studio();
-    let width = camera.width as usize;
-    let mut image = vec![0.0f32; width * camera.height as usize * 3];
+    let view = View { camera, eye: camera.eye() };
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let corner = |y: usize| -> Vec<Sample> { (0..=width).map(|x| studio.sample(&view, x as f64, y as f64)).collect() };
+    let corners: Vec<Vec<Sample>> = (0..=height).into_par_iter().map(corner).collect();
+    let mut image = vec![0.0f32; width * height * 3];
     // A camera without pixels has an empty image, which has no rows to split.
     image.par_chunks_mut((width * 3).max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-            let light = studio.pixel(camera, x as f64, y as f64, part);
+            let around = [corners[y][x], corners[y][x + 1], corners[y + 1][x], corners[y + 1][x + 1]];
+            let light = studio.pixel(&view, x as f64, y as f64, part, around, calm);
             pixel.copy_from_slice(&light.as_vec3().to_array());
         }
     });
     image
+}
+
+/// A camera with its centre, which every ray needs.
+struct View<'a> {
+    camera: &'a Camera,
+    eye: DVec3,
+}
+
+/// What a ray brings back: an identity of what it hits, everything, and diffuse alone; both clipped at white.
+#[derive(Clone, Copy)]
+struct Sample {
+    hit: usize,
+    all: DVec3,
+    diffuse: DVec3,
 }
 
 /// The 56 cameras in grid order, row by row from the lowest, with whether they are test cameras.
@@ -353,7 +378,7 @@ impl Lamp {
     /// The share of a Gaussian lobe of standard deviation `blur` about `r` that falls on the light.
     fn share(&self, r: DVec3, blur: f64) -> f64 {
         let w = r.dot(self.toward);
-        if !(w > 0.1) {
+        if w <= 0.1 {
             return 0.0;
         }
         let (x, y) = ((r.dot(self.right) / w).abs(), (r.dot(self.up) / w).abs());
@@ -744,132 +769,181 @@ impl Studio {
         (diffuse, specular * (object.f0 + (DVec3::ONE - object.f0) * grazing))
     }
 
-    /// One sample: an identity of what is hit, everything and diffuse alone, both clipped at white.
-    fn sample(&self, camera: &Camera, x: f64, y: f64) -> (usize, DVec3, DVec3) {
-        let eye = camera.eye();
-        let d = (camera.unproject(x, y, 1.0) - eye).normalize();
-        match self.trace(eye, d) {
-            None => (usize::MAX, self.background, self.background),
+    fn sample(&self, view: &View, x: f64, y: f64) -> Sample {
+        let d = (view.camera.unproject(x, y, 1.0) - view.eye).normalize();
+        match self.trace(view.eye, d) {
+            None => Sample { hit: usize::MAX, all: self.background, diffuse: self.background },
             Some(hit) => {
                 let (diffuse, specular) = self.shade(&hit, d, 1);
                 let all = (diffuse + specular).min(DVec3::ONE);
-                (hit.object.unwrap_or(self.objects.len()), all, diffuse.min(DVec3::ONE))
+                Sample { hit: hit.object.unwrap_or(self.objects.len()), all, diffuse: diffuse.min(DVec3::ONE) }
             }
         }
     }
 
-    fn pixel(&self, camera: &Camera, x: f64, y: f64, part: Part) -> DVec3 {
+    /// Mean light of a pixel's samples, of four in a rotated grid if the pixel's corners are alike.
+    fn pixel(&self, view: &View, x: f64, y: f64, part: Part, corners: [Sample; 4], calm: f64) -> DVec3 {
         let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64;
-        let sample = |i: usize, j: usize| self.sample(camera, x + at(i), y + at(j));
-        let rotated = [sample(1, 0), sample(3, 1), sample(0, 2), sample(2, 3)];
-        let root = rotated.map(|s| dvec3(s.1.x.sqrt(), s.1.y.sqrt(), s.1.z.sqrt()));
-        let lo = root.iter().copied().fold(DVec3::ONE, DVec3::min);
-        let hi = root.iter().copied().fold(DVec3::ZERO, DVec3::max);
-        let calm = rotated.iter().all(|s| s.0 == rotated[0].0) && (hi - lo).max_element() < CALM;
-        let mean = |samples: &[(usize, DVec3, DVec3)]| {
-            let sum = samples.iter().fold((DVec3::ZERO, DVec3::ZERO), |sum, s| (sum.0 + s.1, sum.1 + s.2));
-            let (all, diffuse) = (sum.0 / samples.len() as f64, sum.1 / samples.len() as f64);
+        let sample = |i: usize, j: usize| {
+            let Sample { all, diffuse, .. } = self.sample(view, x + at(i), y + at(j));
             match part {
                 Part::All => all,
                 Part::Diffuse => diffuse,
                 Part::Specular => all - diffuse,
             }
         };
-        if calm {
-            return mean(&rotated);
+        // The root is near enough to sRGB.
+        let root = corners.map(|s| s.all.map(f64::sqrt));
+        let range = root.into_iter().reduce(DVec3::max).zip(root.into_iter().reduce(DVec3::min));
+        let alike = corners.iter().all(|s| s.hit == corners[0].hit);
+        if alike && range.is_some_and(|(hi, lo)| (hi - lo).max_element() < calm) {
+            return (sample(1, 0) + sample(3, 1) + sample(0, 2) + sample(2, 3)) / 4.0;
         }
-        let every: Vec<_> = (0..SAMPLES * SAMPLES).map(|k| sample(k % SAMPLES, k / SAMPLES)).collect();
-        mean(&every)
+        let sum: DVec3 = (0..SAMPLES * SAMPLES).map(|k| sample(k % SAMPLES, k / SAMPLES)).sum();
+        sum / (SAMPLES * SAMPLES) as f64
     }
 }
 
 // ------------------------------------------------------------------------------------------------- the point cloud
 
+/// A point drawn on a surface, before and after noise.
+struct Draw {
+    point: DVec3,
+    normal: DVec3,
+    noisy: DVec3,
+    on_object: bool,
+}
+
 /// Surface points that at least [`POINT_VIEWS`] training photographs see, with their mean colours there.
 ///
-/// Candidates are uniform by area: random lines through the bounding sphere of a convex body enter it uniformly over its
-/// surface, and hit it in proportion to a quarter of its area (Cauchy's formula).
+/// Dart throwing (a draw is kept if no kept point is too near) at a distance that shrinks whenever it has become hard to
+/// find room, so that every prefix covers everything.
 fn surface_points(photos: &[BuiltinPhoto], count: usize) -> (Vec<[f32; 3]>, Vec<[u8; 3]>) {
-    let studio = studio();
     let training: Vec<&BuiltinPhoto> = photos.iter().filter(|p| !p.is_test).collect();
-    let disc = |o: &Object| PI * o.shape.bounding_radius().powi(2) * OBJECT_DENSITY;
-    let floor = 0.25 * PI * FLOOR_RADIUS * FLOOR_RADIUS;
-    let total = floor + studio.objects.iter().map(disc).sum::<f64>();
-
-    let candidate = |k: u64| -> Option<([f32; 3], [u8; 3])> {
-        // Roberts' additive recurrence in five dimensions spreads every prefix evenly; noise comes from a stream of
-        // the candidate's own, so that candidates can be tried in parallel.
-        let u = recurrence(k);
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-        rng.set_stream(1 + k);
-        let mut pick = u[0] * total - floor;
-        let (point, normal) = if pick < 0.0 {
-            let (s, c) = (TAU * u[2]).sin_cos();
-            (dvec3(c, s, 0.0) * FLOOR_RADIUS * u[1].sqrt(), DVec3::Z)
-        } else {
-            let object = studio.objects.iter().find(|o| {
-                pick -= disc(o);
-                pick < 0.0
-            })?;
-            let z = 2.0 * u[1] - 1.0;
-            let (s, c) = (TAU * u[2]).sin_cos();
-            let d = dvec3(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z);
-            let (right, up) = d.any_orthonormal_pair();
-            let (s, c) = (TAU * u[3]).sin_cos();
-            let radius = object.shape.bounding_radius();
-            let o = object.shape.centre() + (right * c + up * s) * (radius * u[4].sqrt()) - d * (2.0 * radius);
-            let (t, normal) = object.shape.enter(o, d)?;
-            (o + t * d, normal)
-        };
-        let noisy = point + POINT_NOISE * dvec3(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng));
-
-        let (mut views, mut sum) = (0usize, DVec3::ZERO);
-        for photo in &training {
-            let camera = &photo.camera;
-            let inside = |(x, y, z): (f64, f64, f64)| {
-                let within = |v: f64, size: u32| v >= POINT_MARGIN && v <= size as f64 - POINT_MARGIN;
-                z > 0.0 && within(x, camera.width) && within(y, camera.height)
-            };
-            let seen = camera.project(point);
-            if !inside(seen) || !inside(camera.project(noisy)) {
-                continue;
-            }
-            let lifted = point + 1e-6 * normal;
-            let toward = (camera.eye() - point).normalize();
-            // A surface seen at less than 6° cannot be matched.
-            if normal.dot(toward) < 0.1 || studio.enter(lifted, toward).is_some() {
-                continue;
-            }
-            let at = 3 * (seen.1 as usize * camera.width as usize + seen.0 as usize);
-            sum += dvec3(photo.rgb[at] as f64, photo.rgb[at + 1] as f64, photo.rgb[at + 2] as f64);
-            views += 1;
-        }
-        let color = (sum / views as f64).round().to_array().map(|c| c as u8);
-        (views >= POINT_VIEWS).then(|| (noisy.as_vec3().to_array(), color))
-    };
-
-    let (mut positions, mut colors) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut kept = Darts::new(FIRST_SPACING);
+    let (mut positions, mut colors) = (Vec::with_capacity(count.min(1 << 20)), Vec::with_capacity(count.min(1 << 20)));
     let mut next = 0u64;
     while positions.len() < count {
-        let batch: Vec<_> = (next..next + 4096).into_par_iter().filter_map(candidate).collect();
-        next += 4096;
-        for (position, color) in batch.into_iter().take(count - positions.len()) {
-            positions.push(position);
-            colors.push(color);
+        let batch = positions.len().max(1024) as u64;
+        let candidates: Vec<(Draw, [u8; 3])> = (next..next + batch)
+            .into_par_iter()
+            .filter_map(draw)
+            // Before the dear question of who sees it the cheap one.
+            .filter(|draw| kept.has_room(draw))
+            .filter_map(|draw| photographed(&draw, &training).map(|color| (draw, color)))
+            .collect();
+        next += batch;
+        let before = positions.len();
+        for (draw, color) in candidates {
+            if positions.len() < count && kept.has_room(&draw) {
+                kept.insert(&draw);
+                positions.push(draw.noisy.as_vec3().to_array());
+                colors.push(color);
+            }
+        }
+        // Lines that miss and places that nobody sees fail too; a sixteenth is well below their share.
+        if positions.len() - before < batch as usize / 16 {
+            kept = kept.finer();
         }
     }
     (positions, colors)
 }
 
-/// Element `k` of the additive recurrence of the five-dimensional generalised golden ratio, the root of x⁶ = x + 1
-/// (M. Roberts, 2018), in [0, 1).
-fn recurrence(k: u64) -> [f64; 5] {
-    const RATIO: f64 = 1.134_724_138_401_519_4;
-    let mut step = 1.0;
-    [(); 5].map(|()| {
-        step /= RATIO;
-        (0.5 + k as f64 * step).fract()
-    })
+/// Draw `k`, uniform by area but for [`OBJECT_DENSITY`]: random lines through the bounding sphere of a convex body enter it
+/// uniformly over its surface, and hit it in proportion to a quarter of its area (Cauchy). `None` for a line that misses.
+fn draw(k: u64) -> Option<Draw> {
+    let objects = &studio().objects;
+    // Every draw has a random stream of its own, so that draws can be made in parallel.
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    rng.set_stream(1 + k);
+    let disc = |o: &Object| PI * o.shape.bounding_radius().powi(2) * OBJECT_DENSITY;
+    let floor = 0.25 * PI * FLOOR_RADIUS * FLOOR_RADIUS;
+    let total = floor + objects.iter().map(disc).sum::<f64>();
+    let u: [f64; 5] = rng.random();
+    let circle = |u: f64| DVec2::from_angle(TAU * u);
+
+    let mut pick = u[0] * total - floor;
+    let (point, normal, on_object) = if pick < 0.0 {
+        ((circle(u[2]) * FLOOR_RADIUS * u[1].sqrt()).extend(0.0), DVec3::Z, false)
+    } else {
+        let object = objects.iter().find(|o| {
+            pick -= disc(o);
+            pick < 0.0
+        })?;
+        let z = 2.0 * u[1] - 1.0;
+        let d = (circle(u[2]) * (1.0 - z * z).sqrt()).extend(z);
+        let (right, up) = d.any_orthonormal_pair();
+        let radius = object.shape.bounding_radius();
+        let off = circle(u[3]) * (radius * u[4].sqrt());
+        let o = object.shape.centre() + right * off.x + up * off.y - d * (2.0 * radius);
+        let (t, normal) = object.shape.enter(o, d)?;
+        (o + t * d, normal, true)
+    };
+    let noisy = point + POINT_NOISE * dvec3(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng));
+    Some(Draw { point, normal, noisy, on_object })
+}
+
+/// The mean colour of a drawn point in the photographs that see it, if they are enough.
+fn photographed(draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
+    let (mut views, mut sum) = (0usize, DVec3::ZERO);
+    for photo in training {
+        let camera = &photo.camera;
+        let inside = |(x, y, z): (f64, f64, f64)| {
+            let within = |v: f64, size: u32| v >= POINT_MARGIN && v <= size as f64 - POINT_MARGIN;
+            z > 0.0 && within(x, camera.width) && within(y, camera.height)
+        };
+        let seen = camera.project(draw.point);
+        if !inside(seen) || !inside(camera.project(draw.noisy)) {
+            continue;
+        }
+        let toward = (camera.eye() - draw.point).normalize();
+        // A surface seen at less than 6° cannot be matched.
+        if draw.normal.dot(toward) < 0.1 || studio().enter(draw.point + 1e-6 * draw.normal, toward).is_some() {
+            continue;
+        }
+        let at = 3 * (seen.1 as usize * camera.width as usize + seen.0 as usize);
+        sum += dvec3(photo.rgb[at] as f64, photo.rgb[at + 1] as f64, photo.rgb[at + 2] as f64);
+        views += 1;
+    }
+    (views >= POINT_VIEWS).then(|| (sum / views as f64).round().to_array().map(|c| c as u8))
+}
+
+/// Kept points in a grid of cells as large as the least distance between them.
+struct Darts {
+    spacing: f64,
+    cells: HashMap<[i32; 3], Vec<DVec3>>,
+}
+
+impl Darts {
+    fn new(spacing: f64) -> Darts {
+        Darts { spacing, cells: HashMap::new() }
+    }
+
+    fn cell(&self, p: DVec3) -> [i32; 3] {
+        (p / self.spacing).floor().to_array().map(|v| v as i32)
+    }
+
+    fn has_room(&self, draw: &Draw) -> bool {
+        let spacing = if draw.on_object { self.spacing / OBJECT_DENSITY.sqrt() } else { self.spacing };
+        let [x, y, z] = self.cell(draw.point);
+        (0..27).all(|k| {
+            let cell = [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1];
+            self.cells.get(&cell).is_none_or(|points| points.iter().all(|p| p.distance(draw.point) >= spacing))
+        })
+    }
+
+    fn insert(&mut self, draw: &Draw) {
+        self.cells.entry(self.cell(draw.point)).or_default().push(draw.point);
+    }
+
+    /// The same points with room for about twice as many.
+    fn finer(self) -> Darts {
+        let mut finer = Darts::new(self.spacing * FRAC_1_SQRT_2);
+        for point in self.cells.into_values().flatten() {
+            finer.cells.entry(finer.cell(point)).or_default().push(point);
+        }
+        finer
+    }
 }
 
 /// A standard normal number (Box and Muller).
@@ -922,7 +996,7 @@ mod tests {
     }
 
     /// What the scene is for: at surface points that test cameras see, harmonics of degree 3 fitted to all training views leave
-    /// an error that lobes of 4.5° around the training directions remove by more than 2 dB.
+    /// an error that lobes of 4.5° around the training directions cut by more than 2 dB (measured: 26.5 to 29.4 dB).
     #[test]
     fn lobes_remove_an_error_that_harmonics_leave() {
         const STEP: u32 = 3;
@@ -969,7 +1043,6 @@ mod tests {
             })
             .reduce(|| [0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
             .map(|sum| -10.0 * (sum / pixels.len() as f64).log10());
-        println!("harmonics {harmonics:.2} dB, with lobes {lobes:.2} dB");
         assert!(lobes > harmonics + 2.0, "harmonics {harmonics:.2} dB, with lobes {lobes:.2} dB");
     }
 
@@ -983,6 +1056,26 @@ mod tests {
             let near = angles.filter(|a| *a < 10.0).count();
             assert!(near >= 3, "{near} training cameras within 10° of a test camera");
         }
+    }
+
+    #[test]
+    fn four_samples_of_a_calm_pixel_are_as_good_as_sixteen() {
+        let mut worst = vec![];
+        for i in [0, 9, 20, 27, 36, 45, 55] {
+            let camera = cameras()[i].0;
+            let bytes =
+                |calm| -> Vec<u8> { render(&camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect() };
+            worst.extend(bytes(CALM).iter().zip(&bytes(0.0)).map(|(a, b)| a.abs_diff(*b)));
+        }
+        worst.sort();
+        let over = worst.iter().filter(|d| **d > 1).count();
+        // Measured: 10 of 344,064 values differ by more than a step, by 6 at most (a silhouette between the corners).
+        assert!(
+            over * 10_000 < worst.len() && worst.last() < Some(&12),
+            "{over} of {}: {:?}",
+            worst.len(),
+            worst.last()
+        );
     }
 
     #[test]

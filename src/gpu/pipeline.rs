@@ -31,8 +31,8 @@ pub trait Kernel {
     type Push: Pod;
     type Spec;
     type Buffers<'a>;
-    /// Values by constant id; id 0 is the workgroup size.
-    fn spec_words(spec: &Self::Spec) -> Vec<u32>;
+    /// Constant ids and values; the first is the workgroup size, id 0.
+    fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
     fn raw_buffers<'a>(buffers: &Self::Buffers<'a>) -> Vec<&'a Arc<RawBuffer>>;
 }
 
@@ -52,7 +52,7 @@ pub struct Pipeline<K: Kernel> {
 
 impl<K: Kernel> Pipeline<K> {
     pub fn new(context: &Context, spec: &K::Spec) -> Result<Self, GpuError> {
-        let words = K::spec_words(spec);
+        let (ids, words): (Vec<u32>, Vec<u32>) = K::spec_words(spec).into_iter().unzip();
         let device = &context.0.device;
         let bindings: Vec<_> = (0..K::ACCESS.len() as u32)
             .map(|binding| {
@@ -68,8 +68,10 @@ impl<K: Kernel> Pipeline<K> {
             offset: 0,
             size: size_of::<K::Push>() as u32,
         }];
-        let entries: Vec<_> = (0..words.len() as u32)
-            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
+        let entries: Vec<_> = ids
+            .iter()
+            .zip((0..).step_by(4))
+            .map(|(&constant_id, offset)| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
             .collect();
         let code = ash::util::read_spv(&mut std::io::Cursor::new(K::SPIRV))
             .map_err(|_| GpuError::Vulkan { call: "read SPIR-V", result: vk::Result::ERROR_INVALID_SHADER_NV })?;

@@ -1,5 +1,8 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
 pub mod model;
+pub mod raster;
+pub mod render;
+pub mod sort;
 pub mod steps;
 pub mod views;

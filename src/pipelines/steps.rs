@@ -31,7 +31,8 @@ pub struct StepReport {
 
 impl Steps {
     pub fn new(context: &Context, batch: u32) -> Result<Self, GpuError> {
-        let readback = |i: usize| Buffer::new(context, &format!("status readback {i}"), STATUS_WORDS, Location::Readback);
+        let readback =
+            |i: usize| Buffer::new(context, &format!("status readback {i}"), STATUS_WORDS, Location::Readback);
         Ok(Steps {
             context: context.clone(),
             status: Buffer::zeroed(context, "status", STATUS_WORDS)?,

@@ -93,8 +93,8 @@ mod tests {
         }
     }
 
-    /// Fourth-order differences at h = 1e-4: truncation is h⁴ times a fifth derivative of at most ~1e5 here
-    /// (T = 0.2, 5! / T⁵ being the scale), that is 1e-11, and rounding 1e-16/1e-4.
+    /// Fourth-order differences at h = 1e-4: truncation is h⁴ times a fifth derivative of at most ~4e5 here
+    /// (T = 0.2, 5! / T⁵ being the scale), that is 4e-11, and rounding 1e-16/1e-4.
     #[test]
     fn the_gradient_is_that_of_the_factor() {
         let on_axis = EYE - DVec3::new(0.1, 0.3, 0.2);

@@ -4,6 +4,9 @@
 //! Layouts are those of `ARCHITECTURE.md`: parameters are planes, base Gaussians come first.
 //! Slices must have the lengths their docs give; the twins do not check what the stages check.
 
+// The house guards positively, so that NaN fails: `!(x >= lo)` is meant, here as in the kernels.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 pub mod adam;
 pub mod blend;
 pub mod blend_backward;

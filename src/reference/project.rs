@@ -117,7 +117,7 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     if !(d < f64::INFINITY) {
         return None;
     }
-    let clamped = (!((p.x / p.z).abs() <= view.limit_x), !((p.y / p.z).abs() <= view.limit_y));
+    let clamped = ((p.x / p.z).abs() > view.limit_x, (p.y / p.z).abs() > view.limit_y);
     Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, b, c, d, d0 })
 }
 

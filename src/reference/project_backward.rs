@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, DVec4};
 
 use super::blend_backward::Record;
-use super::project::{Footprint, compensation, footprint, lobe_factor};
+use super::project::{Footprint, compensation, footprint};
 use super::{DILATION, Intersections, Options, Params, Splat, View, harmonics, lobe, sigmoid};
 
 #[derive(Debug, Clone, PartialEq)]
@@ -177,7 +177,6 @@ fn opacity_backward(
     // σ' = σ(1 − σ), and 1 − σ(x) = σ(−x) without cancellation.
     out.geometry[10 * params.stride + i] = record[5] * splat.opacity * sigmoid(-logit);
     let Some((direction, width, sharpness)) = params.lobe(i) else { return DVec3::ZERO };
-    debug_assert!(lobe_factor(params, view, i) > 0.0);
     let factor_grad = record[5] * sigmoid(logit) * compensation(f, options);
     let lobe = lobe::factor_gradient(direction, width, sharpness, view.eye - params.mean(i));
     let j = i - params.lobe_first;

@@ -26,9 +26,10 @@ pub fn random_camera(width: u32, height: u32) -> Camera {
 /// tan 30°.
 const FRAC_TAN: f64 = 0.577_350_269_189_625_8;
 
-/// A scene before [`random_camera`] of any size: `count` base and `supplement` lobed Gaussians (no supplement for 0),
-/// depths 0.4 to 12, 5 % behind the camera, one in five beside the image; half a thousandth to a twelfth of the image wide,
-/// one in ten a needle of up to 1 : 100; opacities from below 1/255 to 0.999.
+/// A scene before [`random_camera`] of any size, `supplement` of its Gaussians with lobes (no supplement for 0).
+///
+/// Depths 0.4 to 12, 5 % behind the camera, one in seven beside a square image. Standard deviations between 0.05 % and
+/// 8 % of the image's width, one in ten a needle of up to 1 : 100. Opacities from below 1/255 to 0.999.
 pub fn random_scene(seed: u64, count: usize, supplement: usize, sh_degree: u32) -> Scene {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let sh_degree = sh_degree.min(3);

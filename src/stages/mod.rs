@@ -5,7 +5,9 @@
 
 pub mod blend;
 pub mod blend_backward;
+pub mod dispatch_args;
 pub mod emit;
+pub mod loss_sum;
 pub mod median_depth;
 pub mod plane_backward;
 pub mod plane_draw;
@@ -13,6 +15,14 @@ pub mod plane_project;
 pub mod plane_prune;
 pub mod project;
 pub mod project_backward;
+pub mod radix_downsweep;
+pub mod radix_spine;
+pub mod radix_upsweep;
+pub mod scan_apply;
+pub mod scan_reduce;
+pub mod scan_spine;
+pub mod ssim_backward;
+pub mod ssim_forward;
 pub mod step_done;
 pub mod tile_ranges;
 

@@ -1,0 +1,555 @@
+//! COLMAP's sparse models, binary and text (https://colmap.github.io/format.html).
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::dataset::{Focal, Shot, SourceCamera};
+use super::distortion::Distortion;
+use super::ply::PointCloud;
+use crate::{Error, Result};
+
+/// The folder below `root` that holds a model, if one does.
+pub(super) fn find(root: &Path) -> Option<PathBuf> {
+    [root.join("sparse").join("0"), root.join("sparse"), root.to_owned()]
+        .into_iter()
+        .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file()))
+}
+
+/// The images of the model in `model`, whose files are in `root`/images, and its points if there are any.
+pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<PointCloud>)> {
+    let (path, bytes) = open(model, "cameras")?;
+    let cameras = if is_text(&path) { cameras_text(&bytes, &path) } else { cameras_binary(&bytes, &path) }?;
+    let (path, bytes) = open(model, "images")?;
+    let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) }?;
+    if poses.is_empty() {
+        return Err(Error::input(path, "the model has no images"));
+    }
+    let folder = root.join("images");
+    if !folder.is_dir() {
+        let what = "is not there; give the folder that holds `images` and `sparse`";
+        return Err(Error::input(folder, what));
+    }
+    let mut shots = Vec::with_capacity(poses.len());
+    for pose in poses {
+        let fail = |what: String| Err(Error::input(&path, format!("image `{}`: {what}", pose.name)));
+        let camera = match cameras.get(&pose.camera) {
+            Some(Ok(camera)) => *camera,
+            Some(Err(model)) => {
+                return fail(format!(
+                    "its camera {} has model {model}; SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are read \
+                     (COLMAP's image_undistorter makes PINHOLE of any)",
+                    pose.camera
+                ));
+            }
+            None => return fail(format!("its camera {} is not in the model", pose.camera)),
+        };
+        let quat = DQuat::from_xyzw(pose.quat[1], pose.quat[2], pose.quat[3], pose.quat[0]);
+        // Any length but zero means the same rotation.
+        if !pose.quat.iter().chain(&pose.translation).all(|v| v.is_finite()) || !quat.length_squared().is_normal() {
+            return fail(format!("its pose {:?} {:?} is not finite or has no rotation", pose.quat, pose.translation));
+        }
+        shots.push(Shot {
+            path: folder.join(&pose.name),
+            name: pose.name,
+            listed_in: path.clone(),
+            camera,
+            rotation: DMat3::from_quat(quat.normalize()),
+            translation: DVec3::from_array(pose.translation),
+            split: None,
+        });
+    }
+    let points = match open(model, "points3D") {
+        Ok((path, bytes)) => {
+            Some(if is_text(&path) { points_text(&bytes, &path) } else { points_binary(&bytes, &path) }?)
+        }
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
+        Err(error) => return Err(error),
+    };
+    Ok((shots, points.filter(|points| !points.positions.is_empty())))
+}
+
+/// `stem`.bin if it is there, else `stem`.txt: the two may be mixed.
+fn open(model: &Path, stem: &str) -> Result<(PathBuf, Vec<u8>)> {
+    let binary = model.join(format!("{stem}.bin"));
+    let path = if binary.exists() { binary } else { model.join(format!("{stem}.txt")) };
+    let bytes = fs::read(&path).map_err(|source| Error::io(&path, source))?;
+    Ok((path, bytes))
+}
+
+fn is_text(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "txt")
+}
+
+/// What is not read is kept by its model's name, since it matters only if an image uses it.
+type Cameras = HashMap<u32, Result<SourceCamera, String>>;
+
+struct Pose {
+    name: String,
+    /// World to camera, (w, x, y, z).
+    quat: [f64; 4],
+    translation: [f64; 3],
+    camera: u32,
+}
+
+/// Names and numbers of parameters by COLMAP's model id (src/colmap/sensor/models.h).
+const MODELS: [(&str, usize); 12] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+];
+
+/// The inner error is the name of a model that is not read, the outer one says what is wrong.
+fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Result<SourceCamera, String>, String> {
+    let none = Distortion::default();
+    let (focal, center, distortion) = match (model, params) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], none),
+        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], none),
+        ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f], [cx, cy], Distortion { k1, ..none }),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], Distortion { k1, k2, ..none }),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], Distortion { k1, k2, p1, p2, ..none }),
+        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
+            return Err(format!("model {model} cannot have {} parameters", params.len()));
+        }
+        _ => return Ok(Err(model.to_owned())),
+    };
+    let camera = SourceCamera {
+        size: Some([width as f64, height as f64]),
+        focal: Focal::Pixels(focal),
+        center: Some(center),
+        distortion,
+    };
+    camera.check().map(|()| Ok(camera))
+}
+
+/// Little-endian numbers off the front of a byte string; nothing when it is too short.
+struct Bytes<'a> {
+    left: &'a [u8],
+}
+
+impl<'a> Bytes<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, left) = self.left.split_at_checked(count)?;
+        self.left = left;
+        Some(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N)?.try_into().ok()
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {
+        let mut out = [0.0; N];
+        for value in &mut out {
+            *value = f64::from_le_bytes(self.array()?);
+        }
+        Some(out)
+    }
+
+    fn name(&mut self) -> Option<&'a [u8]> {
+        let end = self.left.iter().position(|&b| b == 0)?;
+        let name = self.take(end)?;
+        self.take(1)?;
+        Some(name)
+    }
+}
+
+/// Reads a count and so many records of at least `least` bytes with `record`; `None` of it means that the file ends too early.
+/// A count that the file cannot hold is refused before anything is allocated.
+fn records<'a, T>(
+    bytes: &'a [u8],
+    path: &Path,
+    what: &str,
+    least: usize,
+    mut record: impl FnMut(&mut Bytes<'a>) -> Option<Result<T, String>>,
+) -> Result<Vec<T>> {
+    let fail = |what: String| Error::input(path, what);
+    let mut bytes = Bytes { left: bytes };
+    let count = bytes.u64().ok_or_else(|| fail(format!("is too short for the number of {what}s")))?;
+    let have = bytes.left.len();
+    if count > (have / least) as u64 {
+        let need = format!("at least {} bytes", count as u128 * least as u128);
+        return Err(fail(format!("promises {count} {what}s, which take {need}, but has {have}")));
+    }
+    let mut out = Vec::with_capacity(count as usize);
+    for i in 0..count {
+        match record(&mut bytes) {
+            Some(Ok(value)) => out.push(value),
+            Some(Err(error)) => return Err(fail(format!("{what} {i} of {count}: {error}"))),
+            None => return Err(fail(format!("ends in {what} {i} of {count}"))),
+        }
+    }
+    match bytes.left.len() {
+        0 => Ok(out),
+        left => Err(fail(format!("{left} bytes are left after the {count} {what}s that it promises"))),
+    }
+}
+
+fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
+    // Id, model, width, height and three parameters.
+    let list = records(bytes, path, "camera", 4 + 4 + 8 + 8 + 3 * 8, |bytes| {
+        let (id, model, width, height) = (bytes.u32()?, bytes.u32()?, bytes.u64()?, bytes.u64()?);
+        let Some(&(name, count)) = MODELS.get(model as usize) else {
+            return Some(Err(format!("model number {model} is unknown")));
+        };
+        let mut params = Vec::with_capacity(count);
+        for _ in 0..count {
+            params.extend(bytes.f64s::<1>()?);
+        }
+        Some(camera(name, width, height, &params).map(|camera| (id, camera)))
+    })?;
+    collect_cameras(list, path)
+}
+
+fn cameras_text(bytes: &[u8], path: &Path) -> Result<Cameras> {
+    let mut list = Vec::new();
+    for (number, line) in lines(bytes, path)?.filter(|(_, line)| is_data(line)) {
+        let fail = |what: String| Error::input(path, format!("line {number}: {what}"));
+        let mut words = line.split_whitespace();
+        let id = field(&mut words, "camera id").map_err(fail)?;
+        let model: String = field(&mut words, "model").map_err(fail)?;
+        let width = field(&mut words, "width").map_err(fail)?;
+        let height = field(&mut words, "height").map_err(fail)?;
+        let params: Vec<f64> =
+            words.map(|word| number_of(word, "a parameter")).collect::<Result<_, _>>().map_err(fail)?;
+        list.push((id, camera(&model, width, height, &params).map_err(fail)?));
+    }
+    collect_cameras(list, path)
+}
+
+fn collect_cameras(list: Vec<(u32, Result<SourceCamera, String>)>, path: &Path) -> Result<Cameras> {
+    let mut cameras = HashMap::new();
+    for (id, camera) in list {
+        if cameras.insert(id, camera).is_some() {
+            return Err(Error::input(path, format!("camera {id} appears twice")));
+        }
+    }
+    Ok(cameras)
+}
+
+fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
+    // Id, pose, camera, an empty name's end and the number of its points.
+    records(bytes, path, "image", 4 + 7 * 8 + 4 + 1 + 8, |bytes| {
+        bytes.u32()?;
+        let (quat, translation, camera) = (bytes.f64s()?, bytes.f64s()?, bytes.u32()?);
+        let name = bytes.name()?;
+        // Each point is x, y and the id of its 3D point.
+        let points = usize::try_from(bytes.u64()?.checked_mul(24)?).ok()?;
+        bytes.take(points)?;
+        Some(match str::from_utf8(name) {
+            Ok(name) => Ok(Pose { name: name.to_owned(), quat, translation, camera }),
+            Err(_) => Err(format!("the name `{}` is not UTF-8", String::from_utf8_lossy(name))),
+        })
+    })
+}
+
+fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
+    let mut poses = Vec::new();
+    let mut all = lines(bytes, path)?;
+    while let Some((number, line)) = all.next() {
+        if !is_data(line) {
+            continue;
+        }
+        let fail = |what: String| Error::input(path, format!("line {number}: {what}"));
+        let mut rest = line.trim();
+        let mut word = |what: &str| {
+            let (word, left) =
+                rest.split_once(char::is_whitespace).ok_or_else(|| fail(format!("ends before {what}")))?;
+            rest = left.trim_start();
+            Ok::<&str, Error>(word)
+        };
+        word("the image id")?;
+        let mut numbers = [0.0; 7];
+        for (value, name) in numbers.iter_mut().zip(["qw", "qx", "qy", "qz", "tx", "ty", "tz"]) {
+            *value = number_of(word(name)?, name).map_err(fail)?;
+        }
+        let camera = number_of(word("the camera id")?, "camera id").map_err(fail)?;
+        let [qw, qx, qy, qz, translation @ ..] = numbers;
+        // The rest of the line: names may hold blanks.
+        poses.push(Pose { name: rest.to_owned(), quat: [qw, qx, qy, qz], translation, camera });
+        // The line of its points, which may be empty.
+        all.next();
+    }
+    Ok(poses)
+}
+
+fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+    // Id, position, colour, error and the length of its track.
+    let points = records(bytes, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |bytes| {
+        bytes.u64()?;
+        let (position, color) = (bytes.f64s()?, bytes.array()?);
+        bytes.f64s::<1>()?;
+        let track = usize::try_from(bytes.u64()?.checked_mul(8)?).ok()?;
+        bytes.take(track)?;
+        Some(point(position).map(|position| (position, color)))
+    })?;
+    let (positions, colors) = points.into_iter().unzip();
+    Ok(PointCloud { positions, colors })
+}
+
+fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+    let mut cloud = PointCloud::default();
+    for (number, line) in lines(bytes, path)?.filter(|(_, line)| is_data(line)) {
+        let fail = |what: String| Error::input(path, format!("line {number}: {what}"));
+        let mut words = line.split_whitespace();
+        field::<u64>(&mut words, "point id").map_err(fail)?;
+        let (mut position, mut color) = ([0.0; 3], [0; 3]);
+        for (value, name) in position.iter_mut().zip(["x", "y", "z"]) {
+            *value = field(&mut words, name).map_err(fail)?;
+        }
+        for (value, name) in color.iter_mut().zip(["red", "green", "blue"]) {
+            *value = field(&mut words, name).map_err(fail)?;
+        }
+        cloud.positions.push(point(position).map_err(fail)?);
+        cloud.colors.push(color);
+    }
+    Ok(cloud)
+}
+
+fn point(position: [f64; 3]) -> Result<[f32; 3], String> {
+    let narrow = position.map(|v| v as f32);
+    match narrow.iter().all(|v| v.is_finite()) {
+        true => Ok(narrow),
+        false => Err(format!("the position {position:?} is not finite")),
+    }
+}
+
+/// Lines with their numbers from 1.
+fn lines<'a>(bytes: &'a [u8], path: &Path) -> Result<impl Iterator<Item = (usize, &'a str)> + use<'a>> {
+    let text = str::from_utf8(bytes).map_err(|_| Error::input(path, "is not UTF-8 text"))?;
+    Ok(text.lines().enumerate().map(|(i, line)| (i + 1, line)))
+}
+
+fn is_data(line: &str) -> bool {
+    !line.trim().is_empty() && !line.trim_start().starts_with('#')
+}
+
+fn field<'a, T: FromStr>(words: &mut impl Iterator<Item = &'a str>, name: &str) -> Result<T, String> {
+    number_of(words.next().ok_or_else(|| format!("ends before {name}"))?, name)
+}
+
+fn number_of<T: FromStr>(word: &str, name: &str) -> Result<T, String> {
+    word.parse().map_err(|_| format!("`{word}` is not sound for {name}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const OPENCV: [f64; 8] = [100.0, 101.0, 32.0, 24.0, 0.1, -0.02, 1e-3, 2e-3];
+    const QUAT: [f64; 4] = [0.5, -0.5, 0.5, 0.5];
+
+    fn cameras_bin(list: &[(u32, u32, &[f64])]) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (id, model, params) in list {
+            out.extend(id.to_le_bytes());
+            out.extend(model.to_le_bytes());
+            out.extend(64u64.to_le_bytes());
+            out.extend(48u64.to_le_bytes());
+            params.iter().for_each(|p| out.extend(p.to_le_bytes()));
+        }
+        out
+    }
+
+    fn images_bin(list: &[(&str, u32, [f64; 4], [f64; 3])], points: u64) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (i, (name, camera, quat, translation)) in list.iter().enumerate() {
+            out.extend((i as u32 + 1).to_le_bytes());
+            quat.iter().chain(translation).for_each(|v| out.extend(v.to_le_bytes()));
+            out.extend(camera.to_le_bytes());
+            out.extend(name.bytes());
+            out.push(0);
+            out.extend(points.to_le_bytes());
+            (0..points * 24).for_each(|i| out.push(i as u8));
+        }
+        out
+    }
+
+    fn points_bin(list: &[[f64; 3]]) -> Vec<u8> {
+        let mut out = (list.len() as u64).to_le_bytes().to_vec();
+        for (i, p) in list.iter().enumerate() {
+            out.extend((i as u64).to_le_bytes());
+            p.iter().for_each(|v| out.extend(v.to_le_bytes()));
+            out.extend([i as u8, 20, 30]);
+            out.extend(0.5f64.to_le_bytes());
+            out.extend(2u64.to_le_bytes());
+            out.extend([0; 16]);
+        }
+        out
+    }
+
+    /// A dataset on disk out of named files; the image files are not decoded here.
+    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<(Vec<Shot>, Option<PointCloud>)>) {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("sparse").join("0");
+        fs::create_dir_all(&folder).unwrap();
+        fs::create_dir_all(root.path().join("images")).unwrap();
+        files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
+        let result = read(root.path(), &find(root.path()).unwrap());
+        (root, result)
+    }
+
+    fn error(files: &[(&str, &[u8])]) -> String {
+        model(files).1.err().unwrap().to_string()
+    }
+
+    #[test]
+    fn every_model_gives_its_intrinsics_in_both_formats() {
+        let none = Distortion::default();
+        let [fx, fy, cx, cy, k1, k2, p1, p2] = OPENCV;
+        let cases: [(&str, u32, &[f64], [f64; 2], Distortion); 5] = [
+            ("SIMPLE_PINHOLE", 0, &[fx, cx, cy], [fx, fx], none),
+            ("PINHOLE", 1, &[fx, fy, cx, cy], [fx, fy], none),
+            ("SIMPLE_RADIAL", 2, &[fx, cx, cy, k1], [fx, fx], Distortion { k1, ..none }),
+            ("RADIAL", 3, &[fx, cx, cy, k1, k2], [fx, fx], Distortion { k1, k2, ..none }),
+            ("OPENCV", 4, &OPENCV, [fx, fy], Distortion { k1, k2, p1, p2, ..none }),
+        ];
+        let path = Path::new("cameras");
+        for (name, id, params, focal, distortion) in cases {
+            let expected = SourceCamera {
+                size: Some([64.0, 48.0]),
+                focal: Focal::Pixels(focal),
+                center: Some([cx, cy]),
+                distortion,
+            };
+            let binary = cameras_binary(&cameras_bin(&[(7, id, params)]), path).unwrap();
+            assert_eq!(binary[&7], Ok(expected));
+            let words: Vec<String> = params.iter().map(f64::to_string).collect();
+            let text = format!("# Camera list\n\n7 {name} 64 48 {}\n", words.join(" "));
+            assert_eq!(cameras_text(text.as_bytes(), path).unwrap()[&7], Ok(expected));
+        }
+    }
+
+    #[test]
+    fn binary_and_text_give_the_same_and_may_be_mixed() {
+        let poses =
+            [("sub dir/a b.jpg", 7, QUAT, [1.0, 2.0, 3.0]), ("b.jpg", 7, [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.5])];
+        let cameras = cameras_bin(&[(7, 4, &OPENCV), (8, 5, &OPENCV)]);
+        let images = images_bin(&poses, 3);
+        let points = points_bin(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
+        let images_text = "# two lines each\n1 0.5 -0.5 0.5 0.5 1 2 3 7 sub dir/a b.jpg\n1.5 2.5 -1 4 5 6\n\
+                           2 2 0 0 0 0 0 -1.5 7 b.jpg\n\n";
+        let points_text = "# points\n0 1 2 3 0 20 30 0.5 1 2\n1 4 5 6.5 1 20 30 0.5\n";
+        let binary = model(&[("cameras.bin", &cameras), ("images.bin", &images), ("points3D.bin", &points)]);
+        let text = model(&[
+            ("cameras.bin", &cameras),
+            ("images.txt", images_text.as_bytes()),
+            ("points3D.txt", points_text.as_bytes()),
+        ]);
+        for (root, result) in [binary, text] {
+            let (shots, points) = result.unwrap();
+            assert_eq!(shots.len(), 2);
+            assert_eq!(shots[0].name, "sub dir/a b.jpg");
+            assert_eq!(shots[0].path, root.path().join("images").join("sub dir/a b.jpg"));
+            // The quaternion (½, −½, ½, ½) takes x to −z, y to −x and z to y.
+            let turned = shots[0].rotation * DVec3::new(1.0, 2.0, 3.0);
+            assert!((turned - DVec3::new(-2.0, 3.0, -1.0)).length() < 1e-12, "{turned}");
+            assert_eq!(shots[0].translation, DVec3::new(1.0, 2.0, 3.0));
+            assert_eq!(shots[1].rotation, DMat3::IDENTITY);
+            let points = points.unwrap();
+            assert_eq!(points.positions, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
+            assert_eq!(points.colors, [[0, 20, 30], [1, 20, 30]]);
+        }
+        let (_root, result) = model(&[("cameras.bin", &cameras), ("images.bin", &images)]);
+        assert_eq!(result.unwrap().1, None);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let camera = cameras_bin(&[(7, 4, &OPENCV)]);
+        let pose = |name: &'static str, camera, quat| images_bin(&[(name, camera, quat, [0.0; 3])], 0);
+        let image = pose("a.jpg", 7, QUAT);
+        #[track_caller]
+        fn expect(files: &[(&str, &[u8])], parts: &[&str]) {
+            let message = error(files);
+            parts.iter().for_each(|part| assert!(message.contains(part), "`{part}` is not in: {message}"));
+        }
+        let with = |cameras: &[u8], images: &[u8], parts: &[&str]| {
+            expect(&[("cameras.bin", cameras), ("images.bin", images)], parts);
+        };
+        with(&cameras_bin(&[(7, 5, &OPENCV)]), &image, &["a.jpg", "camera 7", "OPENCV_FISHEYE", "images.bin"]);
+        with(&cameras_bin(&[(7, 99, &OPENCV)]), &image, &["cameras.bin", "camera 0", "model number 99"]);
+        with(&cameras_bin(&[(7, 4, &OPENCV), (7, 4, &OPENCV)]), &image, &["camera 7", "twice"]);
+        with(&cameras_bin(&[(7, 1, &[f64::NAN, 1.0, 1.0, 1.0])]), &image, &["cameras.bin", "focal lengths"]);
+        with(&cameras_bin(&[(7, 1, &[1.0, 1.0, f64::INFINITY, 1.0])]), &image, &["principal point"]);
+        with(&camera[..camera.len() - 1], &image, &["ends in camera 0 of 1"]);
+        with(&[&camera[..], &[0]].concat(), &image, &["1 bytes are left after the 1 cameras"]);
+        with(&camera, &pose("a.jpg", 8, QUAT), &["a.jpg", "camera 8 is not in the model"]);
+        with(&camera, &pose("a.jpg", 7, [0.0; 4]), &["a.jpg", "pose", "no rotation"]);
+        with(&camera, &pose("a.jpg", 7, [f64::NAN; 4]), &["a.jpg", "not finite"]);
+        with(&camera, &images_bin(&[], 0), &["no images"]);
+        with(&camera, &u64::MAX.to_le_bytes(), &["images.bin", "promises 18446744073709551615 images", "has 0"]);
+        with(&camera, b"abc", &["images.bin", "too short"]);
+        expect(&[("cameras.bin", &camera)], &["images.txt"]);
+        let bad_points = points_bin(&[[0.0; 3], [0.0, 1e60, 0.0]]);
+        expect(
+            &[("cameras.bin", &camera), ("images.bin", &image), ("points3D.bin", &bad_points)],
+            &["points3D.bin", "point 1 of 2", "not finite"],
+        );
+        let path = Path::new("x.txt");
+        let text = |result: Result<Cameras>| result.err().unwrap().to_string();
+        assert!(text(cameras_text(b"1 PINHOLE 64 48 1 1 1", path)).contains("line 1: model PINHOLE cannot have 3"));
+        assert!(
+            text(cameras_text(b"#\n1 PINHOLE 64 wide 1 1 1 1", path))
+                .contains("line 2: `wide` is not sound for height")
+        );
+        assert!(text(cameras_text(b"1 PINHOLE", path)).contains("ends before width"));
+        let images = images_text(b"1 0.5 0.5 0.5 0.5 1 2\n\n", path).err().unwrap().to_string();
+        assert!(images.contains("line 1: ends before ty"), "{images}");
+    }
+
+    #[test]
+    fn a_model_given_without_its_images_says_what_to_give() {
+        let (root, _) = model(&[
+            ("cameras.bin", &cameras_bin(&[(7, 4, &OPENCV)])),
+            ("images.bin", &images_bin(&[("a", 7, QUAT, [0.0; 3])], 0)),
+        ]);
+        let folder = root.path().join("sparse").join("0");
+        let message = read(&folder, &find(&folder).unwrap()).err().unwrap().to_string();
+        assert!(message.contains("the folder that holds `images`"), "{message}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn no_damage_makes_the_readers_panic(cut in 0.0..2.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..4)) {
+            let path = Path::new("x");
+            let damage = |mut bytes: Vec<u8>| {
+                for (at, value) in &flips {
+                    let at = (at * bytes.len() as f64) as usize;
+                    bytes[at] ^= value;
+                }
+                bytes.truncate((cut * bytes.len() as f64) as usize);
+                bytes
+            };
+            let _ = cameras_binary(&damage(cameras_bin(&[(7, 4, &OPENCV), (8, 5, &OPENCV)])), path);
+            let _ = images_binary(&damage(images_bin(&[("a", 7, QUAT, [0.0; 3]), ("b", 7, QUAT, [0.0; 3])], 2)), path);
+            let _ = points_binary(&damage(points_bin(&[[1.0; 3]; 3])), path);
+            let _ = cameras_text(&damage(b"# c\n1 PINHOLE 64 48 1 1 1 1\n2 SIMPLE_RADIAL 64 48 1 1 1 0.1\n".to_vec()), path);
+            let _ = images_text(&damage(b"# i\n1 0.5 -0.5 0.5 0.5 1 2 3 7 a b.jpg\n1 2 3\n2 1 0 0 0 1 2 3 7 c\n\n".to_vec()), path);
+            let _ = points_text(&damage(b"# p\n1 2 3 4 5 6 7 0.1 1 2\n2 2 3 4 5 6 7 0.1 1 2\n".to_vec()), path);
+        }
+    }
+}

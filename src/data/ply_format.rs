@@ -1,0 +1,385 @@
+//! The PLY container: header, elements and rows, whatever they describe.
+//!
+//! Format: Greg Turk, "The PLY Polygon File Format", 1994, in its three encodings. Numbers are handed out as f64, which
+//! holds every value of every PLY type.
+
+use std::path::Path;
+
+use crate::{Error, Result};
+
+/// A header longer than this is not one: splats of SH degree 3 need 1.6 KB.
+const MAX_HEADER: usize = 1 << 20;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Number {
+    fn from_name(name: &str) -> Option<Number> {
+        Some(match name {
+            "char" | "int8" => Number::I8,
+            "uchar" | "uint8" => Number::U8,
+            "short" | "int16" => Number::I16,
+            "ushort" | "uint16" => Number::U16,
+            "int" | "int32" => Number::I32,
+            "uint" | "uint32" => Number::U32,
+            "float" | "float32" => Number::F32,
+            "double" | "float64" => Number::F64,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Number::I8 | Number::U8 => 1,
+            Number::I16 | Number::U16 => 2,
+            Number::I32 | Number::U32 | Number::F32 => 4,
+            Number::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Number::F32 | Number::F64)
+    }
+
+    /// `bytes` holds exactly `self.bytes()` bytes.
+    fn decode(self, bytes: &[u8], big: bool) -> f64 {
+        let mut raw = [0u8; 8];
+        // Little-endian in the low bytes of `raw`, whatever the file's order.
+        for (i, &byte) in bytes.iter().take(8).enumerate() {
+            raw[if big { bytes.len() - 1 - i } else { i }] = byte;
+        }
+        let [a, b, c, d, ..] = raw;
+        match self {
+            Number::I8 => a as i8 as f64,
+            Number::U8 => a as f64,
+            Number::I16 => i16::from_le_bytes([a, b]) as f64,
+            Number::U16 => u16::from_le_bytes([a, b]) as f64,
+            Number::I32 => i32::from_le_bytes([a, b, c, d]) as f64,
+            Number::U32 => u32::from_le_bytes([a, b, c, d]) as f64,
+            Number::F32 => f32::from_le_bytes([a, b, c, d]) as f64,
+            Number::F64 => f64::from_le_bytes(raw),
+        }
+    }
+
+    /// A float32 is parsed as one, so that it is rounded once only.
+    fn parse(self, text: &str) -> Option<f64> {
+        match self {
+            Number::F32 => text.parse::<f32>().ok().map(f64::from),
+            _ => text.parse::<f64>().ok(),
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) number: Number,
+    /// The type of the count in front, for a list.
+    list: Option<Number>,
+}
+
+impl Property {
+    pub(super) fn is_list(&self) -> bool {
+        self.list.is_some()
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Element {
+    pub(super) name: String,
+    /// Rows that the header promises; believed only as far as the file's size allows.
+    pub(super) rows: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// Index of the scalar property `name`.
+    pub(super) fn scalar(&self, name: &str) -> Option<usize> {
+        self.properties.iter().position(|p| p.name == name && !p.is_list())
+    }
+
+    /// Bytes of a row in the binary encodings, if that is the same for all rows.
+    fn row_bytes(&self) -> Option<usize> {
+        self.properties.iter().map(|p| if p.is_list() { None } else { Some(p.number.bytes()) }).sum()
+    }
+
+    /// The fewest bytes a row can take.
+    fn least_row_bytes(&self, encoding: Encoding) -> usize {
+        match encoding {
+            // A digit and a separator for each.
+            Encoding::Ascii => 2 * self.properties.len(),
+            _ => self.properties.iter().map(|p| p.list.unwrap_or(p.number).bytes()).sum(),
+        }
+    }
+}
+
+/// A parsed header and the bytes after it.
+pub(super) struct Ply<'a> {
+    path: &'a Path,
+    encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    body: &'a [u8],
+}
+
+impl<'a> Ply<'a> {
+    /// `path` is only named in errors.
+    pub(super) fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Ply<'a>> {
+        let fail = |what: String| Error::input(path, what);
+        if !bytes.starts_with(b"ply\n") && !bytes.starts_with(b"ply\r\n") {
+            return Err(fail(describe_foreign(bytes)));
+        }
+        let mut encoding = None;
+        let mut elements: Vec<Element> = Vec::new();
+        let mut at = 0;
+        loop {
+            let rest = &bytes[at..bytes.len().min(MAX_HEADER)];
+            let Some(length) = rest.iter().position(|&b| b == b'\n') else {
+                return Err(fail("the PLY header has no `end_header` line".into()));
+            };
+            let line = String::from_utf8_lossy(&rest[..length]);
+            at += length + 1;
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words[..] {
+                ["ply"] | [] => {}
+                ["comment" | "obj_info", ..] => {}
+                ["format", kind, "1.0"] => {
+                    encoding = Some(match kind {
+                        "ascii" => Encoding::Ascii,
+                        "binary_little_endian" => Encoding::Little,
+                        "binary_big_endian" => Encoding::Big,
+                        _ => return Err(fail(format!("PLY format `{kind}` is unknown"))),
+                    });
+                }
+                ["element", name, rows] => {
+                    let rows =
+                        rows.parse().map_err(|_| fail(format!("header line `{line}`: the number of rows is bad")))?;
+                    if elements.iter().any(|e| e.name == name) {
+                        return Err(fail(format!("element `{name}` appears twice in the header")));
+                    }
+                    elements.push(Element { name: name.to_owned(), rows, properties: Vec::new() });
+                }
+                ["property", ref kind @ .., name] => {
+                    let (number, list) = match *kind {
+                        [number] => (Number::from_name(number), Ok(None)),
+                        ["list", count, item] => {
+                            (Number::from_name(item), Number::from_name(count).map(Some).ok_or(()))
+                        }
+                        _ => (None, Ok(None)),
+                    };
+                    let (Some(number), Ok(list)) = (number, list) else {
+                        return Err(fail(format!("header line `{line}`: the type is unknown")));
+                    };
+                    if list.is_some_and(|count| !count.is_integer()) {
+                        return Err(fail(format!("header line `{line}`: the length of a list must be an integer")));
+                    }
+                    let Some(element) = elements.last_mut() else {
+                        return Err(fail(format!("header line `{line}`: no element comes before it")));
+                    };
+                    if element.properties.iter().any(|p| p.name == name) {
+                        let what = format!("element `{}` has property `{name}` twice", element.name);
+                        return Err(fail(what));
+                    }
+                    element.properties.push(Property { name: name.to_owned(), number, list });
+                }
+                ["end_header"] => break,
+                _ => return Err(fail(format!("header line `{}` is not understood", line.trim_end()))),
+            }
+        }
+        let Some(encoding) = encoding else {
+            return Err(fail("the PLY header has no `format` line".into()));
+        };
+        // Also what bounds every loop over rows: each row takes at least a byte.
+        if let Some(empty) = elements.iter().find(|e| e.properties.is_empty() && e.rows > 0) {
+            return Err(fail(format!("element `{}` promises {} rows but has no properties", empty.name, empty.rows)));
+        }
+        Ok(Ply { path, encoding, elements, body: &bytes[at..] })
+    }
+
+    pub(super) fn element(&self, name: &str) -> Option<&Element> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+
+    /// Compares what the header promises with the bytes that are there, where that can be told without reading rows.
+    pub(super) fn check_size(&self) -> Result<()> {
+        let have = self.body.len() as u128;
+        let needs = |e: &Element, row: usize| e.rows as u128 * row as u128;
+        let fixed = self.elements.iter().all(|e| e.row_bytes().is_some());
+        if self.encoding == Encoding::Ascii || !fixed {
+            let least: u128 = self.elements.iter().map(|e| needs(e, e.least_row_bytes(self.encoding))).sum();
+            // The last line's end may be missing.
+            if least > have + 1 {
+                let promised = self.promises();
+                let what = format!("the header promises {promised}, at least {least} bytes, but the body has {have}");
+                return Err(Error::input(self.path, what));
+            }
+            return Ok(());
+        }
+        let need: u128 = self.elements.iter().map(|e| needs(e, e.row_bytes().unwrap_or(0))).sum();
+        if need == have {
+            return Ok(());
+        }
+        let difference = match have.checked_sub(need) {
+            Some(more) => format!("{more} bytes too many"),
+            None => format!("{} bytes too few", need - have),
+        };
+        let mut what =
+            format!("the header promises {}, {need} bytes, but the body has {have}: {difference}", self.promises());
+        // With one element it can be said how many rows there are instead.
+        if let [element] = &self.elements[..] {
+            let row = element.row_bytes().unwrap_or(0).max(1) as u128;
+            what += &match (have / row, have % row) {
+                (rows, 0) => format!(" (it holds {rows} rows)"),
+                (rows, left) => format!(" (it holds {rows} whole rows and {left} bytes more)"),
+            };
+        }
+        Err(Error::input(self.path, what))
+    }
+
+    fn promises(&self) -> String {
+        let each = self.elements.iter().map(|e| match e.row_bytes() {
+            Some(row) if self.encoding != Encoding::Ascii => {
+                format!("{} rows of element `{}` ({row} bytes each)", e.rows, e.name)
+            }
+            _ => format!("{} rows of element `{}`", e.rows, e.name),
+        });
+        each.collect::<Vec<_>>().join(" and ")
+    }
+
+    /// Reads all rows of all elements in order. `visit` gets the element, the row number and the row's scalar values by
+    /// property index (a list's place holds 0). Fails where the body ends too early or does not end after the last row.
+    pub(super) fn for_each_row(&self, mut visit: impl FnMut(&Element, u64, &[f64]) -> Result<()>) -> Result<()> {
+        self.check_size()?;
+        match self.encoding {
+            Encoding::Ascii => self.ascii_rows(&mut visit),
+            Encoding::Little => self.binary_rows(false, &mut visit),
+            Encoding::Big => self.binary_rows(true, &mut visit),
+        }
+    }
+
+    fn binary_rows(&self, big: bool, visit: &mut impl FnMut(&Element, u64, &[f64]) -> Result<()>) -> Result<()> {
+        let mut rest = self.body;
+        let mut values = Vec::new();
+        for element in &self.elements {
+            let short = |row: u64| {
+                let Element { name, rows, .. } = element;
+                let what =
+                    format!("the body ends in row {row} of element `{name}`, of which the header promises {rows}");
+                Error::input(self.path, what)
+            };
+            values.resize(element.properties.len(), 0.0);
+            for row in 0..element.rows {
+                for (value, property) in values.iter_mut().zip(&element.properties) {
+                    let mut take = |bytes: usize| {
+                        let (taken, left) = rest.split_at_checked(bytes)?;
+                        rest = left;
+                        Some(taken)
+                    };
+                    *value = match property.list {
+                        None => property.number.decode(take(property.number.bytes()).ok_or_else(|| short(row))?, big),
+                        Some(count) => {
+                            let length = count.decode(take(count.bytes()).ok_or_else(|| short(row))?, big);
+                            if !(length >= 0.0) {
+                                return Err(self.bad_list(element, row, property));
+                            }
+                            // At most 2³² items of 8 bytes.
+                            let bytes = length as u64 * property.number.bytes() as u64;
+                            usize::try_from(bytes).ok().and_then(take).ok_or_else(|| short(row))?;
+                            0.0
+                        }
+                    };
+                }
+                visit(element, row, &values)?;
+            }
+        }
+        if !rest.is_empty() {
+            let what = format!("{} bytes are left after the {} of the header", rest.len(), self.promises());
+            return Err(Error::input(self.path, what));
+        }
+        Ok(())
+    }
+
+    fn ascii_rows(&self, visit: &mut impl FnMut(&Element, u64, &[f64]) -> Result<()>) -> Result<()> {
+        let fail = |what: String| Error::input(self.path, what);
+        let text = std::str::from_utf8(self.body).map_err(|_| fail("the body of an ascii PLY is not text".into()))?;
+        let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+        let mut values = Vec::new();
+        for element in &self.elements {
+            values.resize(element.properties.len(), 0.0);
+            let name = &element.name;
+            for row in 0..element.rows {
+                let Some(line) = lines.next() else {
+                    let what =
+                        format!("the header promises {} rows of element `{name}`, the body has {row}", element.rows);
+                    return Err(fail(what));
+                };
+                let mut words = line.split_whitespace();
+                for (value, property) in values.iter_mut().zip(&element.properties) {
+                    let mut next = |number: Number| {
+                        let place = || format!("row {row} of element `{name}`, property `{}`", property.name);
+                        let word = words.next().ok_or_else(|| fail(format!("{}: the line ends before it", place())))?;
+                        number.parse(word).ok_or_else(|| fail(format!("{}: `{word}` is not a number", place())))
+                    };
+                    *value = match property.list {
+                        None => next(property.number)?,
+                        Some(count) => {
+                            let length = next(count)?;
+                            if !(length >= 0.0) {
+                                return Err(self.bad_list(element, row, property));
+                            }
+                            // Ends with the line at the latest.
+                            for _ in 0..length as u64 {
+                                next(property.number)?;
+                            }
+                            0.0
+                        }
+                    };
+                }
+                let more = words.count();
+                if more > 0 {
+                    let what = format!("row {row} of element `{name}` has {more} values more than its properties");
+                    return Err(fail(what));
+                }
+                visit(element, row, &values)?;
+            }
+        }
+        match lines.count() {
+            0 => Ok(()),
+            more => Err(fail(format!("{more} lines are left after the {} of the header", self.promises()))),
+        }
+    }
+
+    fn bad_list(&self, element: &Element, row: u64, property: &Property) -> Error {
+        let what = format!("row {row} of element `{}`: the list `{}` has no valid length", element.name, property.name);
+        Error::input(self.path, what)
+    }
+}
+
+/// What a file that is not PLY seems to be.
+fn describe_foreign(bytes: &[u8]) -> String {
+    let kind = match bytes {
+        [] => "is empty, not a PLY",
+        [0x1f, 0x8b, ..] => "is gzip data (an SPZ scene is), not a PLY",
+        [b'N', b'G', b'S', b'P', ..] => "is an SPZ scene, not a PLY",
+        [b'P', b'K', 3, 4, ..] => "is a ZIP archive (an SOG scene is), not a PLY",
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, ..] => "is an image, not a PLY",
+        [b'g', b'l', b'T', b'F', ..] => "is a glTF model, not a PLY",
+        _ => "does not begin with a line `ply`, so it is not a PLY",
+    };
+    kind.to_owned()
+}

@@ -1,0 +1,224 @@
+//! Where a dataset's cameras are and what they look at: the scene's extent, and points to begin with where there are none.
+
+use glam::{DMat3, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::dataset::{Dataset, DatasetKind, Split};
+use super::ply::PointCloud;
+use crate::scene::Camera;
+
+/// Half the side of the cube that NeRF Synthetic scenes lie in (3DGS draws its first points there).
+const BLENDER_HALF: f64 = 1.3;
+/// What is nearer is not rendered (method, section 1).
+const NEAR: f64 = 0.2;
+/// Training cameras that must see a random point: two give depth, the third tells a coincidence from a surface.
+const WITNESSES: usize = 3;
+
+/// A ball around what the cameras look at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Focus {
+    /// World position.
+    pub center: DVec3,
+    /// Median distance of the cameras from it, scene units.
+    pub radius: f64,
+}
+
+impl Dataset {
+    /// The training cameras, or all where none is for training.
+    fn viewpoints(&self) -> Vec<Camera> {
+        let training: Vec<Camera> = self.split(Split::Train).map(|(_, photo)| photo.camera).collect();
+        if training.is_empty() { self.photos.iter().map(|photo| photo.camera).collect() } else { training }
+    }
+
+    /// 1.1 × the largest distance of a training camera from the mean of their centres (3DGS); 0 when all stand at one place.
+    pub fn extent(&self) -> f64 {
+        1.1 * spread(&self.viewpoints()).1
+    }
+
+    /// What the training cameras look at; none for a dataset without photos.
+    pub fn focus(&self) -> Option<Focus> {
+        let cameras = self.viewpoints();
+        if cameras.is_empty() {
+            return None;
+        }
+        let (mean_eye, spread) = spread(&cameras);
+        let n = cameras.len() as f64;
+        let forward = cameras.iter().map(axis).sum::<DVec3>() / n;
+        // Where axes are parallel they say nothing of the depth. There the guess counts: the depth at which a camera as far out as
+        // any still shares half of its picture with one in the middle. A single camera leaves one scene unit.
+        let half_width = |c: &Camera| 0.5 * c.width as f64 / c.fx;
+        let slope = cameras.iter().map(half_width).sum::<f64>() / n;
+        let depth = if spread > 0.0 { spread / slope } else { 1.0 };
+        let guess = mean_eye + depth * forward.normalize_or_zero();
+        // Least squares: the sum of squared distances to all axes, and the guess with the weight of axes that differ by
+        // √1e-3 radian = 1.8°, below which the depth they give is mostly error.
+        let weight = 1e-3;
+        let (mut a, mut b) = (DMat3::from_diagonal(DVec3::splat(weight)), weight * guess);
+        for camera in &cameras {
+            let d = axis(camera);
+            let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+            a += across * (1.0 / n);
+            b += across * camera.eye() / n;
+        }
+        // Positive definite: at least `weight` in every direction.
+        let meeting = a.inverse() * b;
+        let in_front = cameras.iter().filter(|c| c.project(meeting).2 > 0.0).count();
+        // Cameras that look outward meet behind themselves.
+        let center = if 2 * in_front > cameras.len() { meeting } else { guess };
+        let mut distances: Vec<f64> = cameras.iter().map(|c| c.eye().distance(center)).collect();
+        distances.sort_by(f64::total_cmp);
+        Some(Focus { center, radius: distances[distances.len() / 2] })
+    }
+
+    /// `n` mid-grey random points to begin with; the same for the same seed, on every machine. For NeRF Synthetic they are
+    /// uniform in its cube. Otherwise they are uniform in the part of the focus ball that at least three training cameras (all,
+    /// if there are fewer) see; where that is nearly nothing, because the cameras look outward, they lie along random pixels'
+    /// rays instead. Without photos there are none.
+    pub fn random_points(&self, n: usize, seed: u64) -> PointCloud {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
+        let mut positions = Vec::with_capacity(n);
+        if self.kind == DatasetKind::Blender {
+            positions.extend((0..n).map(|_| [(); 3].map(|()| (BLENDER_HALF * signed()) as f32)));
+        } else if let Some(Focus { center, radius }) = self.focus() {
+            let cameras = self.viewpoints();
+            let witnesses = WITNESSES.min(cameras.len());
+            // Judged where it will be, after rounding.
+            let seen = |p: DVec3, by: usize| {
+                let p = p.as_vec3().as_dvec3();
+                cameras.iter().filter(|c| sees(c, p)).take(by).count() == by
+            };
+            // A hundred tries per point reach down to regions of 1 % of the ball.
+            for _ in 0..n.saturating_mul(100) {
+                if positions.len() == n {
+                    break;
+                }
+                let in_ball = DVec3::new(signed(), signed(), signed());
+                let p = center + radius * in_ball;
+                if in_ball.length_squared() <= 1.0 && seen(p, witnesses) {
+                    positions.push(p.as_vec3().to_array());
+                }
+            }
+            let reach = radius.max(spread(&cameras).1).max(NEAR);
+            let mut tries = 0;
+            while positions.len() < n {
+                tries += 1;
+                let unit = |signed: f64| 0.5 + 0.5 * signed;
+                let camera = &cameras[((unit(signed()) * cameras.len() as f64) as usize).min(cameras.len() - 1)];
+                let (x, y) = (unit(signed()) * camera.width as f64, unit(signed()) * camera.height as f64);
+                let p = camera.unproject(x, y, NEAR + 2.0 * reach * unit(signed()));
+                // When after many tries no two cameras share anything, one has to do.
+                if seen(p, 2.min(cameras.len())) || tries > n.saturating_mul(100) {
+                    positions.push(p.as_vec3().to_array());
+                }
+            }
+        }
+        let colors = vec![[128; 3]; positions.len()];
+        PointCloud { positions, colors }
+    }
+}
+
+/// The optical axis in world space, a unit vector.
+fn axis(camera: &Camera) -> DVec3 {
+    camera.rotation.row(2)
+}
+
+/// Mean of the centres and the largest distance from it.
+fn spread(cameras: &[Camera]) -> (DVec3, f64) {
+    let mean = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len().max(1) as f64;
+    (mean, cameras.iter().map(|c| c.eye().distance(mean)).fold(0.0, f64::max))
+}
+
+fn sees(camera: &Camera, world: DVec3) -> bool {
+    let (x, y, z) = camera.project(world);
+    z > NEAR && x > 0.0 && x < camera.width as f64 && y > 0.0 && y < camera.height as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::dataset::{Photo, PixelSource};
+    use super::super::images::Image;
+    use super::*;
+
+    fn look(eye: DVec3, at: DVec3) -> Camera {
+        let z = (at - eye).normalize();
+        let x = z.cross(if z.y.abs() > 0.9 { DVec3::X } else { -DVec3::Y }).normalize();
+        let rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
+        Camera {
+            width: 40,
+            height: 30,
+            fx: 35.0,
+            fy: 35.0,
+            cx: 20.0,
+            cy: 15.0,
+            rotation,
+            translation: -(rotation * eye),
+        }
+    }
+
+    fn dataset(cameras: Vec<Camera>) -> Dataset {
+        let image = Arc::new(Image { width: 40, height: 30, rgb: vec![0; 3600] });
+        let photos = cameras.into_iter().enumerate().map(|(i, camera)| Photo {
+            name: i.to_string(),
+            camera,
+            split: Split::Train,
+            pixels: PixelSource::Memory(image.clone()),
+        });
+        let (kind, points, background) = (DatasetKind::Memory, None, [0.0; 3]);
+        Dataset { kind, photos: photos.collect(), points, background, undistorted: false, outside: 0.0 }
+    }
+
+    fn witnesses(data: &Dataset, p: [f32; 3]) -> usize {
+        data.photos.iter().filter(|photo| sees(&photo.camera, DVec3::from_array(p.map(f64::from)))).count()
+    }
+
+    fn ring(center: DVec3, radius: f64) -> Vec<DVec3> {
+        let at = |i: usize| {
+            let (sin, cos) = (i as f64 * std::f64::consts::TAU / 24.0).sin_cos();
+            center + DVec3::new(radius * cos, 0.1 * (i % 3) as f64, radius * sin)
+        };
+        (0..24).map(at).collect()
+    }
+
+    #[test]
+    fn cameras_around_an_object_meet_in_it() {
+        let center = DVec3::new(5.0, -2.0, 7.0);
+        let data = dataset(ring(center, 4.0).into_iter().map(|eye| look(eye, center)).collect());
+        let focus = data.focus().unwrap();
+        // The guess, four units off at most, has a weight of 1e-3 against more than a third.
+        assert!(focus.center.distance(center) < 0.02, "{focus:?}");
+        assert!((focus.radius - 4.0).abs() < 0.05);
+        assert!((data.extent() - 4.4).abs() < 0.1, "{}", data.extent());
+        let cloud = data.random_points(2000, 1);
+        assert_eq!((cloud.positions.len(), cloud.colors.len()), (2000, 2000));
+        assert!(cloud.positions.iter().all(|&p| witnesses(&data, p) >= 3));
+        assert_eq!(cloud, data.random_points(2000, 1));
+        assert_ne!(cloud, data.random_points(2000, 2));
+    }
+
+    #[test]
+    fn points_lie_before_the_cameras_in_every_arrangement() {
+        let center = DVec3::new(1.0, 2.0, 3.0);
+        let forward: Vec<Camera> = (0..20)
+            .map(|i| DVec3::new((i % 5) as f64 * 0.3, (i / 5) as f64 * 0.3, 0.0))
+            .map(|eye| look(eye, eye + DVec3::Z))
+            .collect();
+        let outward = ring(center, 0.5).into_iter().map(|eye| look(eye, eye + (eye - center))).collect();
+        let same_place = (0..9).map(|i| look(center, center + DVec3::new(1.0, 0.0, 0.1 * i as f64))).collect();
+        let single = vec![look(center, DVec3::ZERO)];
+        let opposite = vec![look(DVec3::ZERO, -DVec3::Z), look(DVec3::Z, 2.0 * DVec3::Z)];
+        for (cameras, least) in [(forward, 3), (outward, 2), (same_place, 2), (single, 1), (opposite, 1)] {
+            let data = dataset(cameras);
+            let cloud = data.random_points(300, 7);
+            assert_eq!(cloud.positions.len(), 300);
+            for &p in &cloud.positions {
+                assert!(witnesses(&data, p) >= least, "{p:?} is seen by {}", witnesses(&data, p));
+            }
+        }
+        assert_eq!(dataset(Vec::new()).random_points(10, 0), PointCloud::default());
+        assert_eq!(dataset(Vec::new()).extent(), 0.0);
+    }
+}

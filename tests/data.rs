@@ -1,0 +1,208 @@
+//! Real datasets and scenes, read where `../shared/data` is there and skipped with a message where not.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use glint::data::{Dataset, DatasetKind, DatasetOptions, Split, read_points, read_scene, write_scene};
+
+fn real(name: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
+    if !path.exists() {
+        eprintln!("skipped: {} is not there", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+fn open(name: &str) -> Option<Dataset> {
+    Some(Dataset::open(real(name)?, &DatasetOptions::default()).unwrap())
+}
+
+fn count(data: &Dataset, split: Split) -> usize {
+    data.split(split).count()
+}
+
+fn sees(camera: &glint::scene::Camera, point: [f32; 3]) -> bool {
+    let (x, y, z) = camera.project(DVec3::from_array(point.map(f64::from)));
+    z > 0.0 && x >= 0.0 && x <= camera.width as f64 && y >= 0.0 && y <= camera.height as f64
+}
+
+/// Photos of a model see most of its points: no axis is mirrored, no pose inverted.
+fn assert_points_are_seen(data: &Dataset, least: f64) {
+    let points = &data.points.as_ref().unwrap().positions;
+    let mut shares = 0.0;
+    for photo in &data.photos {
+        shares += points.iter().filter(|&&p| sees(&photo.camera, p)).count() as f64 / points.len() as f64;
+    }
+    let share = shares / data.photos.len() as f64;
+    assert!(share > least, "a photo sees {share} of the points on average");
+}
+
+#[test]
+fn nerf_synthetic_loads_as_published() {
+    let Some(data) = open("small/lego") else { return };
+    assert_eq!((data.kind, count(&data, Split::Train), count(&data, Split::Test)), (DatasetKind::Blender, 100, 25));
+    assert!(data.points.is_none() && !data.undistorted);
+    let fx = 100.0 / (0.5f64 * 0.6911112070083618).tan();
+    assert!(data.photos.iter().all(|p| (p.camera.fx - fx).abs() < 1e-9 && p.camera.fy == p.camera.fx));
+    assert!(data.photos.iter().all(|p| (p.camera.cx, p.camera.cy, p.camera.width) == (100.0, 100.0, 200)));
+    let images = data.load_images().unwrap();
+    assert_eq!(images.len(), 125);
+    assert!(images.iter().all(|image| image.rgb.len() == 200 * 200 * 3 && image.rgb[..3] == [0; 3]));
+    // The cameras stand on a sphere of radius 4.03 about the origin and look at it.
+    let focus = data.focus().unwrap();
+    assert!(focus.center.length() < 0.05 && (focus.radius - 4.03).abs() < 0.05, "{focus:?}");
+    let cloud = data.random_points(10_000, 3);
+    assert!(cloud.positions.iter().flatten().all(|v| v.abs() <= 1.3));
+    let middle = data.photos.iter().filter(|photo| sees(&photo.camera, [0.0; 3])).count();
+    assert_eq!(middle, 125);
+    let white = DatasetOptions { background: [1.0; 3], max_size: Some(100) };
+    let white = Dataset::open(real("small/lego").unwrap(), &white).unwrap();
+    let image = white.photos[0].load(white.background).unwrap();
+    assert_eq!((image.width, image.height, &image.rgb[..3]), (100, 100, &[255; 3][..]));
+}
+
+#[test]
+fn a_transforms_file_that_is_named_comes_alone() {
+    let Some(path) = real("small/lego/transforms_train.json") else { return };
+    let data = Dataset::open(path, &DatasetOptions::default()).unwrap();
+    assert_eq!((count(&data, Split::Train), count(&data, Split::Test)), (87, 13));
+}
+
+#[test]
+fn colmap_models_load_with_their_points() {
+    for (name, views, points, [width, height]) in [
+        ("small/bonsai", 292, 20_849, [256, 171]),
+        ("small/horns", 62, 5_413, [250, 187]),
+        ("small/garden", 185, 30_000, [224, 224]),
+    ] {
+        let Some(data) = open(name) else { continue };
+        assert_eq!((data.kind, data.photos.len(), data.undistorted), (DatasetKind::Colmap, views, false), "{name}");
+        assert_eq!(count(&data, Split::Test), views.div_ceil(8));
+        assert_eq!(data.points.as_ref().unwrap().positions.len(), points);
+        assert!(data.photos.iter().all(|p| [p.camera.width, p.camera.height] == [width, height]));
+        assert_points_are_seen(&data, 0.2);
+        let images = data.load_images().unwrap();
+        assert!(images.iter().all(|image| [image.width, image.height] == [width, height]));
+        // Points agree in colour with the pixels they fall on, better than with those of the photo turned upside down.
+        let (photo, image, cloud) = (&data.photos[5], &images[5], data.points.as_ref().unwrap());
+        let (mut right, mut wrong) = (0.0, 0.0);
+        for (&p, color) in cloud.positions.iter().zip(&cloud.colors).filter(|(p, _)| sees(&photo.camera, **p)) {
+            let (x, y, _) = photo.camera.project(DVec3::from_array(p.map(f64::from)));
+            let (x, y) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
+            let difference = |y: u32| -> f64 {
+                (0..3).map(|c| image.rgb[(3 * (y * width + x)) as usize + c].abs_diff(color[c]) as f64).sum()
+            };
+            right += difference(y);
+            wrong += difference(height - 1 - y);
+        }
+        assert!(right < 0.75 * wrong, "{name}: {right} against {wrong}");
+    }
+}
+
+#[test]
+fn the_fox_is_undistorted_without_a_camera_model() {
+    let Some(data) = open("small/fox") else { return };
+    assert_eq!((data.kind, data.photos.len(), data.undistorted), (DatasetKind::Transforms, 50, true));
+    // The fox's distortion moves the corners by a pixel or two.
+    assert!(data.outside < 0.05, "{}", data.outside);
+    let camera = data.photos[0].camera;
+    assert_eq!((camera.width, camera.height), (144, 256));
+    assert!((camera.fx - 183.40266666666668).abs() < 1e-9 && (camera.cy - 128.7024).abs() < 1e-9);
+    assert_eq!(data.load_images().unwrap().len(), 50);
+}
+
+/// Brush draws its own so that they lie behind the cameras, and never recovers.
+#[test]
+fn random_points_lie_before_the_cameras() {
+    for name in ["small/fox", "small/horns", "small/bonsai", "small/garden", "small/lego"] {
+        let Some(data) = open(name) else { continue };
+        let cloud = data.random_points(2_000, 42);
+        assert_eq!(cloud.positions.len(), 2_000);
+        let mut shares = 0.0;
+        for &point in &cloud.positions {
+            let seen = data.split(Split::Train).filter(|(_, photo)| sees(&photo.camera, point)).count();
+            assert!(seen >= 3, "{name}: {point:?} is seen by {seen}");
+            shares += seen as f64 / count(&data, Split::Train) as f64;
+        }
+        let focus = data.focus().unwrap();
+        let share = shares / 2_000.0;
+        eprintln!("{name}: extent {:.3}, focus {focus:?}, a point is seen by {share:.2} of the cameras", data.extent());
+        assert!(share > 0.2, "{name}: {share}");
+        assert_eq!(cloud, data.random_points(2_000, 42));
+    }
+}
+
+/// The sparse points, which these datasets have, are judge of where the focus is.
+#[test]
+fn the_focus_is_where_the_sparse_points_are() {
+    for name in ["small/horns", "small/bonsai", "small/garden"] {
+        let Some(data) = open(name) else { continue };
+        let focus = data.focus().unwrap();
+        let points = &data.points.as_ref().unwrap().positions;
+        let within = |reach: f64| {
+            let inside =
+                |p: &&[f32; 3]| DVec3::from_array(p.map(f64::from)).distance(focus.center) < reach * focus.radius;
+            points.iter().filter(inside).count() as f64 / points.len() as f64
+        };
+        let [one, two, three] = [1.0, 2.0, 3.0].map(within);
+        eprintln!("{name}: shares of the sparse points in 1, 2, 3 focus radii: {one:.2}, {two:.2}, {three:.2}");
+        // What is in focus is in the ball, the room behind it around the ball: 0.30 and 0.88 for the bonsai.
+        assert!(one > 0.25 && three > 0.8, "{name}: {one}, {three}");
+    }
+}
+
+#[test]
+fn the_reference_trainers_scene_comes_back_bit_for_bit() {
+    let Some(path) = real("splats/inria_sh3_9k.ply") else { return };
+    let scene = read_scene(&path).unwrap();
+    assert_eq!((scene.base.len(), scene.base.sh_degree, scene.supplement.is_none()), (9_080, 3, true));
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("copy.ply");
+    write_scene(&copy, &scene).unwrap();
+    let (a, b) = (std::fs::read(&path).unwrap(), std::fs::read(&copy).unwrap());
+    // Our header and theirs are the same, and so must the files be, but for the unused normals.
+    assert_eq!(a.len(), b.len());
+    assert_eq!(read_scene(&copy).unwrap(), scene);
+}
+
+#[test]
+fn files_of_other_kinds_are_told_what_they_are() {
+    for (name, parts) in [
+        (
+            "splats/inria_header_says_100.ply",
+            &["100 rows", "248 bytes each", "24800 bytes", "38829", "14029 bytes too many", "156 whole rows"][..],
+        ),
+        ("splats/biker.compressed.ply", &["compressed PLY", "not a 3DGS PLY"]),
+        ("splats/biker_v4.spz", &["SPZ"]),
+        ("splats/truck.splat", &["not a PLY"]),
+        ("full/garden/sparse/0/points3D.ply", &["point cloud", "not a 3DGS PLY"]),
+    ] {
+        let Some(path) = real(name) else { continue };
+        let message = read_scene(&path).unwrap_err().to_string();
+        eprintln!("{message}");
+        for part in parts {
+            assert!(message.contains(part), "`{part}` is not in: {message}");
+        }
+    }
+    let Some(path) = real("full/garden/sparse/0/points3D.ply") else { return };
+    assert_eq!(read_points(path).unwrap().positions.len(), 138_766);
+}
+
+#[test]
+fn full_scenes_can_be_reduced_while_reading() {
+    let Some(path) = real("full/bonsai") else { return };
+    let data = Dataset::open(path, &DatasetOptions { max_size: Some(256), ..Default::default() }).unwrap();
+    let camera = data.photos[0].camera;
+    assert_eq!((camera.width, camera.height), (256, 171));
+    assert!((camera.fx - 826.8636509965991 * 256.0 / 800.0).abs() < 1e-9);
+    let image = data.photos[0].load(data.background).unwrap();
+    assert_eq!((image.width, image.height), (256, 171));
+    let Some(small) = open("small/bonsai") else { return };
+    let other = small.photos[0].load(small.background).unwrap();
+    let apart: f64 = image.rgb.iter().zip(&other.rgb).map(|(a, b)| a.abs_diff(*b) as f64).sum();
+    // Another filter and another JPEG of the same picture: a few grey levels.
+    let apart = apart / image.rgb.len() as f64;
+    eprintln!("mean difference from the small copy: {apart:.2} grey levels");
+    assert!(apart < 6.0, "{apart}");
+}
