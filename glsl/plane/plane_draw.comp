@@ -8,9 +8,9 @@
 // every run gives the same.
 // m = min(max(1, round(budget / 5)), empty slots, pixels that can be drawn). (The method's round(0.2 n) is 0 for n < 3, and
 // such a view would never get its Gaussians.)
-// loss_map, image, quotas, frames -> plane, plane_frames, plane_ages, plane_moments, plane_states; drawn_pixels is scratch
-// Limits: a pixel with a loss outside 1e-18..1e18 (whose square float32 cannot hold), or NaN, is never drawn. A view that
-// already has this round's draw is left alone, as all are while status.overflow is raised: a draw can be recorded again.
+// loss_map, image, quotas, frames, plane_frames -> plane, plane_frames, plane_ages, plane_moments, plane_states; drawn_pixels is scratch
+// Limits: a pixel with a loss outside 1e-18..1e18 (whose square float32 cannot hold), or NaN, is never drawn. Nothing
+// happens while status.overflow is raised.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
@@ -30,7 +30,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Quotas { Quota quotas[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer LossMap { float loss_map[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 5, scalar) coherent buffer DrawnPixels { uint drawn_pixels[]; };
-layout(set = 0, binding = 6, scalar) buffer PlaneStates { PlaneState plane_states[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer PlaneStates { PlaneState plane_states[]; };
 layout(set = 0, binding = 7, scalar) buffer PlaneFrames { uint plane_frames[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer Plane { float plane[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer PlaneAges { uint plane_ages[]; };
@@ -97,7 +97,7 @@ uvec4 scan(uvec2 value) {
 void main() {
     uint f = group_index();
     if (f >= push.frame_count) return;
-    if (status[STATUS_OVERFLOW] != 0 || plane_states[f].round == push.round) return;
+    if (status[STATUS_OVERFLOW] != 0) return;
     Frame frame = frames[f];
     Quota quota = quotas[f];
     uint pixels = frame.width * frame.height, lane = gl_SubgroupInvocationID;
@@ -192,6 +192,6 @@ void main() {
     }
     if (gl_LocalInvocationIndex == 0) {
         uint taken = quota.budget - empty.z + wanted;
-        plane_states[f] = PlaneState(push.round, taken, uint(taken < quota.budget));
+        plane_states[f] = PlaneState(taken, uint(taken < quota.budget));
     }
 }

@@ -16,8 +16,7 @@ struct Quota {
 };
 
 struct PlaneState {
-    uint round;    // of the last draw
-    uint count;    // slots taken after it
+    uint count;    // slots taken after the last draw
     uint stepping; // 1: the view's Gaussians are rendered, stepped and pruned; 0: they wait as they are
 };
 
