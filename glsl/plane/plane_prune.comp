@@ -1,0 +1,52 @@
+#version 460
+// Empties the slots of 2D Gaussians that are nearly transparent or cover too few pixels.
+//
+// One subgroup takes one slot; its lanes go through the pixels of the bounding box. Subgroups do not meet.
+// plane, plane_frames, plane_states, frames -> plane_frames
+// Method, section 3. A pixel is covered where alpha >= 1/255, whatever lies in front.
+// Limits: slots of waiting views are left alone; what is not a number goes. Nothing happens while status.overflow is raised.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/frame.glsl"
+#include "../shared/status.glsl"
+#include "../shared/footprint.glsl"
+#include "../shared/plane.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint count;  // slots
+    uint stride; // of the planes
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Status { uint status[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer PlaneStates { PlaneState plane_states[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Plane { float plane[]; };
+layout(set = 0, binding = 4, scalar) buffer PlaneFrames { uint plane_frames[]; };
+
+const float OPACITY_MIN = 0.005;
+const uint COVERED_MIN = 25; // px
+
+float at(uint p, uint i) { return plane[p * push.stride + i]; }
+
+void main() {
+    uint i = subgroup_index();
+    if (i >= push.count) return;
+    if (status[STATUS_OVERFLOW] != 0) return;
+    uint f = plane_frames[i];
+    if (f == NONE || plane_states[f].stepping == 0) return;
+
+    Frame frame = frames[f];
+    float logit = at(LOGIT, i);
+    Footprint e = make_footprint(vec2(at(CENTRE, i), at(CENTRE + 1, i)), logit,
+                                 vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i),
+                                 uvec2(frame.width, frame.height));
+    uint pixels = e.size.x * e.size.y, covered = 0;
+    // Enough is enough: most Gaussians that stay have their 25 pixels within the first rows.
+    for (uint first = 0; first < pixels && covered < COVERED_MIN; first += gl_SubgroupSize) {
+        uint k = first + gl_SubgroupInvocationID;
+        bool hit = k < pixels && footprint_weight(e, e.low + uvec2(k % e.size.x, k / e.size.x)) > 0.0;
+        covered += subgroupBallotBitCount(subgroupBallot(hit));
+    }
+    bool keep = 1.0 / (1.0 + exp(-logit)) >= OPACITY_MIN && covered >= COVERED_MIN;
+    if (!keep && subgroupElect()) plane_frames[i] = NONE;
+}
