@@ -1,6 +1,7 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
 pub mod model;
+pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;
