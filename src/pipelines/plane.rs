@@ -358,8 +358,8 @@ pub struct PlaneStage {
     moments: Buffer<f32>,
     drawn_pixels: Buffer<u32>,
     loss: LossBuffers,
-    /// Grown while steps are recorded.
-    raster: RefCell<Raster>,
+    /// Grown between submissions where a step needs more intersections.
+    pub raster: RefCell<Raster>,
     steps: Steps,
     project: PlaneProject,
     ssim_forward: SsimForward,
