@@ -3,6 +3,7 @@
 pub mod join;
 pub mod loss;
 pub mod model;
+pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;

@@ -81,7 +81,13 @@ pub fn plane_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
     [c * c * a + n * n * b, c * n * (a - b), n * n * a + c * c * b]
 }
 
-pub fn make_footprint(centre: [f64; 2], logit: f64, log_scale: [f64; 2], angle: f64, image: [u32; 2]) -> Option<Footprint> {
+pub fn make_footprint(
+    centre: [f64; 2],
+    logit: f64,
+    log_scale: [f64; 2],
+    angle: f64,
+    image: [u32; 2],
+) -> Option<Footprint> {
     let s = plane_covariance(log_scale, angle);
     let [v, w] = log_scale.map(|l| (2.0 * l).exp());
     let (a, c) = (s[0] + DILATION, s[2] + DILATION);
