@@ -1,4 +1,10 @@
-use glint::{data::builtin::builtin_scene, gpu::*, pipelines::{model::Model, train::*, views::Views, render::*}, scene::*, report::metrics::*};
+use glint::{
+    data::builtin::builtin_scene,
+    gpu::*,
+    pipelines::{model::Model, render::*, train::*, views::Views},
+    report::metrics::*,
+    scene::*,
+};
 #[test]
 fn scratch() {
     let n: usize = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(4000);
@@ -14,13 +20,34 @@ fn scratch() {
     let scene = Scene { base: from_points(&b.point_positions, &b.point_colors, deg), supplement: None };
     let model = Model::upload(&context, &scene, 0).unwrap();
     let t = std::time::Instant::now();
-    let rep = train_base(&context, &model, &views, b.background, &BaseOptions { iterations: iters, sh_degree: deg, seed: 1, extent: 3.0 }, true, |_| ()).unwrap();
+    let rep = train_base(
+        &context,
+        &model,
+        &views,
+        b.background,
+        &BaseOptions { iterations: iters, sh_degree: deg, seed: 1, extent: 3.0 },
+        true,
+        |_| (),
+    )
+    .unwrap();
     let dt = t.elapsed().as_secs_f64();
-    println!("{} Gaussians {iters} steps {dt:.2}s = {:.1} ms/step, loss {:.4} -> {:.4}, grown {}", scene.base.len(), dt * 1e3 / iters as f64, rep.losses[0], rep.losses.iter().rev().take(48).sum::<f32>() / 48.0, rep.steps.grown);
+    println!(
+        "{} Gaussians {iters} steps {dt:.2}s = {:.1} ms/step, loss {:.4} -> {:.4}, grown {}",
+        scene.base.len(),
+        dt * 1e3 / iters as f64,
+        rep.losses[0],
+        rep.losses.iter().rev().take(48).sum::<f32>() / 48.0,
+        rep.steps.grown
+    );
     let mut by: std::collections::BTreeMap<&str, f64> = Default::default();
-    for s in &rep.steps.stages { *by.entry(s.name).or_default() += s.time.as_secs_f64() * 1e3 / 16.0; }
-    let mut v: Vec<_> = by.into_iter().collect(); v.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (k, t) in v { println!("  {k:20} {t:.3} ms"); }
+    for s in &rep.steps.stages {
+        *by.entry(s.name).or_default() += s.time.as_secs_f64() * 1e3 / 16.0;
+    }
+    let mut v: Vec<_> = by.into_iter().collect();
+    v.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (k, t) in v {
+        println!("  {k:20} {t:.3} ms");
+    }
     let tcams: Vec<Camera> = test.iter().map(|p| p.camera).collect();
     let tv = Views::upload(&context, &tcams, &[]).unwrap();
     let mut r = Renderer::new(&context, model.count(), &tv, RenderOptions::default()).unwrap();

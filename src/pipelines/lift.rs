@@ -84,7 +84,14 @@ impl LiftStage {
     /// Lifts the 2D Gaussians of `batch`, which `plane` refined last, and appends them to `model`, which must have been
     /// uploaded with room to spare. All of `views` count as training views. `unit` is the scene's own length: eigenvalues are
     /// at least 1e-7 of its square.
-    pub fn lift(&self, plane: &PlaneStage, batch: &Range<usize>, views: &Views, unit: f32, model: &mut Model) -> Result<Lifted> {
+    pub fn lift(
+        &self,
+        plane: &PlaneStage,
+        batch: &Range<usize>,
+        views: &Views,
+        unit: f32,
+        model: &mut Model,
+    ) -> Result<Lifted> {
         let slots = plane.stride;
         let n = slots as usize;
         let context = &self.context;
@@ -130,8 +137,10 @@ impl LiftStage {
 
         let per_point = |name: &str| words(name, point_count as usize);
         let points = Buffer::new(context, "points", point_count as usize, Location::Device)?;
-        let (point_sets, labels, group_sizes) = (per_point("point sets")?, per_point("labels")?, per_point("group sizes")?);
-        let (heaviest, prime_labels, cluster_sizes) = (words("heaviest", n)?, words("prime labels", n)?, words("cluster sizes", n)?);
+        let (point_sets, labels, group_sizes) =
+            (per_point("point sets")?, per_point("labels")?, per_point("group sizes")?);
+        let (heaviest, prime_labels, cluster_sizes) =
+            (words("heaviest", n)?, words("prime labels", n)?, words("cluster sizes", n)?);
         let taus = Buffer::new(context, "taus", n, Location::Device)?;
         let rounds = words("rounds", lift_cluster::ROUNDS_LEN)?;
         let lifts = Buffer::new(context, "lifts", n, Location::Device)?;

@@ -1,6 +1,8 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod enhance;
 pub mod join;
+pub mod lift;
 pub mod loss;
 pub mod model;
 pub mod plane;

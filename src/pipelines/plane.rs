@@ -301,7 +301,11 @@ impl BatchLoss<'_> {
             loss_map: &self.buffers.loss_map,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        stage.record(recorder, &buffers, &ssim_forward::Push { tiles_per_frame, tile_count, count_index: 0 });
+        stage.record(
+            recorder,
+            &buffers,
+            &ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
+        );
     }
 
     fn backward(
@@ -322,14 +326,18 @@ impl BatchLoss<'_> {
             image_grad,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        stage.record(recorder, &buffers, &ssim_backward::Push { tiles_per_frame, tile_count, count_index: 0 });
+        stage.record(
+            recorder,
+            &buffers,
+            &ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
+        );
     }
 
     fn sum(&self, recorder: &mut Recorder, stage: &LossSum) {
         let buffers =
             loss_sum::Buffers { frames: self.frames, tile_sums: &self.buffers.tile_sums, losses: &self.buffers.losses };
         let (frame_count, tiles_per_frame) = (self.list.len() as u32, self.tiles_per_frame());
-        stage.record(recorder, &buffers, &loss_sum::Push { frame_count, tiles_per_frame, slot: 0 });
+        stage.record(recorder, &buffers, &loss_sum::Push { frame_first: 0, frame_count, tiles_per_frame, slot: 0 });
     }
 }
 
