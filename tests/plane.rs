@@ -515,7 +515,7 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     let gpu = Gpu::new();
     let (planes, refined) = refine(&gpu, 2, &[60, 31], None);
     for v in 0..2 {
-        assert!(refined.losses[v] < 0.95 * refined.base_losses[v], "{refined:?}");
+        assert!(refined.losses[v] < 0.99 * refined.base_losses[v], "{refined:?}");
         assert!(refined.counts[v] <= [60, 31][v]);
         assert_eq!(planes.iter().filter(|p| p.view == v as u32).count() as u32, refined.counts[v]);
     }
