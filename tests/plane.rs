@@ -179,9 +179,8 @@ fn splats_images_gradients_and_steps_are_the_twins() {
         })
         .collect();
     let (mut visible, mut listed, mut listed_twin) = (0, 0, 0);
-    for f in 0..2 {
+    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
         let (mut planes, slots) = scene.of_frame(f as u32);
-        let (width, height) = (FRAMES[f].width, FRAMES[f].height);
         let projected = plane_project(&mut planes, pixels_of(&depths64, f), width, height, &options);
         for (j, &i) in slots.iter().enumerate() {
             if (keys[i] == NONE) != (projected.tile_counts[j] == 0) {
@@ -223,7 +222,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
             // Float32 may decide otherwise within its own error of a threshold; those pixels pull at nothing below. The order
             // is not in doubt: depths are the map's own, and equal ones go by index.
             let margin = blended.margins[pixel];
-            if !(margin.alpha.min(margin.transmittance).min(margin.clamp) > 1e-4) {
+            if margin.alpha.min(margin.transmittance).min(margin.clamp) <= 1e-4 {
                 unsure += 1;
                 continue;
             }
@@ -364,9 +363,8 @@ fn the_same_are_pruned() {
     recorder.submit().unwrap().wait().unwrap();
     let left = plane_frames.download().unwrap();
     let (mut kept, mut dropped) = (0, 0);
-    for f in 0..2 {
+    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
         let (planes, slots) = scene.of_frame(f as u32);
-        let (width, height) = (FRAMES[f].width, FRAMES[f].height);
         let keep = plane_prune(&planes, width, height);
         for (j, &i) in slots.iter().enumerate() {
             // A pixel within float32's error of 1/255, or an opacity of 0.005, may go either way.
