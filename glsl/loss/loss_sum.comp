@@ -19,7 +19,7 @@ layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Losses { Loss losses[]; };
 
-layout(push_constant, scalar) uniform Push { uint frame_count; uint tiles_per_frame; uint slot; } push;
+layout(push_constant, scalar) uniform Push { uint frame_first; uint frame_count; uint tiles_per_frame; uint slot; } push;
 
 // One per subgroup; a subgroup has 8 lanes or more.
 shared vec2 subgroup_sums[gl_WorkGroupSize.x / 8];
@@ -27,7 +27,7 @@ shared vec2 subgroup_sums[gl_WorkGroupSize.x / 8];
 void main() {
     uint frame_index = group_index();
     if (!(frame_index < push.frame_count)) return;
-    Frame frame = frames[frame_index];
+    Frame frame = frames[push.frame_first + frame_index];
     vec2 sums = vec2(0);
     for (uint tile = gl_LocalInvocationIndex; tile < tiles_of(frame); tile += gl_WorkGroupSize.x) {
         sums += tile_sums[frame_index * push.tiles_per_frame + tile];

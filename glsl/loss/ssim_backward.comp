@@ -8,7 +8,7 @@
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
-// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 
@@ -20,8 +20,9 @@ layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; }
 layout(set = 0, binding = 5, scalar) readonly buffer Partials { float partials[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ImageGrad { float image_grad[]; };
 
-// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
-layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
+// Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
+// their number without a list.
+layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 // Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = TILE + 1;
@@ -34,7 +35,7 @@ void main() {
     if (TILE_LIST) tile = tile_list[tile];
     uint frame_index = tile / push.tiles_per_frame;
     uint tile_in_frame = tile % push.tiles_per_frame;
-    Frame frame = frames[frame_index];
+    Frame frame = frames[push.frame_first + frame_index];
     if (!(tile_in_frame < tiles_of(frame))) return;
     ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
 
@@ -82,7 +83,7 @@ void main() {
                     uint i = uint(pixel.y) * frame.width + uint(pixel.x);
                     float x = image[frame.image_first + i][channel];
                     float y = target_channel(targets[frame.target_first + i], channel);
-                    float ssim = p.x + 2 * x * p.y + y * p.z;
+                    float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
                     image_grad[3 * (frame.image_first + i) + channel] =
                         scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
                 }

@@ -7,21 +7,21 @@
 // pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels.
 //
 // With S = A1 A2 / (B1 B2), A1 = 2 mx my + C1, A2 = 2 (E[xy] - mx my) + C2, B1 = mx^2 + my^2 + C1,
-// B2 = E[x^2 + y^2] - mx^2 - my^2 + C2, the partials are dS/dmx (E fixed), dS/dE[x^2] = -S / B2 and
-// dS/dE[xy] = 2 A1 / (B1 B2); so dS/dx = blur(p0) + 2 x blur(p1) + y blur(p2).
-// Float32: E[x^2] - mx^2 has an error near 1e-7, 1e-4 of C2 at most. p0 is made from p1 and p2 as they are, so an error in
-// these only scales (x - mx) in the gradient, and what stays is the rounding of numbers up to 2 / C2: 2e-4, where
-// SSIM_WEIGHT times it stands beside the 0.8 of L1.
+// B2 = E[x^2 + y^2] - mx^2 - my^2 + C2, the partials are p0 = dS/dmx (E fixed), p1 = dS/dE[x^2] = -S / B2 and
+// p2 = dS/dE[xy] = 2 A1 / (B1 B2); so dS/dx = blur(p0) + 2 x blur(p1) + y blur(p2). In A2, B2 and dS/dx all of these are
+// of x - MIDDLE and y - MIDDLE.
+// Float32: E[x^2 + y^2] is 1/2 at most and has an error of some 6e-8, against a B2 of 9e-4 or more: 1e-4 of S, p1 and p2
+// where a picture is flat. p0 is made from p1 and p2 as they are, so that their errors only scale x - mx in the gradient.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
-// workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
-// also writes loss_map.
-layout(constant_id = 3) const bool LOSS_MAP = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
+// Also writes loss_map.
+layout(constant_id = 3) const bool LOSS_MAP = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]; };
@@ -32,8 +32,9 @@ layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[
 layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
-// A tile's number is frame * tiles_per_frame + tile; tile_count is their number without a list.
-layout(push_constant, scalar) uniform Push { uint tiles_per_frame; uint tile_count; uint count_index; } push;
+// Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
+// their number without a list.
+layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
 // Odd, so that neighbouring rows begin in different banks.
@@ -48,7 +49,7 @@ void main() {
     if (TILE_LIST) tile = tile_list[tile];
     uint frame_index = tile / push.tiles_per_frame;
     uint tile_in_frame = tile % push.tiles_per_frame;
-    Frame frame = frames[frame_index];
+    Frame frame = frames[push.frame_first + frame_index];
     if (!(tile_in_frame < tiles_of(frame))) return;
     ivec2 corner = ivec2(TILE * uvec2(tile_in_frame % tiles_across(frame), tile_in_frame / tiles_across(frame)));
 
@@ -71,12 +72,12 @@ void main() {
             // The first strip has to fill the window first.
             uint fed = strip == 0 ? STRIP + 2 * RADIUS : STRIP;
             for (uint step = 0; step < fed; step++) {
-                float x = 0;
-                float y = 0;
+                float x = -MIDDLE;
+                float y = -MIDDLE;
                 if (within(frame, column)) {
                     uint pixel = uint(column.y) * frame.width + uint(column.x);
-                    x = image[frame.image_first + pixel][column_channel];
-                    y = target_channel(targets[frame.target_first + pixel], column_channel);
+                    x += image[frame.image_first + pixel][column_channel];
+                    y += target_channel(targets[frame.target_first + pixel], column_channel);
                 }
                 bool own_row = column.y >= corner.y && column.y < corner.y + int(TILE);
                 if (own_column && own_row) l1 += abs(x - y);
@@ -98,14 +99,16 @@ void main() {
             uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
             [[unroll]] for (uint step = 0; step < RUN; step++) {
                 vec4 m = feed(along, moments[at + 2 * RADIUS + step]);
-                float a1 = 2 * m.x * m.y + C1;
+                float mx = m.x + MIDDLE;
+                float my = m.y + MIDDLE;
+                float a1 = 2 * mx * my + C1;
                 float a2 = 2 * (m.w - m.x * m.y) + C2;
-                float b1 = m.x * m.x + m.y * m.y + C1;
+                float b1 = mx * mx + my * my + C1;
                 float b2 = m.z - m.x * m.x - m.y * m.y + C2;
                 float s = a1 * a2 / (b1 * b2);
                 float p1 = -s / b2;
                 float p2 = 2 * a1 / (b1 * b2);
-                float p0 = 2 * (m.y * a2 / b2 - m.x * s) / b1 - 2 * m.x * p1 - m.y * p2;
+                float p0 = 2 * (my * a2 / b2 - mx * s) / b1 - 2 * m.x * p1 - m.y * p2;
                 if (within(frame, pixel + ivec2(step, 0))) {
                     ssim += s;
                     partials[partial] = p0;

@@ -18,6 +18,9 @@ const int RADIUS = 5;
 // (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
 const float C1 = 0.01 * 0.01;
 const float C2 = 0.03 * 0.03;
+// Moments are of x - MIDDLE and y - MIDDLE, -MIDDLE outside the image. Covariances stay what they are, since with the
+// padding the weights add up to 1, and have a quarter of the float32 error that those of x and y would have.
+const float MIDDLE = 0.5;
 
 // The window: exp(-d^2 / (2 * 1.5^2)) for d = 0..5, divided by the sum over -5..5.
 const float E1 = exp(-1.0 / 4.5);

@@ -4,11 +4,10 @@
 // A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from ballots over the digit's
 // bits. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
 
-// keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
+// Keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
 // remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
 
@@ -54,18 +53,12 @@ void main() {
         if (COMPACT) live = key != NONE;
 
         uint digit = digit_of(key, push.shift);
-        uvec2 peers = subgroupBallot(live).xy;
-        [[unroll]] for (uint bit = 0; bit < DIGIT_BITS; bit++) {
-            bool one = (digit >> bit & 1u) != 0;
-            uvec2 ones = subgroupBallot(one).xy;
-            peers &= one ? ones : ~ones;
-        }
+        uvec2 peers = same_digit(digit, live);
         uvec2 earlier = peers & gl_SubgroupLtMask.xy;
-        uvec2 later = peers & gl_SubgroupGtMask.xy;
         uint place = 0;
         if (live) place = next_place[own + digit] + bitCount(earlier.x) + bitCount(earlier.y);
         subgroupBarrier();
-        if (live && (later.x | later.y) == 0) next_place[own + digit] = place + 1;
+        if (live && highest(peers)) next_place[own + digit] = place + 1;
         subgroupBarrier();
         if (live) {
             keys_out[place] = key;

@@ -6,7 +6,7 @@
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
 
-// keys of 0xFFFFFFFF are not counted.
+// Keys of 0xFFFFFFFF are not counted.
 layout(constant_id = 3) const bool COMPACT = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };

@@ -8,7 +8,7 @@
 #include "../shared/blocks.glsl"
 #include "../shared/saturate.glsl"
 
-// item i is values[index[i]].
+// Item i is values[index[i]].
 layout(constant_id = 2) const bool GATHER = false;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };

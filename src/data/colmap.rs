@@ -400,8 +400,11 @@ mod tests {
         out
     }
 
+    type Model = (Vec<Shot>, Option<PointCloud>);
+    type Case<'a> = (&'a str, u32, &'a [f64], [f64; 2], Distortion);
+
     /// A dataset on disk out of named files; the image files are not decoded here.
-    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<(Vec<Shot>, Option<PointCloud>)>) {
+    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Model>) {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("sparse").join("0");
         fs::create_dir_all(&folder).unwrap();
@@ -419,7 +422,7 @@ mod tests {
     fn every_model_gives_its_intrinsics_in_both_formats() {
         let none = Distortion::default();
         let [fx, fy, cx, cy, k1, k2, p1, p2] = OPENCV;
-        let cases: [(&str, u32, &[f64], [f64; 2], Distortion); 5] = [
+        let cases: [Case; 5] = [
             ("SIMPLE_PINHOLE", 0, &[fx, cx, cy], [fx, fx], none),
             ("PINHOLE", 1, &[fx, fy, cx, cy], [fx, fy], none),
             ("SIMPLE_RADIAL", 2, &[fx, cx, cy, k1], [fx, fx], Distortion { k1, ..none }),

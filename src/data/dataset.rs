@@ -270,10 +270,13 @@ fn assemble(
 /// The photo and what part of it its file does not show.
 fn prepare(shot: Shot, index: usize, options: &DatasetOptions) -> Result<(Photo, f64)> {
     let size = images::size(&shot.path)?;
-    let lens = shot.camera.for_image(size).map_err(|what| {
-        let listed = shot.listed_in.display();
-        Error::input(&shot.path, format!("{what} (listed in {listed})"))
-    })?;
+    let fail = |what: String| Error::input(&shot.path, format!("{what} (listed in {})", shot.listed_in.display()));
+    let lens = shot.camera.for_image(size).map_err(fail)?;
+    let numbers = [lens.fx, lens.fy, lens.cx, lens.cy].into_iter().chain(shot.translation.to_array());
+    // What reaches the device is float32.
+    if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
+        return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
+    }
     let [width, height] = images::fit(size, options.max_size);
     let Lens { fx, fy, cx, cy, .. } = lens;
     let (rotation, translation) = (shot.rotation, shot.translation);
@@ -388,6 +391,23 @@ mod tests {
         std::fs::write(&json, text).unwrap();
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
         assert!(message.contains("`04`") && message.contains("twice"), "{message}");
+    }
+
+    #[test]
+    fn cameras_beyond_float32_are_refused() {
+        let folder = folder();
+        let json = folder.path().join("transforms.json");
+        let sound = std::fs::read_to_string(&json).unwrap();
+        for (from, to) in [
+            ("\"fl_x\":16.0", "\"fl_x\":1e200"),
+            ("\"fl_x\":16.0", "\"fl_x\":1e-200"),
+            ("0.0,0.0,1.0,0.0", "0.0,0.0,1.0,1e100"),
+        ] {
+            assert!(sound.contains(from));
+            std::fs::write(&json, sound.replace(from, to)).unwrap();
+            let message = Dataset::open(folder.path(), &DatasetOptions::default()).unwrap_err().to_string();
+            assert!(message.contains("32 bits") && message.contains("00.png"), "{message}");
+        }
     }
 
     #[test]

@@ -266,7 +266,7 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
         return Some("a compressed PLY (as SuperSplat writes them; export it uncompressed)");
     }
     let splat = |name: &&str| vertex.scalar(name).is_some();
-    if FIXED[3..].iter().any(|name| splat(&name)) || !FIXED[..3].iter().all(|name| splat(&name)) {
+    if FIXED[3..].iter().any(&splat) || !FIXED[..3].iter().all(splat) {
         return None;
     }
     Some(if ply.element("face").is_some() { "a mesh" } else { "a point cloud" })

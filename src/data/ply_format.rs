@@ -294,7 +294,7 @@ impl<'a> Ply<'a> {
                         None => property.number.decode(take(property.number.bytes()).ok_or_else(|| short(row))?, big),
                         Some(count) => {
                             let length = count.decode(take(count.bytes()).ok_or_else(|| short(row))?, big);
-                            if !(length >= 0.0) {
+                            if !(0.0..).contains(&length) {
                                 return Err(self.bad_list(element, row, property));
                             }
                             // At most 2³² items of 8 bytes.
@@ -339,7 +339,7 @@ impl<'a> Ply<'a> {
                         None => next(property.number)?,
                         Some(count) => {
                             let length = next(count)?;
-                            if !(length >= 0.0) {
+                            if !(0.0..).contains(&length) {
                                 return Err(self.bad_list(element, row, property));
                             }
                             // Ends with the line at the latest.

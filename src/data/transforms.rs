@@ -187,13 +187,14 @@ fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
     let mut turn = DMat3::from_cols(column(0), column(1), column(2));
     let scale = turn.determinant().cbrt();
-    if !(scale > 0.0) || !scale.is_normal() {
+    if !scale.is_normal() || scale < 0.0 {
         return Err(format!("the rotation of `transform_matrix` has determinant {:e}, expected 1", turn.determinant()));
     }
     turn *= 1.0 / scale;
     let skew = turn.transpose() * turn - DMat3::IDENTITY;
-    let worst = skew.to_cols_array().iter().fold(0.0, |worst: f64, v| worst.max(v.abs()));
-    if !(worst <= MAX_SKEW) {
+    let skew = skew.to_cols_array().map(f64::abs);
+    if !skew.iter().all(|v| *v <= MAX_SKEW) {
+        let worst = skew.iter().copied().fold(0.0, f64::max);
         return Err(format!(
             "the rotation of `transform_matrix` is not one: RᵀR is off by {worst:.1e}, {MAX_SKEW:.0e} is allowed"
         ));

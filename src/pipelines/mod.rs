@@ -1,9 +1,14 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod enhance;
+pub mod join;
+pub mod lift;
+pub mod loss;
 pub mod model;
 pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;
 pub mod steps;
+pub mod train;
 pub mod views;

@@ -330,7 +330,7 @@ impl BatchLoss<'_> {
             loss_map: &self.buffers.loss_map,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        let push = ssim_forward::Push { tiles_per_frame, tile_count, count_index: 0 };
+        let push = ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
         match lists {
             Some(lists) => stage.record_list(recorder, &buffers, &push, &lists.args, 0),
             None => stage.record(recorder, &buffers, &push),
@@ -355,7 +355,7 @@ impl BatchLoss<'_> {
             image_grad,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        let push = ssim_backward::Push { tiles_per_frame, tile_count, count_index: 1 };
+        let push = ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 1 };
         stage.record_list(recorder, &buffers, &push, &lists.args, 1);
     }
 
@@ -363,7 +363,7 @@ impl BatchLoss<'_> {
         let buffers =
             loss_sum::Buffers { frames: self.frames, tile_sums: &self.buffers.tile_sums, losses: &self.buffers.losses };
         let (frame_count, tiles_per_frame) = (self.list.len() as u32, self.tiles_per_frame());
-        stage.record(recorder, &buffers, &loss_sum::Push { frame_count, tiles_per_frame, slot: 0 });
+        stage.record(recorder, &buffers, &loss_sum::Push { frame_first: 0, frame_count, tiles_per_frame, slot: 0 });
     }
 }
 

@@ -80,7 +80,7 @@ impl Scan {
     }
 }
 
-/// Stable sort of (key, value) pairs by the low bits of the keys, least significant digit first.
+/// Stable sort of (key, value) pairs, least significant digit first.
 pub struct RadixSort {
     passes: u32,
     digit_bits: u32,
@@ -107,7 +107,7 @@ pub struct RadixScratch<'a> {
 }
 
 impl RadixSort {
-    /// Sorts by the low `key_bits` bits (1 to 32). With `compact`, keys of `0xFFFFFFFF` are dropped and the value of a key
+    /// Sorts keys below 2^`key_bits` (1 to 32). With `compact`, keys of `0xFFFFFFFF` are dropped and the value of a key
     /// is its index.
     pub fn new(context: &Context, key_bits: u32, compact: bool) -> Result<Self, GpuError> {
         let (passes, digit_bits) = passes_for(key_bits);

@@ -7,7 +7,7 @@ const GROUPS_PER_DIMENSION: u32 = 65535;
 pub fn dispatch_args(count: u32, capacity: u32, items_per_group: u32) -> (u32, Option<u32>, [u32; 3]) {
     let overflow = (count > capacity).then_some(count);
     let count = count.min(capacity);
-    let groups = count.div_ceil(items_per_group).max(1);
+    let groups = count.div_ceil(items_per_group.max(1)).max(1);
     let rows = groups.div_ceil(GROUPS_PER_DIMENSION);
     (count, overflow, [groups.div_ceil(rows), rows, 1])
 }

@@ -16,6 +16,8 @@ pub mod harmonics;
 pub mod lift_append;
 pub mod lift_cluster;
 pub mod lift_count;
+pub mod lift_groups;
+pub mod lift_join;
 pub mod lift_pca;
 pub mod lift_points;
 pub mod lobe;

@@ -6,8 +6,13 @@ use super::sigmoid;
 
 /// Least opacity, without compensation.
 pub const OPACITY_MIN: f64 = 0.005;
-/// Least number of covered pixels.
-pub const COVERED_MIN: usize = 25;
+
+/// Least number of covered pixels in an image of that size: 25 from 546 rows or columns on, fewer in proportion to the area
+/// below, 4 at least.
+pub fn covered_min(width: u32, height: u32) -> usize {
+    let side = f64::from(width.min(height)) / 546.0;
+    (25.0 * side * side).ceil().clamp(4.0, 25.0) as usize
+}
 
 /// Pixels of the image where α ≥ 1/255, whatever lies in front.
 pub fn covered(plane: &Plane, width: u32, height: u32) -> usize {
@@ -20,7 +25,9 @@ pub fn covered(plane: &Plane, width: u32, height: u32) -> usize {
 pub fn plane_prune(planes: &[Plane], width: u32, height: u32) -> Vec<bool> {
     planes
         .iter()
-        .map(|plane| sigmoid(plane[LOGIT]) >= OPACITY_MIN && covered(plane, width, height) >= COVERED_MIN)
+        .map(|plane| {
+            sigmoid(plane[LOGIT]) >= OPACITY_MIN && covered(plane, width, height) >= covered_min(width, height)
+        })
         .collect()
 }
 
@@ -55,7 +62,8 @@ mod tests {
             }
             assert_eq!(covered(&plane, 40, 30), count);
             let keep = plane_prune(&[plane], 40, 30)[0];
-            assert_eq!(keep, count >= 25 && sigmoid(plane[LOGIT]) >= 0.005);
+            assert_eq!((covered_min(40, 30), covered_min(128, 128), covered_min(979, 546)), (4, 4, 25));
+            assert_eq!(keep, count >= 4 && sigmoid(plane[LOGIT]) >= 0.005);
             *(if keep { &mut kept } else { &mut dropped }) += 1;
         }
         assert!(kept > 100 && dropped > 100);

@@ -1,6 +1,6 @@
 //! Twin of `ssim_backward.comp`.
 
-use super::ssim_forward::{SSIM_WEIGHT, filter, target_channel};
+use super::ssim_forward::{MIDDLE, SSIM_WEIGHT, filter, target_channel};
 
 /// ∂loss/∂RGB per pixel, row by row, from the partials of [`super::ssim_forward::ssim_forward`].
 pub fn ssim_backward(
@@ -10,14 +10,14 @@ pub fn ssim_backward(
     targets: &[u32],
     partials: &[[[f64; 3]; 3]],
 ) -> Vec<[f64; 3]> {
-    let blurred = filter(width, height, partials);
+    let blurred = filter(width, height, partials, [0.0; 3]);
     let scale = 1.0 / (3.0 * width as f64 * height as f64);
     (0..width * height)
         .map(|i| {
             std::array::from_fn(|c| {
                 let (x, y) = (image[i][c], target_channel(targets[i], c));
                 let [p0, p1, p2] = blurred[i][c];
-                let ssim = p0 + 2.0 * x * p1 + y * p2;
+                let ssim = p0 + 2.0 * (x - MIDDLE) * p1 + (y - MIDDLE) * p2;
                 // f64::signum(0.0) is 1.
                 let sign = f64::from(i8::from(x > y) - i8::from(x < y));
                 scale * ((1.0 - SSIM_WEIGHT) * sign - SSIM_WEIGHT * ssim)

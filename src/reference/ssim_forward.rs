@@ -6,6 +6,8 @@ pub const SSIM_WEIGHT: f64 = 0.2;
 const RADIUS: usize = 5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
+/// Moments are of x − MIDDLE and y − MIDDLE, −MIDDLE outside the image; see `ssim.glsl`.
+pub(super) const MIDDLE: f64 = 0.5;
 
 /// What the forward pass finds out about one frame; pixels row by row.
 pub struct SsimForward {
@@ -28,25 +30,27 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
     let moments: Vec<[[f64; 4]; 3]> = (0..pixels)
         .map(|i| {
             std::array::from_fn(|c| {
-                let (x, y) = (image[i][c], target_channel(targets[i], c));
+                let (x, y) = (image[i][c] - MIDDLE, target_channel(targets[i], c) - MIDDLE);
                 [x, y, x * x + y * y, x * y]
             })
         })
         .collect();
-    let moments = filter(width, height, &moments);
+    let outside = [-MIDDLE, -MIDDLE, 2.0 * MIDDLE * MIDDLE, MIDDLE * MIDDLE];
+    let moments = filter(width, height, &moments, outside);
     let mut forward =
         SsimForward { partials: vec![[[0.0; 3]; 3]; pixels], sums: [0.0; 2], loss_map: vec![0.0; pixels] };
     for i in 0..pixels {
         for c in 0..3 {
-            let [mx, my, squares, product] = moments[i][c];
+            let [x, y, squares, product] = moments[i][c];
+            let (mx, my) = (x + MIDDLE, y + MIDDLE);
             let a1 = 2.0 * mx * my + C1;
-            let a2 = 2.0 * (product - mx * my) + C2;
+            let a2 = 2.0 * (product - x * y) + C2;
             let b1 = mx * mx + my * my + C1;
-            let b2 = squares - mx * mx - my * my + C2;
+            let b2 = squares - x * x - y * y + C2;
             let s = a1 * a2 / (b1 * b2);
             let p1 = -s / b2;
             let p2 = 2.0 * a1 / (b1 * b2);
-            let p0 = 2.0 * (my * a2 / b2 - mx * s) / b1 - 2.0 * mx * p1 - my * p2;
+            let p0 = 2.0 * (my * a2 / b2 - mx * s) / b1 - 2.0 * x * p1 - y * p2;
             let l1 = (image[i][c] - target_channel(targets[i], c)).abs();
             forward.partials[i][c] = [p0, p1, p2];
             forward.sums[0] += l1;
@@ -57,31 +61,38 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
     forward
 }
 
-/// Filters each plane down the columns, then along the rows. Outside the image is 0, and the weights are not renormalised.
-pub(super) fn filter<const N: usize>(width: usize, height: usize, planes: &[[[f64; N]; 3]]) -> Vec<[[f64; N]; 3]> {
+/// Filters each plane down the columns, then along the rows; beyond the image it is `outside`.
+pub(super) fn filter<const N: usize>(
+    width: usize,
+    height: usize,
+    planes: &[[[f64; N]; 3]],
+    outside: [f64; N],
+) -> Vec<[[f64; N]; 3]> {
     let window = window();
-    let down = tap(planes, |i, t| {
+    let outside = [outside; 3];
+    let down = tap(&window, planes, &outside, |i, t| {
         let y = (i / width + t).checked_sub(RADIUS).filter(|&y| y < height)?;
-        Some((y * width + i % width, window[t]))
+        Some(y * width + i % width)
     });
-    tap(&down, |i, t| {
+    tap(&window, &down, &outside, |i, t| {
         let x = (i % width + t).checked_sub(RADIUS).filter(|&x| x < width)?;
-        Some((i / width * width + x, window[t]))
+        Some(i / width * width + x)
     })
 }
 
-/// Σ over the taps t of weight × sample, `at` giving both by pixel and tap where the tap is within the image.
+/// Σ over the taps t of weight × sample; `at` gives the sample's index by pixel and tap where it is within the image.
 fn tap<const N: usize>(
+    window: &[f64],
     planes: &[[[f64; N]; 3]],
-    at: impl Fn(usize, usize) -> Option<(usize, f64)>,
+    outside: &[[f64; N]; 3],
+    at: impl Fn(usize, usize) -> Option<usize>,
 ) -> Vec<[[f64; N]; 3]> {
     let mut sums = vec![[[0.0; N]; 3]; planes.len()];
     for (i, sums) in sums.iter_mut().enumerate() {
-        for (from, weight) in (0..=2 * RADIUS).filter_map(|t| at(i, t)) {
-            for (sums, plane) in sums.iter_mut().zip(&planes[from]) {
-                for (sum, value) in sums.iter_mut().zip(plane) {
-                    *sum += weight * value;
-                }
+        for (t, weight) in window.iter().enumerate() {
+            let sample = at(i, t).map_or(outside, |j| &planes[j]);
+            for (sum, value) in sums.as_flattened_mut().iter_mut().zip(sample.as_flattened()) {
+                *sum += weight * value;
             }
         }
     }

@@ -1,7 +1,9 @@
 //! Gaussians, cameras and what is known of a scene on the host.
 
 mod camera;
+mod from_points;
 mod gaussians;
 
 pub use camera::Camera;
+pub use from_points::{SH_DC, from_points};
 pub use gaussians::{Gaussians, Lobes, Scene, Supplement};

@@ -8,8 +8,8 @@ pub use super::kernels::radix_upsweep::{Buffers, Kernel, Push, Spec};
 /// Widest digit: 256 counters for each subgroup.
 pub const MAX_DIGIT_BITS: u32 = 8;
 
-/// Passes that sort by the low `key_bits` bits of the keys, and the digit's width in each: the passes are as few and the
-/// digits as narrow as can be.
+/// Passes that sort keys below 2^`key_bits`, and the digit's width in each: the passes are as few and the digits as narrow
+/// as can be.
 pub fn passes_for(key_bits: u32) -> (u32, u32) {
     let passes = key_bits.clamp(1, 32).div_ceil(MAX_DIGIT_BITS);
     (passes, key_bits.clamp(1, 32).div_ceil(passes))

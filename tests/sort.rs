@@ -1,0 +1,286 @@
+//! Scan and radix sort on the GPU against their twins. All integers: equal means equal.
+
+use glint::{
+    gpu::{Buffer, Context, ContextOptions, GpuError},
+    pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    reference,
+    stages::{
+        dispatch_args::{self, DispatchArgs},
+        radix_upsweep::{block_counts_len, digit_totals_len, passes_for},
+        scan_reduce::{BLOCK, block_sums_len, items_per_group},
+    },
+};
+
+const NO_KEY: u32 = u32::MAX;
+/// Nothing, one, a row less one, a block and its neighbours, several workgroups with a part of a block at the end.
+const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
+
+fn context() -> Context {
+    Context::new(&ContextOptions::default()).unwrap()
+}
+
+fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
+    Buffer::from_slice(context, name, data).unwrap()
+}
+
+fn noise(i: u32) -> u32 {
+    let x = (i ^ i >> 16).wrapping_mul(0x7feb_352d);
+    (x ^ x >> 15).wrapping_mul(0x846c_a68b)
+}
+
+/// Words of the count buffer of these tests.
+const ITEMS: u32 = 0;
+const RESULT: u32 = 1;
+
+struct Counted {
+    count: Buffer<u32>,
+    args: Buffer<u32>,
+    status: Buffer<u32>,
+}
+
+impl Counted {
+    fn new(context: &Context, items: u32) -> Result<Self, GpuError> {
+        Ok(Counted {
+            count: upload(context, "count", &[items, 12345]),
+            args: Buffer::zeroed(context, "args", 6)?,
+            status: Buffer::zeroed(context, "status", 2)?,
+        })
+    }
+
+    /// Items of `capacity` at most; the dispatch is in slot 1 and the status in word 1.
+    fn record(&self, stage: &DispatchArgs, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
+        let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
+        let push =
+            dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, status_index: 1 };
+        stage.record(recorder, &buffers, &push);
+    }
+
+    fn extent(&self) -> Extent<'_> {
+        Extent { count: &self.count, index: ITEMS, args: &self.args, slot: 1 }
+    }
+}
+
+fn scan(context: &Context, values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, Vec<u32>, u32) {
+    let items = index.map_or(values.len(), <[u32]>::len) as u32;
+    let counted = Counted::new(context, items).unwrap();
+    let values = upload(context, "values", values);
+    let index = index.map(|index| upload(context, "index", index));
+    let block_sums = Buffer::zeroed(context, "block_sums", block_sums_len(items)).unwrap();
+    let offsets = Buffer::zeroed(context, "offsets", items as usize).unwrap();
+    let scan = Scan::new(context, index.is_some()).unwrap();
+    let mut recorder = context.recorder("scan").unwrap();
+    let per_group = items_per_group(context.info().subgroup_size);
+    counted.record(&DispatchArgs::new(context).unwrap(), &mut recorder, items, per_group);
+    let buffers = ScanBuffers { values: &values, index: index.as_ref(), block_sums: &block_sums, offsets: &offsets };
+    scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
+    recorder.submit().unwrap().wait().unwrap();
+    let offsets = offsets.download_range(0, items as usize).unwrap();
+    (offsets, block_sums.download().unwrap(), counted.count.download().unwrap()[1])
+}
+
+fn check_scan(context: &Context, values: &[u32], index: Option<&[u32]>) {
+    let block = BLOCK as usize;
+    let block_sums = reference::scan_spine::scan_spine(&reference::scan_reduce::scan_reduce(values, index, block));
+    let offsets = reference::scan_apply::scan_apply(values, index, &block_sums, block);
+    let total = *block_sums.last().unwrap();
+    assert!(scan(context, values, index) == (offsets, block_sums, total), "{} values", values.len());
+}
+
+#[test]
+fn a_scan_is_its_twin_at_every_size() {
+    let context = context();
+    for items in SIZES.into_iter().chain([300_000]) {
+        check_scan(&context, &(0..items).map(|i| noise(i) % 100).collect::<Vec<_>>(), None);
+    }
+}
+
+#[test]
+fn a_gathering_scan_sums_in_the_order_of_the_index() {
+    let context = context();
+    let values: Vec<u32> = (0..5000).map(|i| noise(i) % 1000).collect();
+    let index: Vec<u32> = (0..3000).map(|i| noise(i + 9) % 5000).collect();
+    check_scan(&context, &values, Some(&index));
+}
+
+#[test]
+fn a_scan_stops_at_the_largest_number() {
+    let context = context();
+    let mut values: Vec<u32> = (0..5000).map(|i| noise(i) % 1000).collect();
+    values[2500] = u32::MAX - 800_000;
+    check_scan(&context, &values, None);
+    values[0] = u32::MAX;
+    values[1] = u32::MAX;
+    check_scan(&context, &values, None);
+    check_scan(&context, &[u32::MAX; 3000], None);
+}
+
+#[test]
+fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
+    let context = context();
+    let stage = DispatchArgs::new(&context).unwrap();
+    let cases = [(0, 10, 64), (1, 10, 64), (1000, 1000, 64), (1001, 1000, 64), (u32::MAX, 1 << 26, 1), (9, 9, 0)];
+    for (items, capacity, per_group) in cases {
+        let counted = Counted::new(&context, items).unwrap();
+        let mut recorder = context.recorder("dispatch_args").unwrap();
+        counted.record(&stage, &mut recorder, capacity, per_group);
+        // A second time, with what is clamped by then: the number that was needed stays.
+        counted.record(&stage, &mut recorder, capacity, per_group);
+        recorder.submit().unwrap().wait().unwrap();
+        let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, capacity, per_group);
+        assert_eq!(counted.count.download().unwrap(), [count, 12345]);
+        assert_eq!(counted.status.download().unwrap(), [0, overflow.unwrap_or(0)]);
+        assert_eq!(counted.args.download().unwrap()[3..], groups);
+    }
+}
+
+fn pairs(context: &Context, name: &str, len: usize) -> (Buffer<u32>, Buffer<u32>) {
+    (Buffer::zeroed(context, name, len).unwrap(), Buffer::zeroed(context, name, len).unwrap())
+}
+
+/// Sorts on the GPU; `None` for the values is the compacting sort. Returns the pairs and, of the last pass, the scanned
+/// counters and the totals.
+fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) -> [Vec<u32>; 4] {
+    let items = keys.len() as u32;
+    let counted = Counted::new(context, items).unwrap();
+    let input = upload(context, "keys", keys);
+    let input_values = values.map(|values| upload(context, "values", values));
+    let radix = RadixSort::new(context, key_bits, values.is_none()).unwrap();
+    let (a, b) = (pairs(context, "a", keys.len()), pairs(context, "b", keys.len()));
+    let counters = block_counts_len(items, radix.digit_bits());
+    let block_counts = Buffer::zeroed(context, "block_counts", counters).unwrap();
+    let digit_totals = Buffer::zeroed(context, "digit_totals", digit_totals_len(radix.digit_bits())).unwrap();
+    let mut recorder = context.recorder("sort").unwrap();
+    let per_group = items_per_group(context.info().subgroup_size);
+    counted.record(&DispatchArgs::new(context).unwrap(), &mut recorder, items, per_group);
+    let sorted = radix.record(
+        &mut recorder,
+        Pairs { keys: &input, values: input_values.as_ref().unwrap_or(&input) },
+        [Pairs { keys: &a.0, values: &a.1 }, Pairs { keys: &b.0, values: &b.1 }],
+        RadixScratch { block_counts: &block_counts, digit_totals: &digit_totals },
+        counted.extent(),
+        RESULT,
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let kept = if values.is_some() { keys.len() } else { counted.count.download().unwrap()[1] as usize };
+    assert_eq!(input.download_range(0, keys.len()).unwrap(), keys, "the input is kept");
+    [
+        sorted.keys.download_range(0, kept).unwrap(),
+        sorted.values.download_range(0, kept).unwrap(),
+        block_counts.download().unwrap(),
+        digit_totals.download().unwrap(),
+    ]
+}
+
+fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) {
+    let (passes, bits) = passes_for(key_bits);
+    let (mut keys_now, mut values_now) = (keys.to_vec(), values.map(<[u32]>::to_vec));
+    let mut last = (vec![], vec![]);
+    for pass in 0..passes {
+        let block = BLOCK as usize;
+        let counts = reference::radix_upsweep::radix_upsweep(&keys_now, pass * bits, bits, values_now.is_none(), block);
+        last = reference::radix_spine::radix_spine(&counts, bits);
+        let (keys, values) = reference::radix_downsweep::radix_downsweep(
+            &keys_now,
+            values_now.as_deref(),
+            &last.0,
+            &last.1,
+            pass * bits,
+            bits,
+            block,
+        );
+        (keys_now, values_now) = (keys, Some(values));
+    }
+    let [keys_out, values_out, block_counts, totals] = sort(context, keys, values, key_bits);
+    let what = format!("{} keys by {key_bits} bits, values {}", keys.len(), values.is_some());
+    assert!(keys_out == keys_now, "keys of {what}");
+    assert!(values_out == values_now.unwrap(), "values of {what}");
+    assert!(block_counts[..last.0.len()] == last.0, "counters of {what}");
+    assert!(totals == last.1, "totals of {what}");
+    // The twin's passes against the standard library.
+    let mut expected: Vec<(u32, u32)> = (0..keys.len())
+        .filter(|&i| values.is_some() || keys[i] != NO_KEY)
+        .map(|i| (keys[i], values.map_or(i as u32, |values| values[i])))
+        .collect();
+    expected.sort_by_key(|pair| pair.0);
+    assert!(expected.into_iter().eq(keys_out.into_iter().zip(values_out)), "order of {what}");
+}
+
+#[test]
+fn a_sort_is_its_twin_at_every_size() {
+    let context = context();
+    for items in SIZES {
+        let keys: Vec<u32> = (0..items).map(noise).collect();
+        let values: Vec<u32> = (0..items).map(|i| noise(i + 77)).collect();
+        check_sort(&context, &keys, Some(&values), 32);
+    }
+}
+
+#[test]
+fn a_sort_is_stable_whatever_the_width_of_the_keys() {
+    let context = context();
+    let values: Vec<u32> = (0..9000).collect();
+    for key_bits in [1, 3, 8, 12, 13, 31] {
+        let keys: Vec<u32> = (0..9000).map(|i| noise(i) >> (32 - key_bits)).collect();
+        check_sort(&context, &keys, Some(&values), key_bits);
+    }
+    check_sort(&context, &[5; 3000], Some(&values[..3000]), 8);
+}
+
+#[test]
+fn a_compacting_sort_drops_what_has_no_key() {
+    let context = context();
+    for items in SIZES {
+        let keys: Vec<u32> = (0..items)
+            .map(|i| if noise(i).is_multiple_of(3) { NO_KEY } else { (0.2 + i as f32 % 77.7).to_bits() })
+            .collect();
+        check_sort(&context, &keys, None, 32);
+    }
+    check_sort(&context, &[NO_KEY; 5000], None, 32);
+}
+
+/// Not a test of time, which depends on the machine: prints what each stage takes.
+#[test]
+#[ignore = "prints times"]
+fn times_of_a_sort_and_a_scan() {
+    let context = context();
+    for items in [30_000u32, 1 << 20, 1 << 22] {
+        let per_group = items_per_group(context.info().subgroup_size);
+        let counted = Counted::new(&context, items).unwrap();
+        let input =
+            upload(&context, "keys", &(0..items).map(|i| (0.2 + noise(i) as f32).to_bits()).collect::<Vec<_>>());
+        let (a, b) = (pairs(&context, "a", items as usize), pairs(&context, "b", items as usize));
+        let block_counts = Buffer::zeroed(&context, "block_counts", block_counts_len(items, 8)).unwrap();
+        let digit_totals = Buffer::zeroed(&context, "digit_totals", 256).unwrap();
+        let block_sums = Buffer::zeroed(&context, "block_sums", block_sums_len(items)).unwrap();
+        let (radix, scan) = (RadixSort::new(&context, 32, true).unwrap(), Scan::new(&context, false).unwrap());
+        let args = DispatchArgs::new(&context).unwrap();
+        let mut best: Vec<(&str, std::time::Duration)> = vec![];
+        let mut whole = std::time::Duration::MAX;
+        for timed in [false, true] {
+            for _ in 0..10 {
+                let mut recorder = context.recorder("times").unwrap();
+                if timed {
+                    recorder.time_stages();
+                }
+                counted.record(&args, &mut recorder, items, per_group);
+                let to = [Pairs { keys: &a.0, values: &a.1 }, Pairs { keys: &b.0, values: &b.1 }];
+                let scratch = RadixScratch { block_counts: &block_counts, digit_totals: &digit_totals };
+                let from = Pairs { keys: &input, values: &input };
+                radix.record(&mut recorder, from, to, scratch, counted.extent(), RESULT);
+                let buffers = ScanBuffers { values: &b.1, index: None, block_sums: &block_sums, offsets: &a.0 };
+                scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
+                let start = std::time::Instant::now();
+                let times = recorder.submit().unwrap().wait().unwrap();
+                whole = whole.min(start.elapsed());
+                for (i, stage) in times.iter().enumerate() {
+                    match best.get_mut(i) {
+                        Some(best) => best.1 = best.1.min(stage.time),
+                        None => best.push((stage.name, stage.time)),
+                    }
+                }
+            }
+        }
+        println!("{}: {items} keys, all {whole:?}", context.info().name);
+        best.iter().for_each(|(name, time)| println!("    {name} {time:?}"));
+    }
+}
