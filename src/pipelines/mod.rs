@@ -3,12 +3,14 @@
 pub mod enhance;
 pub mod join;
 pub mod lift;
+pub mod layers;
 pub mod loss;
 pub mod model;
 pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;
+pub mod start;
 pub mod steps;
 pub mod train;
 pub mod views;
