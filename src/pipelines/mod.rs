@@ -14,3 +14,4 @@ pub mod start;
 pub mod steps;
 pub mod train;
 pub mod views;
+pub mod work;

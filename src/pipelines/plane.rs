@@ -714,6 +714,23 @@ impl PlaneStage {
         self.draw.record(recorder, &buffers, &push);
     }
 
+    /// The base's render (RGB, transmittance) and depth of one view of the batch that was refined last, by its position there.
+    pub fn base_render(&self, cameras: &[Camera], batch: usize, position: usize) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
+        let range = self.batches.get(batch).cloned().unwrap_or(0..0);
+        let Some(frame) = frames_of(cameras, &range).get(position).copied() else {
+            return Err(Error::Usage(format!("batch {batch} has no view {position}")));
+        };
+        let (first, pixels) = (frame.image_first as usize, (frame.width * frame.height) as usize);
+        let image = self.raster.borrow().backdrop.download_range(first, pixels)?;
+        Ok((image, self.depths.download_range(first, pixels)?))
+    }
+
+    /// The slots that hold a Gaussian, ascending: the order of [`PlaneStage::download`].
+    pub fn taken_slots(&self) -> Result<Vec<usize>> {
+        let frames = self.plane_frames.download()?;
+        Ok((0..frames.len()).filter(|&i| frames[i] != EMPTY).collect())
+    }
+
     /// Reads the 2D Gaussians of batch `batch`, which was refined last, back; by view, and in a view by slot.
     pub fn download(&self, batch: usize) -> Result<Vec<Plane>> {
         let first_view = self.batches.get(batch).map_or(0, |b| b.start) as u32;
