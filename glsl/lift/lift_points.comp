@@ -3,7 +3,7 @@
 //
 // One subgroup: one 2D Gaussian; its lanes go through the bounding box in row-major order, ballots number the points, so
 // the order is the pixels' whatever the subgroup size.
-// plane, plane_views, views, depths, point_counts, point_firsts → points (xyz, weight), heaviest, start_taus.
+// plane, plane_views, views, depths, point_counts, point_firsts → points (xyz, weight), point_sets, labels, heaviest, taus.
 //
 // Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
 // no digits are lost when the scene lies far from its origin.
@@ -24,7 +24,10 @@ layout(set = 0, binding = 6, scalar) writeonly buffer Points { vec4 points[]; };
 // Index within the set of the point of greatest weight; ties go to the lowest.
 layout(set = 0, binding = 7, scalar) writeonly buffer Heaviest { uint heaviest[]; };
 // τ0 = 5·δd, δd = depth / fx: the distance at that depth of two horizontally adjacent pixels.
-layout(set = 0, binding = 8, scalar) writeonly buffer StartTaus { float start_taus[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Taus { float taus[]; };
+// The 2D Gaussian of each point, and the point as its own component: what clustering starts from.
+layout(set = 0, binding = 9, scalar) writeonly buffer PointSets { uint point_sets[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Labels { uint labels[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint count;      // 2D Gaussians (slots)
@@ -42,7 +45,7 @@ void main() {
     if (n == 0 || v >= view_count) {
         if (subgroupElect()) {
             heaviest[item] = 0;
-            start_taus[item] = 0.0;
+            taus[item] = 0.0;
         }
         return;
     }
@@ -72,6 +75,8 @@ void main() {
         if (taken && at < n) {
             vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
             points[first + at] = vec4(ray * depth, depth, weight);
+            point_sets[first + at] = item;
+            labels[first + at] = at;
             if (weight > best_weight) {
                 best_weight = weight;
                 best_depth = depth;
@@ -86,6 +91,6 @@ void main() {
     if (subgroupElect()) {
         float centre_depth = plane[9 * stride + item];
         heaviest[item] = winner;
-        start_taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;
+        taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;
     }
 }

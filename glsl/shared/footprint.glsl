@@ -4,9 +4,9 @@
 // 8 angle, 9 depth. S = Rot(angle) diag(s²) Rot(angle)ᵀ; it is drawn with S + 0.3 I, its opacity compensated by
 // √(det S / det(S + 0.3 I)), and covers the pixels where α = min(0.99, opacity · exp(−½ δᵀ(S + 0.3 I)⁻¹δ)) ≥ 1/255.
 
+#include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
+
 const float FLOAT_MAX = 3.402823466e38;
-const float ALPHA_MIN = 1.0 / 255.0;
-const float ALPHA_MAX = 0.99;
 const float DILATION = 0.3; // px²
 
 struct Footprint {

@@ -2,7 +2,9 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk).
 
+mod demo;
 mod devices;
+mod enhance;
 mod eval;
 mod info;
 mod progress;
@@ -31,10 +33,12 @@ use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
+  glint demo                               the whole method on a built-in scene
   glint train garden -o base.ply           train a base scene on a dataset
-  glint eval base.ply garden               PSNR and SSIM of its test views
-  glint render base.ply garden -o views    their images as PNG
-  glint info base.ply                      what is in the file
+  glint enhance garden --base base.ply -o augmented.ply
+  glint eval augmented.ply garden          PSNR and SSIM of its test views
+  glint render augmented.ply garden -o views
+  glint info augmented.ply                 what is in the file
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
 such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
@@ -54,7 +58,9 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Args),
     Train(train::Args),
+    Enhance(enhance::Args),
     Render(render::Args),
     Eval(eval::Args),
     Info(info::Args),
@@ -82,7 +88,9 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     log(cli.verbose);
     let outcome = match &cli.command {
+        Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
+        Command::Enhance(args) => args.run(),
         Command::Render(args) => args.run(),
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),

@@ -212,7 +212,7 @@ fn depth_grey(depths: &[f32]) -> Vec<f32> {
 }
 
 /// A file name for each photo, no two alike even where file systems ignore case.
-fn file_names(photos: &[Photo], extension: &str) -> Vec<String> {
+pub(super) fn file_names(photos: &[Photo], extension: &str) -> Vec<String> {
     let flat = |name: &str| -> String {
         // What some file system does not allow in a name.
         let odd = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);

@@ -1,9 +1,12 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod enhance;
 pub mod join;
+pub mod lift;
 pub mod layers;
 pub mod loss;
 pub mod model;
+pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;
@@ -11,3 +14,4 @@ pub mod start;
 pub mod steps;
 pub mod train;
 pub mod views;
+pub mod work;

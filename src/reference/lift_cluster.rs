@@ -1,52 +1,11 @@
 //! Foreground from background: single-linkage clustering of each set of points (method, section 4.2 and 4.3; Sibson 1973), as the
-//! connected components of the graph that joins points strictly closer than τ.
+//! connected components of the graph that joins points strictly closer than τ, in rounds at growing τ.
 
-/// While clustering fails, τ grows by this factor, at most so many times (see the kernel for why 64 is more than enough).
-pub const TAU_GROWTH: f64 = 1.5;
-pub const MAX_GROWTHS: u32 = 64;
-/// Points that PCA needs.
-pub const GROUP_MIN: u32 = 3;
-
-/// What clustering makes of its sets.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LiftClusters {
-    /// Per point: index within its set of the first point of its component.
-    pub labels: Vec<u32>,
-    /// Per set: the τ at which clustering succeeded, or the last one tried.
-    pub taus: Vec<f64>,
-    /// Per set: label of the prime group, the one of the heaviest point if it has 3 points or more, else the largest (ties:
-    /// the smallest label).
-    pub prime_labels: Vec<u32>,
-    /// Per set: points of the prime group; 0: no lift.
-    pub cluster_sizes: Vec<u32>,
-}
-
-fn find(labels: &mut [u32], mut x: u32) -> u32 {
-    while labels[x as usize] != x {
-        labels[x as usize] = labels[labels[x as usize] as usize];
-        x = labels[x as usize];
-    }
-    x
-}
-
-fn join_closer_than(tau: f64, points: &[[f64; 4]], labels: &mut [u32]) {
-    for i in 0..points.len() {
-        for j in 0..i {
-            let d = [0, 1, 2].map(|k| points[i][k] - points[j][k]);
-            if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < tau * tau {
-                let (a, b) = (find(labels, i as u32), find(labels, j as u32));
-                labels[a.max(b) as usize] = a.min(b);
-            }
-        }
-    }
-}
-
-/// Components of one set at τ: per point, the first member of its component.
-pub fn components(tau: f64, points: &[[f64; 4]]) -> Vec<u32> {
-    let mut labels: Vec<u32> = (0..points.len() as u32).collect();
-    join_closer_than(tau, points, &mut labels);
-    (0..points.len() as u32).map(|i| find(&mut labels, i)).collect()
-}
+use super::{
+    lift_groups::{LiftClusters, lift_groups},
+    lift_join::lift_join,
+};
+use crate::stages::lift_cluster::MAX_GROWTHS;
 
 /// `fail_on_smallest` ⚖: failure is the smallest group having fewer than 3 points, not the largest.
 pub fn lift_cluster(
@@ -57,52 +16,31 @@ pub fn lift_cluster(
     start_taus: &[f64],
     fail_on_smallest: bool,
 ) -> LiftClusters {
-    let mut out = LiftClusters { labels: vec![0; points.len()], ..Default::default() };
-    for set in 0..counts.len() {
-        let n = counts[set];
-        let range = firsts[set] as usize..(firsts[set] + n) as usize;
-        let (points, labels) = (&points[range.clone()], &mut out.labels[range]);
-        let mut tau = start_taus[set];
-        let (mut prime, mut size) = (0, 0);
+    let mut clusters = LiftClusters {
+        labels: vec![0; points.len()],
+        taus: start_taus.to_vec(),
+        prime_labels: vec![0; counts.len()],
+        cluster_sizes: vec![0; counts.len()],
+    };
+    for (&n, &first) in counts.iter().zip(firsts) {
         for i in 0..n {
-            labels[i as usize] = i;
+            clusters.labels[(first + i) as usize] = i;
         }
-        if n >= GROUP_MIN && tau > 0.0 && tau <= 1e18 {
-            for growth in 0..=MAX_GROWTHS {
-                if growth > 0 {
-                    tau *= TAU_GROWTH;
-                }
-                join_closer_than(tau, points, labels);
-                let mut sizes = vec![0; n as usize];
-                for i in 0..n {
-                    labels[i as usize] = find(labels, i);
-                    sizes[labels[i as usize] as usize] += 1;
-                }
-                let most = sizes.iter().copied().max().unwrap_or(0);
-                let fewest = sizes.iter().copied().filter(|&s| s > 0).min().unwrap_or(0);
-                if if fail_on_smallest { fewest } else { most } < GROUP_MIN {
-                    continue;
-                }
-                let centre = labels[heaviest[set].min(n - 1) as usize];
-                prime = if sizes[centre as usize] >= GROUP_MIN {
-                    centre
-                } else {
-                    sizes.iter().position(|&s| s == most).unwrap_or(0) as u32
-                };
-                size = sizes[prime as usize];
-                break;
-            }
-        }
-        out.taus.push(tau);
-        out.prime_labels.push(prime);
-        out.cluster_sizes.push(size);
     }
-    out
+    for round in 0..=MAX_GROWTHS {
+        let LiftClusters { labels, taus, cluster_sizes, .. } = &mut clusters;
+        lift_join(points, counts, firsts, taus, cluster_sizes, labels);
+        if !lift_groups(counts, firsts, heaviest, &mut clusters, fail_on_smallest, round == MAX_GROWTHS) {
+            break;
+        }
+    }
+    clusters
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference::lift_join::components;
     use proptest::prelude::*;
 
     fn distance2(a: &[f64; 4], b: &[f64; 4]) -> f64 {

@@ -1,15 +1,8 @@
 //! Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1), and what it shares with `lift_points`:
 //! the footprint of a 2D Gaussian.
 
+use super::{ALPHA_MAX, ALPHA_MIN, DILATION};
 use crate::scene::Camera;
-
-/// Where α is cut off and clamped, and what is added to the 2D covariance (px²).
-pub const ALPHA_MIN: f64 = 1.0 / 255.0;
-pub const ALPHA_MAX: f64 = 0.99;
-pub const DILATION: f64 = 0.3;
-
-/// The `plane_views` entry of an empty slot.
-pub const NO_VIEW: u32 = u32::MAX;
 
 /// 2D Gaussians and the images that they lie in, laid out as on the GPU.
 #[derive(Debug, Clone, Copy)]
@@ -17,7 +10,7 @@ pub struct PlaneGaussians<'a> {
     /// 10 planes × `stride`: 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px), 8 angle (rad), 9 depth (0: none).
     pub plane: &'a [f64],
     pub stride: usize,
-    /// View of each 2D Gaussian; its length is their number.
+    /// View of each 2D Gaussian, [`super::NONE`] for an empty slot; its length is their number.
     pub plane_views: &'a [u32],
     pub views: &'a [Camera],
     /// First pixel of each view in `depths`.
@@ -88,7 +81,13 @@ pub fn plane_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
     [c * c * a + n * n * b, c * n * (a - b), n * n * a + c * c * b]
 }
 
-fn make_footprint(centre: [f64; 2], logit: f64, log_scale: [f64; 2], angle: f64, image: [u32; 2]) -> Option<Footprint> {
+pub fn make_footprint(
+    centre: [f64; 2],
+    logit: f64,
+    log_scale: [f64; 2],
+    angle: f64,
+    image: [u32; 2],
+) -> Option<Footprint> {
     let s = plane_covariance(log_scale, angle);
     let [v, w] = log_scale.map(|l| (2.0 * l).exp());
     let (a, c) = (s[0] + DILATION, s[2] + DILATION);
@@ -215,7 +214,7 @@ mod tests {
         let g = PlaneGaussians {
             plane: &plane,
             stride: 2,
-            plane_views: &[0, NO_VIEW],
+            plane_views: &[0, crate::reference::NONE],
             views: &views,
             pixel_firsts: &[0],
             depths: &depths,

@@ -5,8 +5,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use super::lift_cluster::LiftClusters;
+use super::NEAR;
 use super::lift_count::PlaneGaussians;
+use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
 use crate::scene::Camera;
 
@@ -14,8 +15,6 @@ use crate::scene::Camera;
 pub const SH_C0: f64 = 0.28209479177387814;
 /// Least eigenvalue in squares of the scene's own length.
 pub const EIGENVALUE_MIN: f64 = 1e-7;
-/// Near plane, scene units.
-pub const NEAR: f64 = 0.2;
 const SWEEPS: u32 = 8;
 
 /// A supplementary Gaussian in world space; all 0 where there is no lift.

@@ -1,0 +1,75 @@
+#version 460
+// Makes splats of the 2D Gaussians of a batch of views, and takes their depths from the views' depth maps.
+//
+// One thread takes one slot.
+// plane, plane_frames, plane_states, frames, depths -> plane (depth), splats, depth_keys, tile_counts (by slot)
+// Method, section 3: covariance S + 0.3 I, opacity compensated. Without a depth a Gaussian lies behind all that have one.
+// Limits: left out where the slot is empty, its view waits, opacity < 1/255, no pixel centre is reached, or anything is not
+// a number.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/frame.glsl"
+#include "../shared/splat.glsl"
+#include "../shared/plane.glsl"
+
+layout(constant_id = 1) const uint TILE_WIDTH = 8;
+layout(constant_id = 2) const uint TILE_HEIGHT = 8;
+
+layout(push_constant, scalar) uniform Push {
+    uint count;  // slots
+    uint stride; // of the planes
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer PlaneFrames { uint plane_frames[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer PlaneStates { PlaneState plane_states[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 4, scalar) buffer Plane { float plane[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer DepthKeys { uint depth_keys[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer TileCounts { uint tile_counts[]; };
+
+const uint FARTHEST = 0x7F800000u; // bits of +infinity
+
+float at(uint p, uint i) { return plane[p * push.stride + i]; }
+
+void main() {
+    uint i = thread_index();
+    if (i >= push.count) return;
+    depth_keys[i] = NONE;
+    tile_counts[i] = 0;
+    uint f = plane_frames[i];
+    if (f == NONE || plane_states[f].stepping == 0) return;
+
+    Frame frame = frames[f];
+    vec2 centre = vec2(at(CENTRE, i), at(CENTRE + 1, i));
+    uvec2 pixel = uvec2(clamp(centre, vec2(0.0), vec2(frame.width, frame.height) - 0.5));
+    float z = depths[frame.image_first + pixel.y * frame.width + pixel.x];
+    if (!(z > 0.0)) z = 0.0;
+    plane[DEPTH * push.stride + i] = z;
+
+    PlaneShape e = plane_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
+    Splat s;
+    s.x = centre.x;
+    s.y = centre.y;
+    s.l11 = e.l11;
+    s.l12 = e.l12;
+    s.l22 = e.l22;
+    s.opacity = e.compensation / (1.0 + exp(-at(LOGIT, i)));
+    if (!(s.opacity >= ALPHA_MIN)) return;
+    uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT), size = uvec2(frame.width, frame.height);
+    ivec2 rows = tile_rows(s, tile, size);
+    uint tiles = 0;
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 span = tile_span(s, row, tile, size);
+        tiles += uint(max(span.y - span.x + 1, 0));
+    }
+    if (tiles == 0) return;
+    s.r = at(COLOUR, i);
+    s.g = at(COLOUR + 1, i);
+    s.b = at(COLOUR + 2, i);
+    s.z = z;
+    splats[i] = s;
+    depth_keys[i] = z > 0.0 ? floatBitsToUint(z) : FARTHEST;
+    tile_counts[i] = tiles;
+}

@@ -1,0 +1,30 @@
+// Union-find over the points of one set: the larger root is hooked under the smaller one, so a component's root is its smallest
+// member however lanes are scheduled. Labels only ever fall, each to an ancestor, so a stale one is still an ancestor.
+//
+// The including kernel declares `labels` (coherent: lanes read what other lanes wrote, which a cache of their own would hide).
+
+// The root of x, halving the path.
+uint find(uint first, uint x) {
+    while (true) {
+        uint parent = labels[first + x];
+        if (parent == x) return x;
+        uint grandparent = labels[first + parent];
+        if (grandparent == parent) return parent;
+        atomicMin(labels[first + x], grandparent);
+        x = grandparent;
+    }
+    return x;
+}
+
+// Joins the components of a and b; their common root as known here. A failed exchange means that another lane made progress,
+// and no lane waits for another.
+uint unite(uint first, uint a, uint b) {
+    while (true) {
+        a = find(first, a);
+        b = find(first, b);
+        if (a == b) return a;
+        uint low = min(a, b), high = max(a, b);
+        if (atomicCompSwap(labels[first + high], high, low) == high) return low;
+    }
+    return a;
+}

@@ -1,0 +1,48 @@
+// 2D Gaussians in image space (method, section 3): their planes, the ellipse that each is, and what the host and the kernels
+// say to each other about the views that they belong to.
+//
+// A 2D Gaussian is a column of `plane` (planes x stride): 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px),
+// 8 angle (rad), 9 depth (camera z, 0 = none; sampled, not learned). Planes 0..8 have moments: of plane p the first is plane
+// 2p of `plane_moments`, the second 2p + 1. Its entry of `plane_frames` is the position of its view in the batch, NONE where
+// the slot is empty.
+const uint CENTRE = 0, COLOUR = 2, LOGIT = 5, LOG_SCALE = 6, ANGLE = 8, DEPTH = 9;
+const uint LEARNED = 9; // planes that have moments
+
+// The slots of a view: first..first + budget.
+struct Quota {
+    uint view; // in the dataset: what is drawn for a view does not depend on its batch
+    uint first;
+    uint budget;
+};
+
+struct PlaneState {
+    uint count;    // slots taken after the last draw
+    uint stepping; // 1: the view's Gaussians are rendered, stepped and pruned; 0: they wait as they are
+};
+
+struct PlaneShape {
+    vec2 variance;       // undilated, along the axes (cosine, sine) and (-sine, cosine), px^2
+    float cosine, sine;
+    float l11, l12, l22; // factor of the inverse of S + 0.3 I, as in Splat
+    float compensation;  // sqrt(det S / det(S + 0.3 I))
+};
+
+const float PLANE_DILATION = 0.3; // px^2, as in 3D
+
+// S = Rot diag(variance) Rot^T. The eigenvalues of S + 0.3 I are the variances plus 0.3, so its determinant and the
+// compensation are products: nothing cancels, and neither depends on the angle.
+PlaneShape plane_shape(vec2 log_scale, float angle) {
+    PlaneShape e;
+    e.variance = exp(2.0 * log_scale);
+    e.cosine = cos(angle);
+    e.sine = sin(angle);
+    vec2 dilated = e.variance + PLANE_DILATION;
+    float det = dilated.x * dilated.y;
+    float b = e.cosine * e.sine * (e.variance.x - e.variance.y);
+    float c = e.sine * e.sine * dilated.x + e.cosine * e.cosine * dilated.y;
+    e.l22 = inversesqrt(c);
+    e.l11 = sqrt(c / det);
+    e.l12 = -b * e.l22 * inversesqrt(det);
+    e.compensation = sqrt(e.variance.x / dilated.x * (e.variance.y / dilated.y));
+    return e;
+}
