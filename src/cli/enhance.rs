@@ -145,7 +145,10 @@ impl Args {
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
-            note(format!("the base has SH degree {}: higher bands are neither stored nor evaluated", scene.base.sh_degree));
+            note(format!(
+                "the base has SH degree {}: higher bands are neither stored nor evaluated",
+                scene.base.sh_degree
+            ));
         }
         let background = self.photos.background;
         let preset = match self.preset {
@@ -282,4 +285,3 @@ pub(super) fn run_with_progress(
         |batch| work.map_or(Ok(()), |w| w.keep(&views.cameras, batch)),
     )
 }
-

@@ -2,8 +2,8 @@
 
 pub mod enhance;
 pub mod join;
-pub mod lift;
 pub mod layers;
+pub mod lift;
 pub mod loss;
 pub mod model;
 pub mod plane;

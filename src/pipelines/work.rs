@@ -77,7 +77,8 @@ impl WorkDir {
         for (position, view) in batch.views.clone().enumerate() {
             let mine = || planes.iter().zip(&slots).filter(|(p, _)| p.view as usize == view);
             let n = mine().count();
-            let flat = |of: &dyn Fn(&super::plane::Plane) -> Vec<f32>| mine().flat_map(|(p, _)| of(p)).collect::<Vec<f32>>();
+            let flat =
+                |of: &dyn Fn(&super::plane::Plane) -> Vec<f32>| mine().flat_map(|(p, _)| of(p)).collect::<Vec<f32>>();
             let (xy, color) = (flat(&|p| p.centre.to_vec()), flat(&|p| p.colour.to_vec()));
             let (opacity, log_scale) = (flat(&|p| vec![p.opacity_logit]), flat(&|p| p.log_scale.to_vec()));
             let (angle, depth) = (flat(&|p| vec![p.angle]), flat(&|p| vec![p.depth]));
@@ -142,7 +143,9 @@ fn read_lifts(path: &Path) -> Result<Vec<Lift>> {
     };
     let n = sizes.len();
     let floats = |name: &str, width: usize| match get(name)? {
-        Tensor { values: Values::F32(v), .. } if v.len() == n * width && v.iter().all(|x| x.is_finite()) => Ok(v.clone()),
+        Tensor { values: Values::F32(v), .. } if v.len() == n * width && v.iter().all(|x| x.is_finite()) => {
+            Ok(v.clone())
+        }
         _ => Err(Error::input(path, format!("tensor `{name}` is not {n} × {width} finite f32"))),
     };
     let (mean, log_scale, quat) = (floats("mean", 3)?, floats("log_scale", 3)?, floats("quat", 4)?);
