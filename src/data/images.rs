@@ -1,5 +1,7 @@
 //! Photos as files: sizes, decoding, alpha, and their way to the size and pinhole camera that training sees.
 
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::{DynamicImage, ImageReader, Limits};
@@ -11,6 +13,10 @@ use crate::{Error, Result};
 const MAX_SIDE: u32 = 1 << 15;
 /// 268 megapixels, more than any camera's sensor; 16-bit RGBA of that size decodes to 2 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
+/// No file holds more pixels than this in each of its bytes, so a header that says so is wrong, and is refused before memory is
+/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each. JPEG, with at least a bit
+/// for each block of 8 × 8, stays below.
+const MAX_PIXELS_PER_BYTE: u64 = 1032 * 8;
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,10 +94,10 @@ fn coverage(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     (0..to).map(span).collect()
 }
 
-fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>> {
-    let at = |source| Error::io(path, source);
+/// `path` is only named in errors, here and below.
+fn reader<R: BufRead + Seek>(input: R, path: &Path) -> Result<ImageReader<R>> {
     // By content: endings lie often enough.
-    let mut reader = ImageReader::open(path).map_err(at)?.with_guessed_format().map_err(at)?;
+    let mut reader = ImageReader::new(input).with_guessed_format().map_err(|source| Error::io(path, source))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_PIXELS * 8);
     reader.limits(limits);
@@ -110,9 +116,22 @@ fn decode_error(path: &Path, error: image::ImageError) -> Error {
 
 /// Width and height from the file's header.
 pub(super) fn size(path: &Path) -> Result<[u32; 2]> {
-    let (width, height) = reader(path)?.into_dimensions().map_err(|error| decode_error(path, error))?;
-    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || width as u64 * height as u64 > MAX_PIXELS {
+    let at = |source| Error::io(path, source);
+    let file = File::open(path).map_err(at)?;
+    let length = file.metadata().map_err(at)?.len();
+    header(BufReader::new(file), length, path)
+}
+
+/// Width and height from the header of an image of `length` bytes.
+fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 2]> {
+    let (width, height) = reader(input, path)?.into_dimensions().map_err(|error| decode_error(path, error))?;
+    let pixels = width as u64 * height as u64;
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         let what = format!("is {width} × {height}; sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels are read");
+        return Err(Error::input(path, what));
+    }
+    if pixels > length.saturating_mul(MAX_PIXELS_PER_BYTE) {
+        let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
     }
     Ok([width, height])
@@ -138,13 +157,31 @@ pub(super) fn load(
     to: [u32; 2],
     background: [f32; 3],
 ) -> Result<Image> {
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
-    let found = size(path)?;
+    let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?;
     if found != expected {
         let [[w, h], [ew, eh]] = [found, expected];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
     }
-    let decoded = reader(path)?.decode().map_err(|error| decode_error(path, error))?;
+    decode(&bytes, path, expected, lens, to, background)
+}
+
+/// Decodes `bytes` as [`load`] does, in the size they say.
+pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
+    let size = header(Cursor::new(bytes), bytes.len() as u64, path)?;
+    decode(bytes, path, size, None, size, [0.0; 3]).map(drop)
+}
+
+fn decode(
+    bytes: &[u8],
+    path: &Path,
+    expected: [u32; 2],
+    lens: Option<&Lens>,
+    to: [u32; 2],
+    background: [f32; 3],
+) -> Result<Image> {
+    let decoded = reader(Cursor::new(bytes), path)?.decode().map_err(|error| decode_error(path, error))?;
     let [width, height] = expected;
     if [decoded.width(), decoded.height()] != expected {
         return Err(Error::input(path, "its pixels have another size than its header says"));

@@ -1,0 +1,9 @@
+#![no_main]
+
+use std::path::Path;
+
+use glint::data::FileKind;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = FileKind::ColmapCamerasBin.check(bytes, Path::new("colmap_cameras_bin"));
+});

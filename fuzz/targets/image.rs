@@ -1,0 +1,9 @@
+#![no_main]
+
+use std::path::Path;
+
+use glint::data::FileKind;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = FileKind::Image.check(bytes, Path::new("image"));
+});
