@@ -56,10 +56,11 @@ fn lobes(n: usize) -> impl Strategy<Value = Lobes> {
 /// Up to 50 Gaussians of any SH degree, without a supplement, with an empty one, or with one of up to 50.
 fn scene() -> impl Strategy<Value = Scene> {
     (0..=50usize, proptest::option::of(0..=50usize), 0..=3u32).prop_flat_map(|(n, m, sh_degree)| {
-        let supplement = m.map(|m| (gaussians(m, sh_degree), lobes(m)));
-        (gaussians(n, sh_degree), supplement).prop_map(|(base, supplement)| Scene {
+        let size = m.unwrap_or(0);
+        let parts = (gaussians(n, sh_degree), gaussians(size, sh_degree), lobes(size));
+        parts.prop_map(move |(base, gaussians, lobes)| Scene {
             base,
-            supplement: supplement.map(|(gaussians, lobes)| Supplement { gaussians, lobes }),
+            supplement: m.map(|_| Supplement { gaussians, lobes }),
         })
     })
 }
