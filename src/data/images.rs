@@ -105,12 +105,14 @@ fn reader<R: BufRead + Seek>(input: R, path: &Path) -> Result<ImageReader<R>> {
 }
 
 fn decode_error(path: &Path, error: image::ImageError) -> Error {
+    let text = error.to_string();
+    let text = text.trim_end();
     match error {
         image::ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             Error::io(path, source)
         }
-        image::ImageError::Unsupported(_) => Error::input(path, format!("is not a PNG or JPEG image: {error}")),
-        error => Error::input(path, format!("cannot be decoded: {error}")),
+        image::ImageError::Unsupported(_) => Error::input(path, format!("is not a PNG or JPEG image: {text}")),
+        _ => Error::input(path, format!("cannot be decoded: {text}")),
     }
 }
 
@@ -181,6 +183,9 @@ fn decode(
     to: [u32; 2],
     background: [f32; 3],
 ) -> Result<Image> {
+    if jpeg_is_cut(bytes) {
+        return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
+    }
     let decoded = reader(Cursor::new(bytes), path)?.decode().map_err(|error| decode_error(path, error))?;
     let [width, height] = expected;
     if [decoded.width(), decoded.height()] != expected {
@@ -197,6 +202,32 @@ fn decode(
         pixels = pixels.shrink(to[0], to[1]);
     }
     Ok(pixels.quantise())
+}
+
+/// Whether `bytes` begin a JPEG image (ITU T.81, annex B) that never ends. The decoder fills what is missing with grey and says
+/// nothing. Only what follows the first scan's header counts: a thumbnail has an end of its own.
+fn jpeg_is_cut(bytes: &[u8]) -> bool {
+    const END: [u8; 2] = [0xff, 0xd9];
+    if !bytes.starts_with(&[0xff, 0xd8]) {
+        return false;
+    }
+    let mut at = 2;
+    while let Some(&[first, second]) = bytes.get(at..at + 2).and_then(|pair| pair.first_chunk()) {
+        at += match (first, second) {
+            // In coded data a byte 0xff is never followed by 0xd9.
+            (0xff, 0xda) => return !bytes[at..].windows(2).any(|pair| pair == END),
+            (0xff, 0xd9) => return false,
+            // Markers without contents: TEM, RSTn, SOI.
+            (0xff, 0x01 | 0xd0..=0xd8) => 2,
+            (0xff, 0x02..=0xfe) => match bytes.get(at + 2..at + 4).and_then(|length| length.first_chunk()) {
+                Some(&length) => 2 + usize::from(u16::from_be_bytes(length)),
+                None => return true,
+            },
+            // Padding, or what does not belong here.
+            _ => 1,
+        };
+    }
+    true
 }
 
 fn composite(image: DynamicImage, background: [f32; 3]) -> Vec<[f32; 3]> {
@@ -300,6 +331,8 @@ mod tests {
         let checksum = crc(&huge[12..29]).to_be_bytes();
         huge[29..33].copy_from_slice(&checksum);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
+        let cut = &jpeg.get_ref()[..jpeg.get_ref().len() - 2];
+        assert!(fails(cut).contains("without its end"), "{}", fails(cut));
         for whole in [png.into_inner(), jpeg.into_inner()] {
             for at in 0..whole.len() {
                 let mut bytes = whole.clone();
