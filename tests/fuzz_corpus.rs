@@ -103,6 +103,8 @@ fn no_file_of_the_corpus_breaks_its_reader() {
     kinds.sort();
     assert_eq!(folders, kinds, "every kind of file has a folder");
     for (folder, kind) in FileKind::ALL {
+        let target = corpus.with_file_name("targets").join(format!("{folder}.rs"));
+        assert!(target.is_file(), "{} is not there", target.display());
         let (mut sound, mut files) = (0, 0);
         for entry in fs::read_dir(corpus.join(folder)).unwrap() {
             let path = entry.unwrap().path();

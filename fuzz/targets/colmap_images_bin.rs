@@ -1,9 +1,3 @@
 #![no_main]
 
-use std::path::Path;
-
-use glint::data::FileKind;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = FileKind::ColmapImagesBin.check(bytes, Path::new("colmap_images_bin"));
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| glint_fuzz::judge(glint::data::FileKind::ColmapImagesBin, bytes));

@@ -1,9 +1,3 @@
 #![no_main]
 
-use std::path::Path;
-
-use glint::data::FileKind;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = FileKind::Safetensors.check(bytes, Path::new("safetensors"));
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| glint_fuzz::judge(glint::data::FileKind::Safetensors, bytes));
