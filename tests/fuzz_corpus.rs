@@ -88,7 +88,7 @@ fn replay(kind: FileKind, name: &str, bytes: &[u8]) -> Option<String> {
     if let Some(message) = &message {
         assert!(message.contains(name), "{name} is not in: {message}");
         assert!(!message.contains(char::is_control), "control characters: {message:?}");
-        assert!(message.chars().count() < name.len() + 2000, "{name}: a message of {} bytes", message.len());
+        assert!(message.chars().count() < name.len() + 900, "{name}: a message of {} bytes", message.len());
     }
     message
 }

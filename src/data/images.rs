@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use super::distortion::Lens;
 use crate::{Error, Result};
@@ -14,9 +14,11 @@ const MAX_SIDE: u32 = 1 << 15;
 /// 268 megapixels, more than any camera's sensor; 16-bit RGBA of that size decodes to 2 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
 /// No file holds more pixels than this in each of its bytes, so a header that says so is wrong, and is refused before memory is
-/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each. JPEG, with at least a bit
-/// for each block of 8 × 8, stays below.
-const MAX_PIXELS_PER_BYTE: u64 = 1032 * 8;
+/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each.
+const PNG_PIXELS_PER_BYTE: u64 = 1032 * 8;
+/// JPEG: at least a bit for each block of 8 × 8. The most pixels for a block are in a unit of 32 × 32 with two components of
+/// 4 × 1 and 1 × 4 blocks.
+const JPEG_PIXELS_PER_BYTE: u64 = 8 * 32 * 32 / (4 + 4);
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -126,13 +128,15 @@ pub(super) fn size(path: &Path) -> Result<[u32; 2]> {
 
 /// Width and height from the header of an image of `length` bytes.
 fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 2]> {
-    let (width, height) = reader(input, path)?.into_dimensions().map_err(|error| decode_error(path, error))?;
+    let reader = reader(input, path)?;
+    let densest = if reader.format() == Some(ImageFormat::Jpeg) { JPEG_PIXELS_PER_BYTE } else { PNG_PIXELS_PER_BYTE };
+    let (width, height) = reader.into_dimensions().map_err(|error| decode_error(path, error))?;
     let pixels = width as u64 * height as u64;
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         let what = format!("is {width} × {height}; sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels are read");
         return Err(Error::input(path, what));
     }
-    if pixels > length.saturating_mul(MAX_PIXELS_PER_BYTE) {
+    if pixels > length.saturating_mul(densest) {
         let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
     }
