@@ -110,7 +110,11 @@ fn needles_and_pancakes_to_1e7() {
             for scale in [[1.0, 1e-7, 1e-7], [1.0, 1.0, 1e-7], [100.0, 1e-5, 1e-5], [1e4, 1e-3, 1e-3], [1e4, 1e4, 1e-3], [1e2, 1e-2, 1e-5]] {
                 let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale, quat, logit: 2.0, ..Default::default() };
                 let what = format!("needle {scale:?} turn {n}, compensated {compensate}");
-                check(&mut probe, &camera, &scene(&[near, blob, far]), &what, 1e-4, 1e-5, 1e-4);
+                // Beyond 1e5 px of length the direction itself is the bound: float32 has it to 1e-7 rad, which over the 50 px
+                // in view is 1e-5 px of a width of 0.55 px: 1e-5 of the image, and 1e-3 of gradients that are
+                // differences of two edges.
+                let gradient = if scale[0] / scale[2] > 1e6 && scale[0] > 10.0 { 2e-3 } else { 1e-4 };
+                check(&mut probe, &camera, &scene(&[near, blob, far]), &what, 1e-4, 2e-5, gradient);
             }
         }
     }
@@ -136,6 +140,523 @@ fn centres_beside_behind_and_around_the_camera() {
         ("far away", 36.5, 28.5, 1e6, 1e3),
     ] {
         let blob = Blob { mean: camera.unproject(x, y, z), scale: [s, 0.8 * s, 0.6 * s], ..Default::default() };
-        check(&mut probe, &camera, &scene(&[near, blob, far]), what, 1e-4, 1e-5, 1e-4);
+        // A centre 1e6 px away has 0.1 px of rounding.
+        let gradient = if x.abs() > 1e5 { 1e-3 } else { 1e-4 };
+        check(&mut probe, &camera, &scene(&[near, blob, far]), what, 1e-4, 1e-5, gradient);
     }
+}
+
+#[test]
+fn a_centre_on_the_near_plane_or_behind_it_is_not_seen() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
+    let company = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let alone = probe.shoot(&scene(&company), &camera, &image_grad);
+    // With this pose camera z is the mean's own z: 0.2f32 is on the plane to the last bit.
+    for (z, seen) in [(0.2f32, false), (0.2f32.next_up(), true), (0.0, false), (-3.0, false), (f32::MAX, true), (f32::INFINITY, false)] {
+        let blob = Blob { mean: DVec3::new(0.0, 0.0, f64::from(z)), ..company[0] };
+        let shot = probe.shoot(&scene(&[company[0], company[1], blob]), &camera, &image_grad);
+        assert_eq!(shot.tile_counts[2] > 0, seen, "z {z}");
+        if !seen {
+            assert_eq!(shot.image, alone.image, "z {z}");
+        }
+        assert!(!seen || shot.is_finite(), "z {z}");
+    }
+}
+
+/// Two scenes that hold the same in other units: 1e6 units from the origin, and 1e-4 units large.
+#[test]
+fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
+    let gpu = Gpu::new();
+    let near = usual();
+    // What float32 has at 1e6, so that the means themselves lose nothing.
+    let offset = DVec3::new(1048576.0, -524288.0, 2097152.0);
+    let snap = |p: DVec3| (p * 4.0).round() / 4.0;
+    let blobs = |by: DVec3| -> Vec<Blob> {
+        (0..60)
+            .map(|i| {
+                let (x, y) = (f64::from(i * 37 % 72), f64::from(i * 23 % 56));
+                let mean = snap(near.unproject(x, y, 8.0 + f64::from(i % 7) * 5.0)) + by;
+                Blob { mean, scale: [0.6, 0.4, 0.9], logit: 0.3, rgb: [0.2, (x / 72.0) as f32, (y / 56.0) as f32], ..Default::default() }
+            })
+            .collect()
+    };
+    let far = Camera { translation: near.translation - near.rotation * offset, ..near };
+    let origin = glint::pipelines::views::origin_for(&[far]);
+    assert!(origin.distance(far.eye()) < 1.0 && glint::pipelines::views::origin_for(&[near, usual().around(DVec3::X)]) == DVec3::ZERO);
+    let mut here = Probe::new(&gpu, 64, &near, Setup::default());
+    let mut there = Probe::new(&gpu, 64, &near, Setup { origin, ..Default::default() });
+    let mut naive = Probe::new(&gpu, 64, &near, Setup::default());
+    let twin = here.twin(&scene(&blobs(DVec3::ZERO)), &near, 1e-4);
+    let want = here.shoot(&scene(&blobs(DVec3::ZERO)), &near, &twin.image_grad);
+    let got = there.shoot(&scene(&blobs(offset)), &far, &twin.image_grad);
+    let without = naive.shoot(&scene(&blobs(offset)), &far, &twin.image_grad);
+    let (d, n) = (distance(&got, &twin), distance(&without, &twin));
+    println!("1e6 from the origin: image {:.1e}, gradients {:.1e}; not recentred: {:.1e}, {:.1e}", d.image, d.worst(), n.image, n.worst());
+    assert!(d.image < 1e-5 && d.worst() < 1e-4 && n.image > 1e-3);
+    assert_eq!(want.tile_counts, got.tile_counts);
+    // What the upload moved the download moves back.
+    let original = scene(&blobs(offset));
+    let model = Model::upload_around(&gpu, origin, &original, 0).unwrap();
+    assert_eq!(model.download().unwrap(), original);
+    // Model and views that count from different places are refused.
+    let views = Views::upload(&gpu, &[near], &[]).unwrap();
+    let mut renderer = Renderer::new(&gpu, 64, &views, Default::default()).unwrap();
+    assert!(renderer.render(&model, &views, 0, BACKGROUND).is_err());
+}
+
+#[test]
+fn a_scene_smaller_than_the_near_plane_is_not_seen() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let blobs: Vec<_> = company(&camera)
+        .into_iter()
+        .map(|b| Blob { mean: camera.eye() + (b.mean - camera.eye()) * 1e-4, scale: b.scale.map(|s| s * 1e-4), ..b })
+        .collect();
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let shot = probe.shoot(&scene(&blobs), &camera, &image_grad);
+    assert_background(&shot);
+    assert!(shot.gradients.geometry.iter().all(|&g| g == 0.0) && shot.is_finite());
+    assert_eq!(shot.stepped, scene(&blobs));
+}
+
+fn assert_background(shot: &Shot) {
+    let [r, g, b] = BACKGROUND;
+    assert!(shot.image.iter().all(|p| *p == [r, g, b, 1.0]));
+}
+
+#[test]
+fn quaternions_of_any_length() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
+    let unit = {
+        let n = blob.quat.iter().map(|q| q * q).sum::<f32>().sqrt();
+        Blob { quat: blob.quat.map(|q| q / n), ..blob }
+    };
+    let twin = probe.twin(&scene(&[near, unit, far]), &camera, 1e-4);
+    let want = probe.shoot(&scene(&[near, unit, far]), &camera, &twin.image_grad);
+    for length in [1e-36f32, 1e-30, 1e-20, 1e-10, 1e-3, 1.0, 1e3, 1e10, 1e19, 1e30, 1e37] {
+        let stretched = Blob { quat: unit.quat.map(|q| q * length), ..unit };
+        let before = scene(&[near, stretched, far]);
+        let shot = probe.shoot(&before, &camera, &twin.image_grad);
+        // The same rotation up to a rounding of each component.
+        for (a, b) in shot.image.iter().flatten().zip(want.image.iter().flatten()) {
+            assert!((a - b).abs() < 1e-5, "length {length}: {a} {b}");
+        }
+        assert!(shot.stepped.base.quats.iter().flatten().all(|q| q.is_finite()));
+        // A step turns it no further than a unit quaternion's: 2 · √4 · rate, whatever its length.
+        let norm = |q: [f32; 4]| q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+        let (old, new) = (unit.quat, shot.stepped.base.quats[1]);
+        let cosine = old.iter().zip(&new).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum::<f64>() / (norm(old) * norm(new));
+        let turn = 2.0 * cosine.min(1.0).acos();
+        println!("quaternion of length {length:e}: turned by {turn:.1e}, now of length {:.1e}", norm(new));
+        let shortest = f64::from(length).clamp(0.01, 1.0);
+        assert!(turn <= 4.1 * f64::from(RATES[2]) / if length < 0.01 { 1.0 } else { shortest }, "length {length}: turned by {turn}");
+        // And turns it at all.
+        assert!(turn > 1e-6 || (1.0..=100.0).contains(&length) && turn > 1e-8, "length {length}: turned by {turn}");
+    }
+    for quat in [[0.0; 4], [1e-40, 0.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0, 0.0]] {
+        let shot = probe.shoot(&scene(&[near, far, Blob { quat, ..unit }]), &camera, &twin.image_grad);
+        assert_eq!(shot.tile_counts[2], 0, "{quat:?}");
+        assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "{quat:?}");
+    }
+}
+
+#[test]
+fn logits_to_100_either_way() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    for logit in [-100.0f32, -20.0, -5.6, 5.0, 10.0, 16.0, 18.0, 20.0, 25.0, 30.0, 60.0, 88.0, 89.0, 100.0] {
+        let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
+        // Only this one's gradient: beside the others' it would be nothing.
+        let alone = scene(&[blob]);
+        let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
+        let gradient = shot.gradients.geometry[10];
+        if (5.0..=80.0).contains(&logit) {
+            assert!(gradient != 0.0, "logit {logit} has no gradient");
+        }
+        // Adam forgets the size of a gradient above 1e-15, so that an opacity of 1 − 2e-9 learns like any other.
+        let moved = (shot.stepped.base.opacities[0] - logit).abs();
+        if (5.0..=25.0).contains(&logit) {
+            assert!(moved > 0.9 * RATES[3], "logit {logit} moved by {moved}");
+        }
+        check(&mut probe, &camera, &scene(&[near, blob, far]), &format!("logit {logit} in company"), 1e-4, 1e-5, 1e-4);
+    }
+}
+
+/// A Gaussian much wider than the image has one α: on both sides of each threshold by the smallest step of the logit that shows.
+#[test]
+fn alpha_at_its_two_thresholds() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let logit = |alpha: f64| (alpha / (1.0 - alpha)).ln() as f32;
+    for (threshold, what) in [(1.0 / 255.0, "1/255"), (0.99, "0.99")] {
+        let mut states = std::collections::BTreeSet::new();
+        for k in -12..=12 {
+            // One float32 step of the logit is 5e-7: α changes by 2e-9 at 1/255, 5e-9 at 0.99: below a step of α itself.
+            let blob = Blob { mean: camera.unproject(36.5, 28.5, 4.0), scale: [1e5; 3], logit: logit(threshold) + k as f32 * 1e-6, ..Default::default() };
+            let shot = probe.shoot(&scene(&[blob]), &camera, &image_grad);
+            let t = shot.image[0][3];
+            // α may differ from pixel to pixel by the roundings of exp(−1e-9); the rule may not.
+            for pixel in &shot.image {
+                let alpha = 1.0 - f64::from(pixel[3]);
+                let taken = alpha >= 1.0 / 255.0 - 1e-7 && alpha <= 0.99 + 1e-7;
+                assert!(pixel[3] == 1.0 || taken, "{what}: α {alpha}");
+                assert!(alpha <= 0.99 + 1e-7);
+            }
+            assert!(shot.is_finite());
+            let learns = shot.gradients.geometry[10] != 0.0;
+            states.insert((t == 1.0, learns));
+        }
+        // Both sides were met: not taken and taken; taken, and taken without a gradient of its opacity.
+        let sides = if threshold < 0.5 { [(false, true), (true, false)] } else { [(false, false), (false, true)] };
+        assert_eq!(states.into_iter().collect::<Vec<_>>(), sides, "{what}");
+    }
+}
+
+#[test]
+fn sh_coefficients_of_1e4() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 64, &camera, Setup { degree: 3, ..Default::default() });
+    for factor in [1e2f32, 1e4, -1e4] {
+        let mut random = random_scene(5, 40, 12, 3);
+        random.base.sh.iter_mut().chain(&mut random.supplement.as_mut().unwrap().gaussians.sh).flatten().for_each(|c| *c *= factor);
+        // Colours are sums of 16 terms of up to 1e4: what is left of 1 has 1e-3 of rounding, relative to the largest 1e-6. A
+        // gradient of the direction through them is a difference of such terms.
+        check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
+    }
+}
+
+#[test]
+fn lobes_at_the_ends_of_their_ranges() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let company = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let v = (camera.eye() - blob.mean).normalize();
+    let across = v.any_orthonormal_vector();
+    let at = |theta: f64, length: f64| ((v * theta.cos() + across * theta.sin()) * length).as_vec3().to_array();
+    let pi = std::f64::consts::PI;
+    // (direction, T, β, seen, bound of the gradients)
+    let mut cases = Vec::new();
+    for width in [0.01f64, 0.1, 1.0] {
+        let t = f64::from(width as f32);
+        for sharpness in [-20.0f32, -2.0, 0.0, 8.0, 20.0] {
+            // On the axis all is flat but β's own part. Off it: half of what it takes to halve the factor, or half of T.
+            let half = (2.0 * (0.5f64.ln() / (2.0 * f64::from(sharpness).exp())).exp().acos() * t).min(0.5 * t * pi);
+            let bound = if sharpness > 10.0 || (sharpness > 5.0 && width < 0.05) { f64::INFINITY } else if width < 0.05 { 1e-2 } else { 1e-3 };
+            cases.push((at(0.5 * half, 1.0), width as f32, sharpness, None, bound));
+            cases.push((at(0.0, 1.0), width as f32, sharpness, if sharpness > 10.0 { None } else { Some(true) }, f64::INFINITY));
+            if width < 1.0 {
+                cases.push((at(pi * t * 1.0001, 1.0), width as f32, sharpness, Some(false), 0.0));
+            }
+            cases.push((at((pi * t * 0.9).min(pi * 0.9), 1.0), width as f32, sharpness, None, if sharpness < 5.0 { 1e-3 } else { f64::INFINITY }));
+        }
+    }
+    cases.push((at(pi, 1.0), 1.0, 0.0, Some(false), 0.0));
+    // At θ near π with T = 1 the sine is small again, the quotient is not.
+    cases.push((at(pi - 5e-5, 1.0), 1.0, -20.0, Some(true), f64::INFINITY));
+    for length in [1e-36, 1e-25, 1e-10, 1e10, 1e25, 1e37] {
+        cases.push((at(0.4, length), 0.5, 0.5, Some(true), f64::INFINITY));
+    }
+    for direction in [[0.0; 3], [1e-40, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [f32::INFINITY, 0.0, 0.0]] {
+        cases.push((direction, 0.5, 0.0, Some(false), f64::INFINITY));
+    }
+    let plain = probe.shoot(&scene(&company), &camera, &vec![[0.0; 3]; camera.pixels() as usize]);
+    for (direction, width, sharpness, seen, bound) in cases {
+        let scene = with_lobes(&company, &[(blob, direction, width, sharpness)]);
+        let what = format!("lobe {direction:?}, T {width}, β {sharpness}");
+        let twin = probe.twin(&scene, &camera, 1e-4);
+        let shot = probe.shoot(&scene, &camera, &twin.image_grad);
+        assert!(seen.is_none_or(|seen| seen == (shot.tile_counts[2] > 0)), "{what}: seen {}", shot.tile_counts[2]);
+        let finite = shot.image.iter().flatten().all(|x| x.is_finite());
+        let supplement = shot.stepped.supplement.as_ref().unwrap();
+        assert!(finite && supplement.gaussians.means[0].iter().all(|x| x.is_finite()), "{what}");
+        if direction.iter().all(|d| d.is_finite()) {
+            assert!(shot.is_finite(), "{what}");
+            let [t, b] = [supplement.lobes.widths[0], supplement.lobes.sharpness[0]];
+            assert!((0.01..=1.0).contains(&t), "{what}: {t}");
+            assert!(shot.tile_counts[2] == 0 || (-2.0..=8.0).contains(&b), "{what}: {b}");
+        }
+        if shot.tile_counts[2] == 0 {
+            assert_eq!(shot.image, plain.image, "{what}");
+        } else if bound < f64::INFINITY {
+            let d = distance(&shot, &twin);
+            println!("{what}: image {:.1e}, gradients {:?}", d.image, d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>());
+            assert!(d.worst() <= bound && d.image < 1e-3, "{what}: {d:?}");
+        }
+    }
+}
+
+// --- order and count ---
+
+/// A scene of `count` Gaussians: `at` says where in the image, how deep and how wide.
+fn cloud(camera: &Camera, count: usize, logit: f32, at: impl Fn(usize) -> (f64, f64, f64, f64)) -> Scene {
+    let blobs: Vec<_> = (0..count)
+        .map(|i| {
+            let (x, y, z, px) = at(i);
+            let s = px * z / camera.fx;
+            let rgb = [(i * 7 % 11) as f32 / 11.0, (i * 5 % 13) as f32 / 13.0, (i * 3 % 17) as f32 / 17.0];
+            Blob { mean: camera.unproject(x, y, z), scale: [s, 0.8 * s, 0.6 * s], logit, rgb, ..Default::default() }
+        })
+        .collect();
+    scene(&blobs)
+}
+
+fn scattered(i: usize) -> (f64, f64, f64, f64) {
+    let noise = |k: usize| ((i * 2654435761 + k * 40503) % 10007) as f64 / 10007.0;
+    (noise(1) * f64::from(WIDTH), noise(2) * f64::from(HEIGHT), 1.0 + 9.0 * noise(3), 1.0 + 2.0 * noise(4))
+}
+
+#[test]
+fn counts_about_the_sizes_of_workgroups_and_blocks() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 2049, &camera, Setup::default());
+    for count in [0, 1, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 1023, 1024, 1025, 2049] {
+        let scene = cloud(&camera, count, -1.0, scattered);
+        let shot = check(&mut probe, &camera, &scene, &format!("{count} Gaussians"), 1e-4, 1e-5, 1e-4);
+        if count == 0 {
+            assert_background(&shot);
+        }
+    }
+}
+
+#[test]
+fn an_empty_view_is_the_background_and_not_the_last_image() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let back = Camera { rotation: glam::DMat3::from_rotation_y(std::f64::consts::PI) * camera.rotation, ..camera };
+    let back = Camera { translation: -(back.rotation * camera.eye()), ..back };
+    let scene = scene(&company(&camera));
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let zeros = vec![[0.0; 3]; camera.pixels() as usize];
+    let seen = probe.shoot(&scene, &camera, &zeros);
+    assert!(seen.image.iter().any(|p| p[3] < 0.9) && seen.depth.iter().any(|&z| z > 0.0));
+    let empty = probe.shoot(&scene, &back, &zeros);
+    assert_background(&empty);
+    assert!(empty.depth.iter().all(|&z| z == 0.0) && empty.tile_counts == [0, 0]);
+    assert_eq!(probe.shoot(&scene, &camera, &zeros).bits(), seen.bits());
+}
+
+/// 4.3 million Gaussians are more workgroups of 64 than a dimension of a dispatch has.
+#[test]
+fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..camera_at(DVec3::ZERO, 16, 16) };
+    let seen = [0usize, 4_194_239, 4_194_240, 4_194_241, 4_199_999];
+    let count = 4_200_000;
+    // Only the geometry is large; one plane of zeros is what most of them are: at the camera, hence not seen.
+    let mut base = glint::scene::Gaussians { sh_degree: 0, ..Default::default() };
+    base.means = vec![[0.0; 3]; count];
+    base.log_scales = vec![[-3.0; 3]; count];
+    base.quats = vec![[1.0, 0.0, 0.0, 0.0]; count];
+    base.opacities = vec![0.0; count];
+    base.sh = vec![[0.0; 3]; count];
+    for (k, &i) in seen.iter().enumerate() {
+        base.means[i] = camera.unproject(2.5 + 3.0 * k as f64, 8.5, 2.0).as_vec3().to_array();
+    }
+    let scene = Scene { base, supplement: None };
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    // 11 planes of 4.2 million floats are 185 MB: beyond a device with the least buffer that Vulkan allows, which says so.
+    match Model::upload(&gpu, &scene, 0) {
+        Ok(model) => {
+            let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
+            let image = renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+            for k in 0..seen.len() {
+                let t = image.transmittance[8 * 16 + 2 + 3 * k];
+                assert!(t < 0.6, "Gaussian {} is missing: {t}", seen[k]);
+            }
+        }
+        Err(error) => assert!(matches!(error, glint::gpu::GpuError::BufferTooLarge { .. }), "{error}"),
+    }
+}
+
+#[test]
+fn ten_thousand_at_one_depth_are_drawn_in_the_order_of_their_indices() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
+    let mut probe = Probe::new(&gpu, 10_000, &camera, Setup::default());
+    let mut scene = cloud(&camera, 10_000, -3.0, |i| {
+        let (x, y, _, px) = scattered(i);
+        (x, y, 4.0, px)
+    });
+    scene.base.means.iter_mut().for_each(|m| m[2] = 4.0);
+    // The twin orders equal depths by index; its margins for order are 0 everywhere, so all else is asked of it here.
+    let twin = probe.twin(&scene, &camera, 1e-4);
+    let zeros = vec![[0.0; 3]; camera.pixels() as usize];
+    let shot = probe.shoot(&scene, &camera, &zeros);
+    let mut off = 0;
+    for (p, want) in twin.rendered.blended.image.iter().enumerate() {
+        let difference = (0..4).map(|c| (f64::from(shot.image[p][c]) - want[c]).abs()).fold(0.0, f64::max);
+        // An α met at 1/255 changes a pixel by at most that much.
+        assert!(difference < 1.1 / 255.0, "pixel {p} is off by {difference}");
+        off += u32::from(difference > 1e-4);
+    }
+    assert!(off < camera.pixels() / 100, "{off} pixels");
+    for _ in 0..3 {
+        assert_eq!(probe.shoot(&scene, &camera, &zeros).bits(), shot.bits());
+    }
+}
+
+#[test]
+fn five_thousand_deep_on_one_pixel() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 8, 8);
+    let mut probe = Probe::new(&gpu, 5000, &camera, Setup::default());
+    // Opacity 0.0055: the last is still seen through all others, T = 0.9945^3000 or so.
+    for (logit, what) in [(-5.2f32, "5,000 thin layers"), (-1.0, "5,000 layers")] {
+        let scene = cloud(&camera, 5000, logit, |i| (4.1, 3.9, 1.0 + 0.01 * ((i * 2741) % 5000) as f64, 2.0 + (i % 7) as f64));
+        // Pixels with thousands of Gaussians are all near some threshold; a hundredth of the usual margin leaves most of them.
+        check(&mut probe, &camera, &scene, what, 1e-6, 1e-4, 1e-3);
+    }
+}
+
+#[test]
+fn one_tile_receives_every_gaussian() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 40_000, &camera, Setup::default());
+    // 40,000 splats narrower than a tile, all in one of 63: each pixel has its own few thousand.
+    let scene = cloud(&camera, 40_000, -5.0, |i| {
+        let (x, y, z, _) = scattered(i);
+        (32.0 + 8.0 * x / f64::from(WIDTH), 24.0 + 8.0 * y / f64::from(HEIGHT), z + 1e-4 * i as f64, 0.3)
+    });
+    check(&mut probe, &camera, &scene, "40,000 in one tile", 1e-6, 1e-4, 1e-3);
+}
+
+#[test]
+fn images_of_1_by_1_and_17_by_3_and_4097_by_5() {
+    let gpu = Gpu::new();
+    for (width, height) in [(1, 1), (17, 3), (4097, 5), (5, 4097)] {
+        let camera = camera_at(DVec3::new(0.1, 0.2, -0.3), width, height);
+        let mut probe = Probe::new(&gpu, 256, &camera, Setup::default());
+        let scene = cloud(&camera, 256, 0.5, |i| {
+            let (x, y, z, px) = scattered(i);
+            (x / f64::from(WIDTH) * f64::from(width), y / f64::from(HEIGHT) * f64::from(height), z, px * 3.0)
+        });
+        check(&mut probe, &camera, &scene, &format!("{width} × {height}"), 1e-4, 1e-4, 1e-4);
+    }
+}
+
+/// Eight Gaussians that fill an image of 3840 × 2160: 1,036,800 intersections, 129,600 of each. llvmpipe ends loops after 65,535
+/// iterations: emission, and the sums over a Gaussian's slots, must make fewer.
+#[test]
+fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    // Wider than the image by so much that each has one α everywhere.
+    let scene = cloud(&camera, 8, -2.0, |i| (1920.0, 1080.0, 3.0 + i as f64, 3e6));
+    let ones = vec![[1.0, 0.5, 0.25]; camera.pixels() as usize];
+    let shot = probe.shoot(&scene, &camera, &ones);
+    let alpha = 1.0 / (1.0 + 2f64.exp());
+    for (p, pixel) in shot.image.iter().enumerate() {
+        assert!((f64::from(pixel[3]) - (1.0 - alpha).powi(8)).abs() < 1e-6, "pixel {p}: {pixel:?}");
+    }
+    let pixels = f64::from(camera.pixels());
+    for i in 0..8 {
+        // ∂/∂DC = SH_C0 Σ α T ∂loss/∂rgb.
+        let red = 0.28209479177387814 * alpha * (1.0 - alpha).powi(i as i32) * pixels;
+        for (c, share) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+            let got = shot.gradients.sh[c * 8 + i];
+            assert!((got / (red * share) - 1.0).abs() < 1e-4, "Gaussian {i}, channel {c}: {got}, wanted {}", red * share);
+        }
+    }
+}
+
+// --- data ---
+
+/// Every parameter of one Gaussian, base and supplementary, is in turn not a number: all that is not its own stays the same to the last bit.
+#[test]
+fn what_is_not_a_number_stays_where_it_is() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 512, &camera, Setup { degree: 1, ..Default::default() });
+    let clean = random_scene(9, 160, 80, 1);
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let reference = probe.shoot(&clean, &camera, &image_grad);
+    let base = (0..160).filter(|&i| reference.tile_counts[i] > 0).max_by_key(|&i| reference.tile_counts[i]).unwrap();
+    let extra = (0..80).filter(|&j| reference.tile_counts[160 + j] > 0).max_by_key(|&j| reference.tile_counts[160 + j]).unwrap();
+    // A Gaussian of opacity 0 is not there.
+    let mut without = clean.clone();
+    without.base.opacities[base] = -100.0;
+    without.supplement.as_mut().unwrap().gaussians.opacities[extra] = -100.0;
+    let absent = probe.shoot(&without, &camera, &image_grad);
+    assert_ne!(absent.image, reference.image);
+    let others = |shot: &Shot| {
+        let mut s = shot.clone();
+        let n = s.gradients.stride;
+        for i in [base, 160 + extra] {
+            s.tile_counts[i] = 0;
+            for array in [&mut s.gradients.geometry, &mut s.gradients.sh] {
+                (0..array.len() / n).for_each(|p| array[p * n + i] = 0.0);
+            }
+        }
+        (0..5).for_each(|p| s.gradients.lobes[p * 80 + extra] = 0.0);
+        let supplement = s.stepped.supplement.as_mut().unwrap();
+        for (g, i) in [(&mut s.stepped.base, base), (&mut supplement.gaussians, extra)] {
+            (g.means[i], g.log_scales[i], g.quats[i], g.opacities[i]) = ([0.0; 3], [0.0; 3], [0.0; 4], 0.0);
+            g.sh[4 * i..4 * i + 4].fill([0.0; 3]);
+        }
+        let lobes = &mut supplement.lobes;
+        (lobes.directions[extra], lobes.widths[extra], lobes.sharpness[extra]) = ([0.0; 3], 0.0, 0.0);
+        s.bits()
+    };
+    let want = others(&absent);
+    let mut poisoned = 0;
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for field in 0..28 {
+            let mut scene = without.clone();
+            let supplement = scene.supplement.as_mut().unwrap();
+            let (g, i) = if field < 14 { (&mut scene.base, base) } else { (&mut supplement.gaussians, extra) };
+            let clean = if field < 14 { &clean.base } else { &clean.supplement.as_ref().unwrap().gaussians };
+            g.opacities[i] = clean.opacities[i];
+            match field % 14 {
+                f @ 0..3 => g.means[i][f] = bad,
+                f @ 3..6 => g.log_scales[i][f - 3] = bad,
+                f @ 6..10 => g.quats[i][f - 6] = bad,
+                10 => g.opacities[i] = bad,
+                11 => g.sh[4 * i][1] = bad,
+                12 => g.sh[4 * i + 2][0] = bad,
+                _ if field < 14 => continue,
+                _ => supplement.lobes.directions[extra][1] = bad,
+            }
+            // +∞ of a logit is an opacity of 1, −∞ of a log scale a size of 0: these have a meaning, and draw.
+            if bad == f32::INFINITY && field % 14 == 10 || bad == f32::NEG_INFINITY && (3..6).contains(&(field % 14)) {
+                let shot = probe.shoot(&scene, &camera, &image_grad);
+                assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "{bad} in field {field}");
+                continue;
+            }
+            let shot = probe.shoot(&scene, &camera, &image_grad);
+            assert!(shot.image == absent.image, "{bad} in field {field} shows in the image");
+            assert!(others(&shot) == want, "{bad} in field {field} shows in gradients or steps");
+            poisoned += 1;
+        }
+    }
+    for (width, sharpness) in [(f32::NAN, 0.0), (0.5, f32::NAN), (0.5, f32::INFINITY), (f32::INFINITY, 0.0), (-1.0, 0.0), (0.0, 0.0)] {
+        let mut scene = without.clone();
+        let supplement = scene.supplement.as_mut().unwrap();
+        supplement.gaussians.opacities[extra] = clean.supplement.as_ref().unwrap().gaussians.opacities[extra];
+        (supplement.lobes.widths[extra], supplement.lobes.sharpness[extra]) = (width, sharpness);
+        let shot = probe.shoot(&scene, &camera, &image_grad);
+        assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "T {width}, β {sharpness}");
+        if shot.tile_counts[160 + extra] == 0 {
+            assert!(others(&shot) == want, "T {width}, β {sharpness}");
+        }
+        poisoned += 1;
+    }
+    println!("{poisoned} poisoned scenes");
 }

@@ -223,9 +223,10 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A smooth gradient of the image that differs by channel.
+/// A smooth gradient of the image that differs by channel. Its mean is not 0, lest sums over wide Gaussians cancel and their
+/// error be measured against nothing.
 pub fn ripple(pixel: usize) -> [f64; 3] {
-    [0.0, 1.0, 2.0].map(|c: f64| f64::from((pixel as f64 * 0.013 + c).sin() as f32))
+    [0.0, 1.0, 2.0].map(|c: f64| f64::from((0.5 + (pixel as f64 * 0.013 + c).sin()) as f32))
 }
 
 pub struct Twin {
