@@ -10,13 +10,14 @@ use glint::{
         model::Model,
         raster::{TileShape, WORKGROUP},
         render::{RenderOptions, Renderer},
-        views::Views,
+        views::{Views, view},
     },
     reference::{self, Background, Options, Params},
     scene::{Camera, Gaussians, Lobes, Scene, Supplement},
     stages::{
         project_backward::{self, ProjectBackward},
         step_done::STATUS_WORDS,
+        types::View,
     },
 };
 
@@ -108,9 +109,17 @@ impl<'a> Probe<'a> {
     }
 
     pub fn shoot(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]]) -> Shot {
+        self.shoot_within(scene, camera, image_grad, camera)
+    }
+
+    /// `camera` is a crop of `whole`, whose Jacobian is clamped where that of `whole` is.
+    pub fn shoot_within(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]], whole: &Camera) -> Shot {
         let gpu = self.gpu;
         let origin = self.setup.origin;
         let views = Views::upload_around(gpu, origin, &[*camera], &[]).unwrap();
+        let limits = view(whole, 0);
+        let cropped = View { limit_x: limits.limit_x, limit_y: limits.limit_y, ..view(&views.cameras[0], 0) };
+        views.views.upload(0, &[cropped]).unwrap();
         let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
         let image = self.renderer.render(&model, &views, 0, BACKGROUND).unwrap();
         let raster = &self.renderer.raster;
@@ -284,7 +293,8 @@ pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
         let pairs: Vec<(f64, f64)> = a[cells.clone()].iter().copied().zip(b[cells].iter().copied()).collect();
         let norm = |f: fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
         let (difference, size, other) = (norm(|(g, w)| (g - w).powi(2)), norm(|(_, w)| w * w), norm(|(g, _)| g * g));
-        if size > 0.0 || other > 0.0 {
+        // What float32 flushes to 0 has no relative error.
+        if size > 1e-35 || other > 1e-35 {
             let cosine = pairs.iter().map(|(g, w)| g * w).sum::<f64>() / (size * other);
             out.groups.push((name, difference / size, cosine));
         }
