@@ -7,9 +7,25 @@ mod probe;
 use common::Gpu;
 use glam::DVec3;
 use glint::{
-    pipelines::{model::Model, render::Renderer, views::Views},
-    reference::random_scene,
+    gpu::Buffer,
+    pipelines::{
+        model::Model,
+        raster::{Raster, RasterOptions, WORKGROUP},
+        render::Renderer,
+        train::{BaseOptions, train_base},
+        views::Views,
+    },
+    reference::{
+        Background, Intersections, Options, blend::blend, blend_backward::blend_backward,
+        plane_backward::plane_backward as plane_backward_twin, plane_project::Plane,
+        plane_project::plane_project as plane_project_twin, random_scene, tiles::Tiling,
+    },
     scene::{Camera, Scene},
+    stages::{
+        plane_backward::{self, PlaneBackward},
+        plane_project::{self, PlaneProject},
+        types::{Frame, PlaneState},
+    },
 };
 use probe::{BACKGROUND, Blob, Probe, RATES, Setup, Shot, camera_at, distance, ripple, scene, with_lobes};
 
@@ -657,4 +673,356 @@ fn what_is_not_a_number_stays_where_it_is() {
         poisoned += 1;
     }
     println!("{poisoned} poisoned scenes");
+}
+
+// --- stiffness ---
+
+/// What 500 steps of training did.
+struct Trained {
+    start: f64,
+    end: f64,
+    scene: Scene,
+}
+
+const STEPS: u32 = 500;
+
+fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, origin: DVec3) -> Trained {
+    let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
+    let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
+    let options = BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0 };
+    let report = train_base(gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
+    assert!(report.losses.iter().all(|l| l.is_finite()));
+    let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
+    let v = cameras.len();
+    Trained {
+        start: mean(&report.losses[..v]),
+        end: mean(&report.losses[report.losses.len() - v..]),
+        scene: model.download().unwrap(),
+    }
+}
+
+/// Four cameras around a scene of 150 blobs, what they photograph, and the blobs; all moved by `offset`.
+fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blob>) {
+    let first = usual();
+    let middle = first.unproject(36.0, 28.0, 4.0);
+    let cameras: Vec<Camera> = (0..4)
+        .map(|k| {
+            let turn = glam::DMat3::from_rotation_y(0.15 * (f64::from(k) - 1.5));
+            let rotation = first.rotation * turn;
+            let eye = middle + turn.transpose() * (first.eye() - middle) + offset;
+            Camera { rotation, translation: -(rotation * eye), ..first }
+        })
+        .collect();
+    let truth: Vec<Blob> = (0..150)
+        .map(|i| {
+            let (x, y, z, px) = scattered(i);
+            let s = 3.0 * px * (2.0 + 0.4 * z) / first.fx;
+            let rgb = [(i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0, (i % 3) as f32 / 3.0];
+            // Steps of 1/4, which float32 has at 1e6: the offset itself loses nothing.
+            let mean = (first.unproject(x, y, 2.0 + 0.4 * z) * 4.0).round() / 4.0 + offset;
+            Blob { mean, scale: [s, 0.7 * s, 0.5 * s], logit: 2.0, rgb, ..Default::default() }
+        })
+        .collect();
+    let origin = offset;
+    let views = Views::upload_around(gpu, origin, &cameras, &[]).unwrap();
+    let model = Model::upload_around(gpu, origin, &scene(&truth), 0).unwrap();
+    let mut renderer = Renderer::new(gpu, 150, &views, Default::default()).unwrap();
+    let photographs = (0..4)
+        .map(|v| {
+            let image = renderer.render(&model, &views, v, BACKGROUND).unwrap();
+            image.color.iter().map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
+        })
+        .collect();
+    (cameras, photographs, truth)
+}
+
+/// No parameter goes further than Adam's bound lets it, in 500 steps: 7.3 rates each.
+fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
+    let g = (&before.base, &after.base);
+    let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+    };
+    let steps = f64::from(STEPS) * 7.3;
+    assert!(far(&g.0.log_scales, &g.1.log_scales) <= steps * 5e-3, "{what}");
+    assert!(far(&g.0.sh, &g.1.sh) <= steps * 2.5e-3, "{what}");
+    // The position's rate falls from 1.6e-4 to 1.6e-6 × extent; float32 has steps of 0.06 at 1e6.
+    let ulp = g.0.means.iter().flatten().map(|m| m.abs()).fold(0.0, f32::max) * f32::EPSILON;
+    assert!(far(&g.0.means, &g.1.means) <= steps * 3.2e-4 + f64::from(ulp), "{what}");
+    let p = glint::reference::Params::from_scene(after).unwrap();
+    assert!(p.geometry.iter().chain(&p.sh).all(|x| x.is_finite()), "{what}");
+}
+
+#[test]
+fn stiff_problems_train_without_divergence() {
+    let gpu = Gpu::new();
+    let (cameras, photographs, truth) = photographed(&gpu, DVec3::ZERO);
+    // Where they begin: off by a few pixels, and grey.
+    let ordinary: Vec<Blob> = truth
+        .iter()
+        .enumerate()
+        .map(|(i, b)| Blob { mean: b.mean + 0.05 * DVec3::new((i % 3) as f64 - 1.0, (i % 5) as f64 - 2.0, 0.0), rgb: [0.5; 3], ..*b })
+        .collect();
+    type Spoil = fn(usize, Blob) -> Blob;
+    let problems: [(&str, Spoil); 6] = [
+        ("ordinary", |_, b| b),
+        ("scales from 1e-5 to 1e3", |i, b| match i % 5 {
+            0 => Blob { scale: [1e-5; 3], ..b },
+            1 if i < 50 => Blob { scale: [1e3; 3], logit: -4.0, ..b },
+            2 if i < 50 => Blob { scale: [1e3, 1e-5, 1e-5], ..b },
+            _ => b,
+        }),
+        ("opacities from 0.0025 to 1 − 2e-9", |i, b| Blob { logit: [-6.0, 20.0, 2.0, 10.0, -3.0][i % 5], ..b }),
+        ("quaternions of length 1e-20 to 1e20", |i, b| {
+            let length = [1e-20, 1e-3, 1.0, 1e3, 1e20][i % 5];
+            Blob { quat: b.quat.map(|q| q * length), ..b }
+        }),
+        ("needles of 1 : 1e5 across the image", |i, b| Blob { scale: if i % 4 == 0 { [10.0, 1e-4, 1e-4] } else { b.scale }, ..b }),
+        ("all of it", |i, b| Blob {
+            scale: [[1e-5, 1e-5, 1e-5], b.scale, [1e2, 1e-3, 1e-5], b.scale][i % 4],
+            logit: [-6.0, 20.0, 2.0, 10.0, -3.0][i % 5],
+            quat: b.quat.map(|q| q * [1e-20, 1.0, 1e20][i % 3]),
+            ..b
+        }),
+    ];
+    for (what, spoil) in problems {
+        let blobs: Vec<Blob> = ordinary.iter().enumerate().map(|(i, &b)| spoil(i, b)).collect();
+        let start = scene(&blobs);
+        // Squares of gradients by parameter are the diagonal that Adam divides by, and stand for the Hessian's. Without quaternions,
+        // whose gradients have any size that one likes.
+        let mut probe = Probe::new(&gpu, 150, &cameras[0], Setup::default());
+        let image_grad: Vec<_> = (0..cameras[0].pixels() as usize).map(ripple).collect();
+        let g = probe.shoot(&start, &cameras[0], &image_grad).gradients;
+        let kept = g.geometry[..6 * g.stride].iter().chain(&g.geometry[10 * g.stride..]);
+        let squares: Vec<f64> = kept.filter(|g| **g != 0.0).map(|g| g * g).collect();
+        let span = squares.iter().copied().fold(0.0, f64::max) / squares.iter().copied().fold(f64::INFINITY, f64::min);
+        let trained = train(&gpu, &cameras, &photographs, &start, DVec3::ZERO);
+        println!("{what}: curvatures span {span:.0e}; loss {:.4} → {:.4}", trained.start, trained.end);
+        assert!((span > 1e10 || what == "ordinary") && trained.end < trained.start, "{what}");
+        assert_bounded(&start, &trained.scene, what);
+    }
+}
+
+/// At 1e6 units from the origin float32 has steps of 0.06: without recentring no position can learn, and none is drawn where it is.
+#[test]
+fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
+    let gpu = Gpu::new();
+    let offset = DVec3::new(1048576.0, -524288.0, 1048576.0);
+    let losses = [DVec3::ZERO, offset].map(|offset| {
+        let (cameras, photographs, truth) = photographed(&gpu, offset);
+        let grey: Vec<Blob> = truth.iter().map(|b| Blob { mean: b.mean + DVec3::new(0.25, 0.0, 0.0), rgb: [0.5; 3], ..*b }).collect();
+        let origin = glint::pipelines::views::origin_for(&cameras);
+        let naive = train(&gpu, &cameras, &photographs, &scene(&grey), DVec3::ZERO);
+        let trained = train(&gpu, &cameras, &photographs, &scene(&grey), origin);
+        println!(
+            "{offset}: loss {:.5} → {:.5} counted from {origin:.0}, {:.5} → {:.5} counted from the world's origin",
+            trained.start, trained.end, naive.start, naive.end
+        );
+        assert_bounded(&scene(&grey), &trained.scene, "far");
+        (trained.start, trained.end, naive.end)
+    });
+    let [home, far] = losses;
+    // The same start; another middle rounds otherwise, and 500 steps of Adam carry that to a few hundredths of the end.
+    assert!((far.0 - home.0).abs() < 1e-5 && (far.1 - home.1).abs() < 0.1 * home.1, "{losses:?}");
+    // What the recentring is for.
+    assert!(far.2 > 1.3 * home.1, "{losses:?}");
+}
+
+// --- the 2D stage ---
+
+/// One frame of 2D Gaussians: image, gradients, and planes after a step, planes × slots.
+struct Flat<'a> {
+    gpu: &'a Gpu,
+    raster: Raster,
+    project: PlaneProject,
+    backward: [PlaneBackward; 2],
+}
+
+const SLOTS: usize = 24;
+const FLAT: (u32, u32) = (40, 30);
+
+impl<'a> Flat<'a> {
+    fn new(gpu: &'a Gpu) -> Self {
+        let options = RasterOptions {
+            splats: SLOTS as u32,
+            pixels: FLAT.0 * FLAT.1,
+            tiles: 5 * 4,
+            isects: 1 << 12,
+            batch: true,
+            background_image: false,
+            median: false,
+            backward: true,
+        };
+        let raster = Raster::new(gpu, options).unwrap();
+        let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);
+        let spec = plane_project::Spec { workgroup_size: WORKGROUP, tile_width, tile_height };
+        let backward = |gradients| {
+            PlaneBackward::new(gpu, &plane_backward::Spec { workgroup_size: WORKGROUP, gradients }).unwrap()
+        };
+        Flat { gpu, project: PlaneProject::new(gpu, &spec).unwrap(), raster, backward: [backward(true), backward(false)] }
+    }
+
+    fn run(&self, planes: &[Plane], slots: &[u32], depths: &[f32], image_grad: &[[f64; 3]]) -> (Vec<[f32; 4]>, Vec<f32>, Vec<f32>) {
+        let (gpu, raster, n) = (self.gpu, &self.raster, SLOTS as u32);
+        let columns: Vec<f32> = (0..10 * SLOTS).map(|k| planes[k % SLOTS][k / SLOTS] as f32).collect();
+        let frame = Frame { image_first: 0, target_first: 0, width: FLAT.0, height: FLAT.1 };
+        let frames = Buffer::from_slice(gpu, "frames", &[frame]).unwrap();
+        let plane_frames = Buffer::from_slice(gpu, "plane frames", slots).unwrap();
+        let states = Buffer::from_slice(gpu, "states", &[PlaneState { count: n, stepping: 1 }]).unwrap();
+        let depths = Buffer::from_slice(gpu, "depths", depths).unwrap();
+        let plane = Buffer::from_slice(gpu, "plane", &columns).unwrap();
+        let status = Buffer::<u32>::zeroed(gpu, "status", 2).unwrap();
+        let ages = Buffer::<u32>::zeroed(gpu, "ages", SLOTS).unwrap();
+        let moments = [(); 2].map(|()| Buffer::<f32>::zeroed(gpu, "moments", 18 * SLOTS).unwrap());
+        let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
+        raster.image_grad.upload(0, &flat).unwrap();
+        let grid = raster.grid(0, 1, FLAT.0, FLAT.1);
+        let mut recorder = gpu.recorder("flat").unwrap();
+        self.project.record(
+            &mut recorder,
+            &plane_project::Buffers {
+                frames: &frames,
+                plane_frames: &plane_frames,
+                plane_states: &states,
+                depths: &depths,
+                plane: &plane,
+                splats: &raster.splats,
+                depth_keys: &raster.depth_keys,
+                tile_counts: &raster.tile_counts,
+            },
+            &plane_project::Push { count: n, stride: n },
+        );
+        raster.record_order(&mut recorder, n, &grid, &frames, &plane_frames, &status);
+        raster.record_blend(&mut recorder, &grid, &frames, BACKGROUND, 0.0);
+        raster.record_blend_backward(&mut recorder, &grid, &frames, 0);
+        for (stage, moments) in self.backward.iter().zip(&moments) {
+            let buffers = plane_backward::Buffers {
+                status: &status,
+                frames: &frames,
+                plane_frames: &plane_frames,
+                plane_states: &states,
+                tile_counts: &raster.tile_counts,
+                first_slot: &raster.first_slot,
+                isect_grads: raster.isect_grads(),
+                plane: &plane,
+                plane_ages: &ages,
+                plane_moments: moments,
+            };
+            stage.record(&mut recorder, &buffers, &plane_backward::Push { count: n, stride: n });
+        }
+        recorder.submit().unwrap().wait().unwrap();
+        let gradients = moments[0].download().unwrap();
+        let gradients = (0..9 * SLOTS).map(|k| gradients[k / SLOTS * 2 * SLOTS + k % SLOTS]).collect();
+        (raster.image.download().unwrap(), gradients, plane.download().unwrap())
+    }
+}
+
+fn flat_planes() -> Vec<Plane> {
+    (0..SLOTS)
+        .map(|i| {
+            let (x, y) = ((i * 17 % 40) as f64 + 0.25, (i * 11 % 30) as f64 + 0.75);
+            let rgb = |k: usize| ((i * k % 7) as f64 / 7.0) as f32 as f64;
+            [x, y, rgb(2), rgb(3), rgb(4), -1.0, 0.5, 1.25, 0.5, 0.0]
+        })
+        .collect()
+}
+
+fn flat_depths() -> Vec<f32> {
+    (0..FLAT.0 * FLAT.1).map(|p| 2.0 + (p * 37 % 101) as f32 / 50.0).collect()
+}
+
+#[test]
+fn extreme_2d_gaussians_have_the_twins_gradients() {
+    let gpu = Gpu::new();
+    let flat = Flat::new(&gpu);
+    let cap = f64::from(0.7f32.ln());
+    // (what, logit, log scales, angle, centre); scales are capped at 0.01 (W + H) = 0.7 px by the steps, not by the kernels.
+    let cases = [
+        ("logit 20", 20.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
+        ("logit 30", 30.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
+        ("logit 100", 100.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
+        ("at the cap", 1.0, [cap, cap], 0.5, [20.25, 15.75]),
+        ("a needle of 1 : 400", 3.0, [4.0, -2.0], 0.7, [20.25, 15.75]),
+        ("thinner than a pixel", 6.0, [-1.5, -1.5], 0.7, [20.25, 15.75]),
+        ("filling the image", 0.0, [6.0, 5.5], 0.7, [20.25, 15.75]),
+        ("wider than all", 0.0, [15.0, 15.5], 0.7, [20.25, 15.75]),
+        ("in the first corner", 1.0, [0.5, 1.25], 0.5, [0.0, 0.0]),
+        ("in the last corner", 1.0, [0.5, 1.25], 0.5, [40.0, 30.0]),
+        ("turned 300 times", 1.0, [0.5, 1.25], 300.5, [20.25, 15.75]),
+    ];
+    let mut options = Options { tile_width: flat.raster.tile.width, tile_height: flat.raster.tile.height, ..Default::default() };
+    options.active_degree = 0;
+    for (what, logit, log_scale, angle, centre) in cases {
+        let mut planes = flat_planes();
+        planes[5] = [centre[0], centre[1], 0.75, 0.5, 0.25, logit, log_scale[0], log_scale[1], angle, 0.0];
+        planes.iter_mut().flatten().for_each(|x| *x = f64::from(*x as f32));
+        let mut twin = planes.clone();
+        let depths: Vec<f64> = flat_depths().iter().map(|&z| f64::from(z)).collect();
+        let projected = plane_project_twin(&mut twin, &depths, FLAT.0, FLAT.1, &options);
+        let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(FLAT.0, FLAT.1, &options));
+        let blended = blend(&projected.splats, &isects, Background::Color(BACKGROUND.map(f64::from)), 0.0);
+        let grads: Vec<[f64; 3]> = (0..blended.image.len())
+            .map(|p| {
+                let m = &blended.margins[p];
+                if m.alpha.min(m.transmittance).min(m.clamp) > 1e-4 { ripple(p) } else { [0.0; 3] }
+            })
+            .collect();
+        let records = blend_backward(&projected.splats, &isects, &blended.image, &grads);
+        let want = plane_backward_twin(&twin, &projected.tile_counts, &isects, &records);
+        let (image, got, stepped) = flat.run(&planes, &[0; SLOTS], &flat_depths(), &grads);
+        let worst = image.iter().zip(&blended.image).zip(&grads).filter(|(_, g)| **g != [0.0; 3]);
+        let worst = worst.flat_map(|((a, b), _)| (0..4).map(|c| (f64::from(a[c]) - b[c]).abs())).fold(0.0, f64::max);
+        assert!(worst < 2e-5, "{what}: image off by {worst}");
+        let mut line = Vec::new();
+        for p in 0..9 {
+            let pairs: Vec<(f64, f64)> = (0..SLOTS).map(|i| (f64::from(got[p * SLOTS + i]), want[i][p])).collect();
+            // The extreme one's own gradient, beside whose size the others' would hide it or be hidden.
+            for pairs in [&pairs[5..6], &pairs[..]] {
+                let size = pairs.iter().map(|(_, w)| w * w).sum::<f64>().sqrt();
+                let d = pairs.iter().map(|(g, w)| (g - w).powi(2)).sum::<f64>().sqrt();
+                line.push(format!("{:.0e}", d / size));
+                // Single gradients are sums that partly cancel; an angle in float32 has 3e-5 rad at 300, 1e-3 of the ellipse.
+                let bound = if angle > 100.0 { 1e-2 } else { 1e-3 };
+                assert!(d <= bound * size + 1e-6, "{what}: plane {p} off by {d} of {size}");
+            }
+        }
+        println!("{what}: image {worst:.0e}, gradients {line:?}");
+        if (20.0..=30.0).contains(&logit) {
+            assert!(got[5 * SLOTS + 5] != 0.0 && (f64::from(stepped[5 * SLOTS + 5]) - logit).abs() > 0.01, "{what} cannot recover");
+        }
+        assert!(stepped.iter().all(|x| x.is_finite()), "{what}");
+    }
+}
+
+#[test]
+fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
+    let gpu = Gpu::new();
+    let flat = Flat::new(&gpu);
+    let grads: Vec<_> = (0..(FLAT.0 * FLAT.1) as usize).map(ripple).collect();
+    let mut slots = [0; SLOTS];
+    slots[5] = u32::MAX;
+    let others = |(image, gradients, planes): (Vec<[f32; 4]>, Vec<f32>, Vec<f32>)| {
+        let kept = |v: Vec<f32>| v.into_iter().enumerate().filter(|(k, _)| k % SLOTS != 5).map(|(_, x)| x.to_bits()).collect::<Vec<_>>();
+        (image, kept(gradients), kept(planes))
+    };
+    let without = others(flat.run(&flat_planes(), &slots, &flat_depths(), &grads));
+    let with = others(flat.run(&flat_planes(), &[0; SLOTS], &flat_depths(), &grads));
+    assert!(without.0 != with.0);
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for p in 0..9 {
+            let mut planes = flat_planes();
+            planes[5][p] = bad;
+            // An opacity of 1 is one.
+            if p == 5 && bad == f64::INFINITY {
+                continue;
+            }
+            assert!(others(flat.run(&planes, &[0; SLOTS], &flat_depths(), &grads)) == without, "{bad} in plane {p}");
+        }
+        // A depth map with a hole that is no number: behind all others.
+        let mut depths = flat_depths();
+        let at = (flat_planes()[5][1] as u32 * FLAT.0 + flat_planes()[5][0] as u32) as usize;
+        depths[at] = bad as f32;
+        let (image, gradients, planes) = flat.run(&flat_planes(), &[0; SLOTS], &depths, &grads);
+        assert!(image.iter().flatten().chain(&gradients).all(|x| x.is_finite()) && planes[..9 * SLOTS].iter().all(|x| x.is_finite()), "depth {bad}");
+    }
 }
