@@ -34,7 +34,10 @@ const HEIGHT: u32 = 56;
 
 /// Where Adam's first step must have gone: the rate times g / (|g| + 1e-15), whatever the gradient's size.
 fn assert_one_step(shot: &Shot, before: &Scene, what: &str) {
-    let (old, new) = (glint::reference::Params::from_scene(before).unwrap(), glint::reference::Params::from_scene(&shot.stepped).unwrap());
+    let (old, new) = (
+        glint::reference::Params::from_scene(before).unwrap(),
+        glint::reference::Params::from_scene(&shot.stepped).unwrap(),
+    );
     let g = &shot.gradients;
     let rate_of = |array: usize, plane: usize| match (array, plane) {
         (0, 0..3) => RATES[0],
@@ -66,7 +69,13 @@ fn assert_one_step(shot: &Shot, before: &Scene, what: &str) {
             }
             // Two roundings of the parameter; Adam's own arithmetic, and square roots of denormal squares for |g| < 1e-17.
             let tolerance = 2e-7 * old[at].abs() + if g[at].abs() < 1e-16 { rate } else { 1e-4 * rate };
-            assert!((new[at] - want).abs() <= tolerance, "{what}: array {array} at {at}: {} → {}, wanted {want}, gradient {}", old[at], new[at], g[at]);
+            assert!(
+                (new[at] - want).abs() <= tolerance,
+                "{what}: array {array} at {at}: {} → {}, wanted {want}, gradient {}",
+                old[at],
+                new[at],
+                g[at]
+            );
         }
     }
 }
@@ -77,7 +86,12 @@ fn check(probe: &mut Probe, camera: &Camera, scene: &Scene, what: &str, calm: f6
     let shot = probe.shoot(scene, camera, &twin.image_grad);
     assert!(shot.is_finite(), "{what}: not finite");
     let d = distance(&shot, &twin);
-    println!("{what}: image {:.1e}, calm {:.2}, gradients {:?}", d.image, d.calm, d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>());
+    println!(
+        "{what}: image {:.1e}, calm {:.2}, gradients {:?}",
+        d.image,
+        d.calm,
+        d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>()
+    );
     assert!(d.image <= image, "{what}: image off by {}", d.image);
     for (name, l2, cosine) in &d.groups {
         assert!(*l2 <= gradient && *cosine >= 1.0 - gradient, "{what}: {name} off by {l2}, cosine {cosine}");
@@ -93,7 +107,13 @@ fn usual() -> Camera {
 /// Two ordinary Gaussians before which the extreme one stands or behind which it lies.
 fn company(camera: &Camera) -> [Blob; 2] {
     let near = Blob { mean: camera.unproject(30.0, 25.0, 3.0), scale: [0.3, 0.2, 0.25], ..Default::default() };
-    let far = Blob { mean: camera.unproject(45.0, 33.0, 6.0), scale: [0.7, 0.9, 0.4], logit: 1.0, rgb: [0.2, 0.4, 0.9], ..near };
+    let far = Blob {
+        mean: camera.unproject(45.0, 33.0, 6.0),
+        scale: [0.7, 0.9, 0.4],
+        logit: 1.0,
+        rgb: [0.2, 0.4, 0.9],
+        ..near
+    };
     [near, far]
 }
 
@@ -106,7 +126,8 @@ fn scales_from_1e_minus_7_to_1e4_scene_units() {
         let mut probe = Probe::new(&gpu, 8, &camera, Setup { compensate, ..Default::default() });
         for exponent in -7..=4 {
             let s = 10f64.powi(exponent);
-            let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [s, 0.7 * s, 1.2 * s], ..Default::default() };
+            let blob =
+                Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [s, 0.7 * s, 1.2 * s], ..Default::default() };
             let what = format!("scale 1e{exponent}, compensated {compensate}");
             check(&mut probe, &camera, &scene(&[near, blob, far]), &what, 1e-4, 1e-5, 1e-4);
         }
@@ -121,8 +142,16 @@ fn needles_and_pancakes_to_1e7() {
     for compensate in [false, true] {
         let mut probe = Probe::new(&gpu, 8, &camera, Setup { compensate, ..Default::default() });
         for (n, quat) in [[1.0, 0.0, 0.0, 0.0], [0.9, 0.2, -0.3, 0.4], [0.1, 0.7, 0.6, -0.3]].into_iter().enumerate() {
-            for scale in [[1.0, 1e-7, 1e-7], [1.0, 1.0, 1e-7], [100.0, 1e-5, 1e-5], [1e4, 1e-3, 1e-3], [1e4, 1e4, 1e-3], [1e2, 1e-2, 1e-5]] {
-                let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale, quat, logit: 2.0, ..Default::default() };
+            for scale in [
+                [1.0, 1e-7, 1e-7],
+                [1.0, 1.0, 1e-7],
+                [100.0, 1e-5, 1e-5],
+                [1e4, 1e-3, 1e-3],
+                [1e4, 1e4, 1e-3],
+                [1e2, 1e-2, 1e-5],
+            ] {
+                let blob =
+                    Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale, quat, logit: 2.0, ..Default::default() };
                 let what = format!("needle {scale:?} turn {n}, compensated {compensate}");
                 // Beyond 1e5 px of length the direction itself is the bound: float32 has it to 1e-7 rad, which over the 50 px
                 // in view is 1e-5 px of a width of 0.55 px: 1e-5 of the image, and 1e-3 of gradients that are
@@ -169,7 +198,14 @@ fn a_centre_on_the_near_plane_or_behind_it_is_not_seen() {
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
     // With this pose camera z is the mean's own z: 0.2f32 is on the plane to the last bit.
-    for (z, seen) in [(0.2f32, false), (0.2f32.next_up(), true), (0.0, false), (-3.0, false), (f32::MAX, true), (f32::INFINITY, false)] {
+    for (z, seen) in [
+        (0.2f32, false),
+        (0.2f32.next_up(), true),
+        (0.0, false),
+        (-3.0, false),
+        (f32::MAX, true),
+        (f32::INFINITY, false),
+    ] {
         let blob = Blob { mean: DVec3::new(0.0, 0.0, f64::from(z)), ..company[0] };
         let shot = probe.shoot(&scene(&[company[0], company[1], blob]), &camera, &image_grad);
         assert_eq!(shot.tile_counts[2] > 0, seen, "z {z}");
@@ -193,13 +229,22 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
             .map(|i| {
                 let (x, y) = (f64::from(i * 37 % 72), f64::from(i * 23 % 56));
                 let mean = snap(near.unproject(x, y, 8.0 + f64::from(i % 7) * 5.0)) + by;
-                Blob { mean, scale: [0.6, 0.4, 0.9], logit: 0.3, rgb: [0.2, (x / 72.0) as f32, (y / 56.0) as f32], ..Default::default() }
+                Blob {
+                    mean,
+                    scale: [0.6, 0.4, 0.9],
+                    logit: 0.3,
+                    rgb: [0.2, (x / 72.0) as f32, (y / 56.0) as f32],
+                    ..Default::default()
+                }
             })
             .collect()
     };
     let far = Camera { translation: near.translation - near.rotation * offset, ..near };
     let origin = glint::pipelines::views::origin_for(&[far]);
-    assert!(origin.distance(far.eye()) < 1.0 && glint::pipelines::views::origin_for(&[near, usual().around(DVec3::X)]) == DVec3::ZERO);
+    assert!(
+        origin.distance(far.eye()) < 1.0
+            && glint::pipelines::views::origin_for(&[near, usual().around(DVec3::X)]) == DVec3::ZERO
+    );
     let mut here = Probe::new(&gpu, 64, &near, Setup::default());
     let mut there = Probe::new(&gpu, 64, &near, Setup { origin, ..Default::default() });
     let mut naive = Probe::new(&gpu, 64, &near, Setup::default());
@@ -208,7 +253,13 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
     let got = there.shoot(&scene(&blobs(offset)), &far, &twin.image_grad);
     let without = naive.shoot(&scene(&blobs(offset)), &far, &twin.image_grad);
     let (d, n) = (distance(&got, &twin), distance(&without, &twin));
-    println!("1e6 from the origin: image {:.1e}, gradients {:.1e}; not recentred: {:.1e}, {:.1e}", d.image, d.worst(), n.image, n.worst());
+    println!(
+        "1e6 from the origin: image {:.1e}, gradients {:.1e}; not recentred: {:.1e}, {:.1e}",
+        d.image,
+        d.worst(),
+        n.image,
+        n.worst()
+    );
     assert!(d.image < 1e-5 && d.worst() < 1e-4 && n.image > 1e-3);
     assert_eq!(want.tile_counts, got.tile_counts);
     // What the upload moved the download moves back.
@@ -267,11 +318,15 @@ fn quaternions_of_any_length() {
         // A step turns it no further than a unit quaternion's: 2 · √4 · rate, whatever its length.
         let norm = |q: [f32; 4]| q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
         let (old, new) = (unit.quat, shot.stepped.base.quats[1]);
-        let cosine = old.iter().zip(&new).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum::<f64>() / (norm(old) * norm(new));
+        let cosine =
+            old.iter().zip(&new).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum::<f64>() / (norm(old) * norm(new));
         let turn = 2.0 * cosine.min(1.0).acos();
         println!("quaternion of length {length:e}: turned by {turn:.1e}, now of length {:.1e}", norm(new));
         let shortest = f64::from(length).clamp(0.01, 1.0);
-        assert!(turn <= 4.1 * f64::from(RATES[2]) / if length < 0.01 { 1.0 } else { shortest }, "length {length}: turned by {turn}");
+        assert!(
+            turn <= 4.1 * f64::from(RATES[2]) / if length < 0.01 { 1.0 } else { shortest },
+            "length {length}: turned by {turn}"
+        );
         // And turns it at all.
         assert!(turn > 1e-6 || (1.0..=100.0).contains(&length) && turn > 1e-8, "length {length}: turned by {turn}");
     }
@@ -289,7 +344,8 @@ fn logits_to_100_either_way() {
     let [near, far] = company(&camera);
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
     for logit in [-100.0f32, -20.0, -5.6, 5.0, 10.0, 16.0, 18.0, 20.0, 25.0, 30.0, 60.0, 88.0, 89.0, 100.0] {
-        let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
+        let blob =
+            Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
         // Only this one's gradient: beside the others' it would be nothing.
         let alone = scene(&[blob]);
         let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
@@ -318,7 +374,12 @@ fn alpha_at_its_two_thresholds() {
         let mut states = std::collections::BTreeSet::new();
         for k in -12..=12 {
             // One float32 step of the logit is 5e-7: α changes by 2e-9 at 1/255, 5e-9 at 0.99: below a step of α itself.
-            let blob = Blob { mean: camera.unproject(36.5, 28.5, 4.0), scale: [1e5; 3], logit: logit(threshold) + k as f32 * 1e-6, ..Default::default() };
+            let blob = Blob {
+                mean: camera.unproject(36.5, 28.5, 4.0),
+                scale: [1e5; 3],
+                logit: logit(threshold) + k as f32 * 1e-6,
+                ..Default::default()
+            };
             let shot = probe.shoot(&scene(&[blob]), &camera, &image_grad);
             let t = shot.image[0][3];
             // α may differ from pixel to pixel by the roundings of exp(−1e-9); the rule may not.
@@ -345,7 +406,13 @@ fn sh_coefficients_of_1e4() {
     let mut probe = Probe::new(&gpu, 64, &camera, Setup { degree: 3, ..Default::default() });
     for factor in [1e2f32, 1e4, -1e4] {
         let mut random = random_scene(5, 40, 12, 3);
-        random.base.sh.iter_mut().chain(&mut random.supplement.as_mut().unwrap().gaussians.sh).flatten().for_each(|c| *c *= factor);
+        random
+            .base
+            .sh
+            .iter_mut()
+            .chain(&mut random.supplement.as_mut().unwrap().gaussians.sh)
+            .flatten()
+            .for_each(|c| *c *= factor);
         // Colours are sums of 16 terms of up to 1e4: what is left of 1 has 1e-3 of rounding, relative to the largest 1e-6. A
         // gradient of the direction through them is a difference of such terms.
         check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
@@ -358,7 +425,8 @@ fn lobes_at_the_ends_of_their_ranges() {
     let camera = usual();
     let company = company(&camera);
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let blob =
+        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
     let v = (camera.eye() - blob.mean).normalize();
     let across = v.any_orthonormal_vector();
     let at = |theta: f64, length: f64| ((v * theta.cos() + across * theta.sin()) * length).as_vec3().to_array();
@@ -370,13 +438,31 @@ fn lobes_at_the_ends_of_their_ranges() {
         for sharpness in [-20.0f32, -2.0, 0.0, 8.0, 20.0] {
             // On the axis all is flat but β's own part. Off it: half of what it takes to halve the factor, or half of T.
             let half = (2.0 * (0.5f64.ln() / (2.0 * f64::from(sharpness).exp())).exp().acos() * t).min(0.5 * t * pi);
-            let bound = if sharpness > 10.0 || (sharpness > 5.0 && width < 0.05) { f64::INFINITY } else if width < 0.05 { 1e-2 } else { 1e-3 };
+            let bound = if sharpness > 10.0 || (sharpness > 5.0 && width < 0.05) {
+                f64::INFINITY
+            } else if width < 0.05 {
+                1e-2
+            } else {
+                1e-3
+            };
             cases.push((at(0.5 * half, 1.0), width as f32, sharpness, None, bound));
-            cases.push((at(0.0, 1.0), width as f32, sharpness, if sharpness > 10.0 { None } else { Some(true) }, f64::INFINITY));
+            cases.push((
+                at(0.0, 1.0),
+                width as f32,
+                sharpness,
+                if sharpness > 10.0 { None } else { Some(true) },
+                f64::INFINITY,
+            ));
             if width < 1.0 {
                 cases.push((at(pi * t * 1.0001, 1.0), width as f32, sharpness, Some(false), 0.0));
             }
-            cases.push((at((pi * t * 0.9).min(pi * 0.9), 1.0), width as f32, sharpness, None, if sharpness < 5.0 { 1e-3 } else { f64::INFINITY }));
+            cases.push((
+                at((pi * t * 0.9).min(pi * 0.9), 1.0),
+                width as f32,
+                sharpness,
+                None,
+                if sharpness < 5.0 { 1e-3 } else { f64::INFINITY },
+            ));
         }
     }
     cases.push((at(pi, 1.0), 1.0, 0.0, Some(false), 0.0));
@@ -408,7 +494,11 @@ fn lobes_at_the_ends_of_their_ranges() {
             assert_eq!(shot.image, plain.image, "{what}");
         } else if bound < f64::INFINITY {
             let d = distance(&shot, &twin);
-            println!("{what}: image {:.1e}, gradients {:?}", d.image, d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>());
+            println!(
+                "{what}: image {:.1e}, gradients {:?}",
+                d.image,
+                d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>()
+            );
             assert!(d.worst() <= bound && d.image < 1e-3, "{what}: {d:?}");
         }
     }
@@ -422,7 +512,11 @@ fn cloud(camera: &Camera, count: usize, logit: f32, at: impl Fn(usize) -> (f64, 
         .map(|i| {
             let (x, y, z, px) = at(i);
             let s = px * z / camera.fx;
-            let rgb = [(i * 7 % 11) as f32 / 12.0 + 0.05, (i * 5 % 13) as f32 / 14.0 + 0.05, (i * 3 % 17) as f32 / 18.0 + 0.05];
+            let rgb = [
+                (i * 7 % 11) as f32 / 12.0 + 0.05,
+                (i * 5 % 13) as f32 / 14.0 + 0.05,
+                (i * 3 % 17) as f32 / 18.0 + 0.05,
+            ];
             Blob { mean: camera.unproject(x, y, z), scale: [s, 0.8 * s, 0.6 * s], logit, rgb, ..Default::default() }
         })
         .collect();
@@ -532,7 +626,8 @@ fn five_thousand_deep_on_one_pixel() {
     let mut probe = Probe::new(&gpu, 5000, &camera, Setup::default());
     // Opacity 0.0055: the last is still seen through all others, T = 0.9945^3000 or so.
     for (logit, what) in [(-5.2f32, "5,000 thin layers"), (-1.0, "5,000 layers")] {
-        let scene = cloud(&camera, 5000, logit, |i| (4.1, 3.9, 1.0 + 0.01 * ((i * 2741) % 5000) as f64, 2.0 + (i % 7) as f64));
+        let scene =
+            cloud(&camera, 5000, logit, |i| (4.1, 3.9, 1.0 + 0.01 * ((i * 2741) % 5000) as f64, 2.0 + (i % 7) as f64));
         // Pixels with thousands of Gaussians are all near some threshold; a hundredth of the usual margin leaves most of them.
         check(&mut probe, &camera, &scene, what, 1e-6, 1e-4, 1e-3);
     }
@@ -586,7 +681,11 @@ fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
         let red = 0.28209479177387814 * alpha * (1.0 - alpha).powi(i as i32) * pixels;
         for (c, share) in [1.0, 0.5, 0.25].into_iter().enumerate() {
             let got = shot.gradients.sh[c * 8 + i];
-            assert!((got / (red * share) - 1.0).abs() < 1e-4, "Gaussian {i}, channel {c}: {got}, wanted {}", red * share);
+            assert!(
+                (got / (red * share) - 1.0).abs() < 1e-4,
+                "Gaussian {i}, channel {c}: {got}, wanted {}",
+                red * share
+            );
         }
     }
 }
@@ -603,7 +702,10 @@ fn what_is_not_a_number_stays_where_it_is() {
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let reference = probe.shoot(&clean, &camera, &image_grad);
     let base = (0..160).filter(|&i| reference.tile_counts[i] > 0).max_by_key(|&i| reference.tile_counts[i]).unwrap();
-    let extra = (0..80).filter(|&j| reference.tile_counts[160 + j] > 0).max_by_key(|&j| reference.tile_counts[160 + j]).unwrap();
+    let extra = (0..80)
+        .filter(|&j| reference.tile_counts[160 + j] > 0)
+        .max_by_key(|&j| reference.tile_counts[160 + j])
+        .unwrap();
     // A Gaussian of opacity 0 is not there.
     let mut without = clean.clone();
     without.base.opacities[base] = -100.0;
@@ -660,7 +762,9 @@ fn what_is_not_a_number_stays_where_it_is() {
             poisoned += 1;
         }
     }
-    for (width, sharpness) in [(f32::NAN, 0.0), (0.5, f32::NAN), (0.5, f32::INFINITY), (f32::INFINITY, 0.0), (-1.0, 0.0), (0.0, 0.0)] {
+    for (width, sharpness) in
+        [(f32::NAN, 0.0), (0.5, f32::NAN), (0.5, f32::INFINITY), (f32::INFINITY, 0.0), (-1.0, 0.0), (0.0, 0.0)]
+    {
         let mut scene = without.clone();
         let supplement = scene.supplement.as_mut().unwrap();
         supplement.gaussians.opacities[extra] = clean.supplement.as_ref().unwrap().gaussians.opacities[extra];
@@ -761,7 +865,11 @@ fn stiff_problems_train_without_divergence() {
     let ordinary: Vec<Blob> = truth
         .iter()
         .enumerate()
-        .map(|(i, b)| Blob { mean: b.mean + 0.05 * DVec3::new((i % 3) as f64 - 1.0, (i % 5) as f64 - 2.0, 0.0), rgb: [0.5; 3], ..*b })
+        .map(|(i, b)| Blob {
+            mean: b.mean + 0.05 * DVec3::new((i % 3) as f64 - 1.0, (i % 5) as f64 - 2.0, 0.0),
+            rgb: [0.5; 3],
+            ..*b
+        })
         .collect();
     type Spoil = fn(usize, Blob) -> Blob;
     let problems: [(&str, Spoil); 6] = [
@@ -777,7 +885,10 @@ fn stiff_problems_train_without_divergence() {
             let length = [1e-20, 1e-3, 1.0, 1e3, 1e20][i % 5];
             Blob { quat: b.quat.map(|q| q * length), ..b }
         }),
-        ("needles of 1 : 1e5 across the image", |i, b| Blob { scale: if i % 4 == 0 { [10.0, 1e-4, 1e-4] } else { b.scale }, ..b }),
+        ("needles of 1 : 1e5 across the image", |i, b| Blob {
+            scale: if i % 4 == 0 { [10.0, 1e-4, 1e-4] } else { b.scale },
+            ..b
+        }),
         ("all of it", |i, b| Blob {
             scale: [[1e-5, 1e-5, 1e-5], b.scale, [1e2, 1e-3, 1e-5], b.scale][i % 4],
             logit: [-6.0, 20.0, 2.0, 10.0, -3.0][i % 5],
@@ -810,7 +921,8 @@ fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
     let offset = DVec3::new(1048576.0, -524288.0, 1048576.0);
     let losses = [DVec3::ZERO, offset].map(|offset| {
         let (cameras, photographs, truth) = photographed(&gpu, offset);
-        let grey: Vec<Blob> = truth.iter().map(|b| Blob { mean: b.mean + DVec3::new(0.25, 0.0, 0.0), rgb: [0.5; 3], ..*b }).collect();
+        let grey: Vec<Blob> =
+            truth.iter().map(|b| Blob { mean: b.mean + DVec3::new(0.25, 0.0, 0.0), rgb: [0.5; 3], ..*b }).collect();
         let origin = glint::pipelines::views::origin_for(&cameras);
         let naive = train(&gpu, &cameras, &photographs, &scene(&grey), DVec3::ZERO);
         let trained = train(&gpu, &cameras, &photographs, &scene(&grey), origin);
@@ -859,10 +971,21 @@ impl<'a> Flat<'a> {
         let backward = |gradients| {
             PlaneBackward::new(gpu, &plane_backward::Spec { workgroup_size: WORKGROUP, gradients }).unwrap()
         };
-        Flat { gpu, project: PlaneProject::new(gpu, &spec).unwrap(), raster, backward: [backward(true), backward(false)] }
+        Flat {
+            gpu,
+            project: PlaneProject::new(gpu, &spec).unwrap(),
+            raster,
+            backward: [backward(true), backward(false)],
+        }
     }
 
-    fn run(&self, planes: &[Plane], slots: &[u32], depths: &[f32], image_grad: &[[f64; 3]]) -> (Vec<[f32; 4]>, Vec<f32>, Vec<f32>) {
+    fn run(
+        &self,
+        planes: &[Plane],
+        slots: &[u32],
+        depths: &[f32],
+        image_grad: &[[f64; 3]],
+    ) -> (Vec<[f32; 4]>, Vec<f32>, Vec<f32>) {
         let (gpu, raster, n) = (self.gpu, &self.raster, SLOTS as u32);
         let columns: Vec<f32> = (0..10 * SLOTS).map(|k| planes[k % SLOTS][k / SLOTS] as f32).collect();
         let frame = Frame { image_first: 0, target_first: 0, width: FLAT.0, height: FLAT.1 };
@@ -950,7 +1073,8 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         ("in the last corner", 1.0, [0.5, 1.25], 0.5, [40.0, 30.0]),
         ("turned 300 times", 1.0, [0.5, 1.25], 300.5, [20.25, 15.75]),
     ];
-    let mut options = Options { tile_width: flat.raster.tile.width, tile_height: flat.raster.tile.height, ..Default::default() };
+    let mut options =
+        Options { tile_width: flat.raster.tile.width, tile_height: flat.raster.tile.height, ..Default::default() };
     options.active_degree = 0;
     for (what, logit, log_scale, angle, centre) in cases {
         let mut planes = flat_planes();
@@ -988,7 +1112,10 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         }
         println!("{what}: image {worst:.0e}, gradients {line:?}");
         if (20.0..=30.0).contains(&logit) {
-            assert!(got[5 * SLOTS + 5] != 0.0 && (f64::from(stepped[5 * SLOTS + 5]) - logit).abs() > 0.01, "{what} cannot recover");
+            assert!(
+                got[5 * SLOTS + 5] != 0.0 && (f64::from(stepped[5 * SLOTS + 5]) - logit).abs() > 0.01,
+                "{what} cannot recover"
+            );
         }
         assert!(stepped.iter().all(|x| x.is_finite()), "{what}");
     }
@@ -1002,7 +1129,9 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
     let mut slots = [0; SLOTS];
     slots[5] = u32::MAX;
     let others = |(image, gradients, planes): (Vec<[f32; 4]>, Vec<f32>, Vec<f32>)| {
-        let kept = |v: Vec<f32>| v.into_iter().enumerate().filter(|(k, _)| k % SLOTS != 5).map(|(_, x)| x.to_bits()).collect::<Vec<_>>();
+        let kept = |v: Vec<f32>| {
+            v.into_iter().enumerate().filter(|(k, _)| k % SLOTS != 5).map(|(_, x)| x.to_bits()).collect::<Vec<_>>()
+        };
         (image, kept(gradients), kept(planes))
     };
     let without = others(flat.run(&flat_planes(), &slots, &flat_depths(), &grads));
@@ -1023,6 +1152,10 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
         let at = (flat_planes()[5][1] as u32 * FLAT.0 + flat_planes()[5][0] as u32) as usize;
         depths[at] = bad as f32;
         let (image, gradients, planes) = flat.run(&flat_planes(), &[0; SLOTS], &depths, &grads);
-        assert!(image.iter().flatten().chain(&gradients).all(|x| x.is_finite()) && planes[..9 * SLOTS].iter().all(|x| x.is_finite()), "depth {bad}");
+        assert!(
+            image.iter().flatten().chain(&gradients).all(|x| x.is_finite())
+                && planes[..9 * SLOTS].iter().all(|x| x.is_finite()),
+            "depth {bad}"
+        );
     }
 }

@@ -54,7 +54,9 @@ fn pick_scene(scene: &Scene, base: &[usize], extra: &[usize]) -> Scene {
 
 /// Gradients of Gaussian i by parameter: geometry, then SH, then lobe.
 fn gradient_of(p: &Params, i: usize) -> Vec<f64> {
-    let planes = |a: &[f64], stride: usize, i: usize| (0..a.len() / stride.max(1)).map(|q| a[q * stride + i]).collect::<Vec<_>>();
+    let planes = |a: &[f64], stride: usize, i: usize| {
+        (0..a.len() / stride.max(1)).map(|q| a[q * stride + i]).collect::<Vec<_>>()
+    };
     let mut all = [planes(&p.geometry, p.stride, i), planes(&p.sh, p.stride, i)].concat();
     if i >= p.lobe_first {
         all.extend(planes(&p.lobes, p.lobe_stride, i - p.lobe_first));
@@ -124,7 +126,12 @@ fn hidden_and_unseen_gaussians_change_nothing() {
     let camera = random_camera(WIDTH, HEIGHT);
     let mut scene = random_scene(22, 400, 100, 0);
     scene.supplement = None;
-    let wall = |z: f64| Blob { mean: camera.unproject(48.0, 36.0, z), scale: [1e4, 1e4, 1e4], logit: 9.0, ..Default::default() };
+    let wall = |z: f64| Blob {
+        mean: camera.unproject(48.0, 36.0, z),
+        scale: [1e4, 1e4, 1e4],
+        logit: 9.0,
+        ..Default::default()
+    };
     let walls = base(&[wall(13.0), wall(13.1), wall(13.2)]);
     let thing = Blob { scale: [0.3; 3], logit: 3.0, ..Default::default() };
     let unseen = base(&[
@@ -175,7 +182,10 @@ fn crops_are_the_image_and_their_gradients_add_up() {
     for (x, y, w, h) in [(0, 0, 40, 32), (40, 0, 56, 32), (0, 32, 33, 40), (33, 32, 63, 40)] {
         // The Jacobian is clamped at 1.3 times the field of view of the image that is rendered, here of the whole.
         let crop = Camera { width: w, height: h, cx: camera.cx - f64::from(x), cy: camera.cy - f64::from(y), ..camera };
-        let part: Vec<[f64; 3]> = (0..h).flat_map(|r| (0..w).map(move |c| (r, c))).map(|(r, c)| grad[((y + r) * WIDTH + x + c) as usize]).collect();
+        let part: Vec<[f64; 3]> = (0..h)
+            .flat_map(|r| (0..w).map(move |c| (r, c)))
+            .map(|(r, c)| grad[((y + r) * WIDTH + x + c) as usize])
+            .collect();
         let shot = probe.shoot_within(&scene, &crop, &part, &camera);
         for r in 0..h {
             for c in 0..w {
@@ -185,7 +195,11 @@ fn crops_are_the_image_and_their_gradients_add_up() {
                 beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
             }
         }
-        for (to, from) in [(&mut sum.geometry, &shot.gradients.geometry), (&mut sum.sh, &shot.gradients.sh), (&mut sum.lobes, &shot.gradients.lobes)] {
+        for (to, from) in [
+            (&mut sum.geometry, &shot.gradients.geometry),
+            (&mut sum.sh, &shot.gradients.sh),
+            (&mut sum.lobes, &shot.gradients.lobes),
+        ] {
             to.iter_mut().zip(from).for_each(|(s, g)| *s += g);
         }
     }
@@ -284,10 +298,14 @@ fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alik
     let camera = random_camera(WIDTH, HEIGHT);
     let mut scene = random_scene(25, 500, 150, 0);
     // The near plane is at 0.2 units whatever the scale: nothing may be near it.
-    let near = |g: &Gaussians| (0..g.len()).filter(|&i| {
-        let z = camera.project(DVec3::from_array(g.means[i].map(f64::from))).2;
-        !(0.0..1.0).contains(&z)
-    }).collect::<Vec<_>>();
+    let near = |g: &Gaussians| {
+        (0..g.len())
+            .filter(|&i| {
+                let z = camera.project(DVec3::from_array(g.means[i].map(f64::from))).2;
+                !(0.0..1.0).contains(&z)
+            })
+            .collect::<Vec<_>>()
+    };
     scene = pick_scene(&scene, &near(&scene.base), &near(&scene.supplement.as_ref().unwrap().gaussians));
     let mut probe = Probe::new(&gpu, 650, &camera, Setup::default());
     let none = Similarity { turn: DQuat::IDENTITY, shift: DVec3::ZERO, scale: 1.0 };
@@ -324,7 +342,13 @@ fn doubling_the_resolution_shows_the_same_picture() {
             let z = 2.0 + 0.2 * f64::from(i);
             // 12 px and more: 0.3 px² is 0.1 % of the variance.
             let s = 14.0 * z / camera.fx;
-            Blob { mean: camera.unproject(x, y, z), scale: [s, 1.3 * s, 0.9 * s], logit: -1.0, rgb: [0.3, x as f32 / 96.0, y as f32 / 72.0], ..Default::default() }
+            Blob {
+                mean: camera.unproject(x, y, z),
+                scale: [s, 1.3 * s, 0.9 * s],
+                logit: -1.0,
+                rgb: [0.3, x as f32 / 96.0, y as f32 / 72.0],
+                ..Default::default()
+            }
         })
         .collect();
     let scene = Scene { base: base(&blobs), supplement: None };

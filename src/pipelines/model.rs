@@ -92,7 +92,9 @@ impl Model {
     pub fn check_origin(&self, views: &Views) -> Result<()> {
         match self.origin == views.origin {
             true => Ok(()),
-            false => Err(Error::Usage(format!("the model counts from {}, the views from {}", self.origin, views.origin))),
+            false => {
+                Err(Error::Usage(format!("the model counts from {}, the views from {}", self.origin, views.origin)))
+            }
         }
     }
 
@@ -115,7 +117,10 @@ impl Model {
             let range = first..first + count;
             Gaussians {
                 sh_degree: self.sh_degree,
-                means: range.clone().map(|i| [0, 1, 2].map(|p| (f64::from(plane(p, i)) + self.origin[p]) as f32)).collect(),
+                means: range
+                    .clone()
+                    .map(|i| [0, 1, 2].map(|p| (f64::from(plane(p, i)) + self.origin[p]) as f32))
+                    .collect(),
                 log_scales: range.clone().map(|i| [3, 4, 5].map(|p| plane(p, i))).collect(),
                 quats: range.clone().map(|i| [6, 7, 8, 9].map(|p| plane(p, i))).collect(),
                 opacities: range.clone().map(|i| plane(10, i)).collect(),

@@ -95,8 +95,7 @@ fn geometry_backward(
         let gain = record[5] * splat.opacity / f.d;
         let (sharp, blunt) = (gain * (f.d - f.d0), gain * DILATION);
         let (share, turn) = (f.n * f.n / f.d0, f.cofactor * f.n / f.d0);
-        log_scale_grad +=
-            sharp * (DVec3::splat(share.element_sum()) - share) - blunt * (f.m1 * f.m1 + f.m2 * f.m2);
+        log_scale_grad += sharp * (DVec3::splat(share.element_sum()) - share) - blunt * (f.m1 * f.m1 + f.m2 * f.m2);
         let (s1, s2) = (blunt * f.scale * f.m1, blunt * f.scale * f.m2);
         rotation_grad += outer(f.jw_cross, sharp * turn) - outer(f.jw1, s1) - outer(f.jw2, s2);
         let world = sharp * (f.rotation * turn);

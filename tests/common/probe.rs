@@ -132,15 +132,15 @@ impl<'a> Probe<'a> {
         let n = model.count() as usize;
         let mut out = Params::zeros(n, model.base_count as usize, model.sh_degree);
         let parts = [(0, 0, model.base_count), (1, model.base_count, model.supplement_count)];
-        let moments = parts
-            .map(|(_, _, count)| {
-                [11, 3 * model.coefficients(), 5].map(|planes| {
-                    [(); 2].map(|()| Buffer::<f32>::zeroed(gpu, "moments", (2 * planes * count) as usize).unwrap())
-                })
-            });
+        let moments = parts.map(|(_, _, count)| {
+            [11, 3 * model.coefficients(), 5].map(|planes| {
+                [(); 2].map(|()| Buffer::<f32>::zeroed(gpu, "moments", (2 * planes * count) as usize).unwrap())
+            })
+        });
         for (stages, which) in [(&self.gradients, 0), (&self.steps, 1)] {
             for (lobes, first, count) in parts {
-                let [rate_mean, rate_log_scale, rate_quat, rate_opacity, rate_dc, rate_sh, .., width, sharpness] = RATES;
+                let [rate_mean, rate_log_scale, rate_quat, rate_opacity, rate_dc, rate_sh, .., width, sharpness] =
+                    RATES;
                 if count == 0 {
                     continue;
                 }
@@ -190,9 +190,11 @@ impl<'a> Probe<'a> {
         for (lobes, first, count) in parts {
             let (first, count) = (first as usize, count as usize);
             let arrays = [&mut out.geometry, &mut out.sh, &mut out.lobes];
-            for ((array, buffers), (stride, at)) in
-                arrays.into_iter().zip(&moments[lobes]).zip([(n, first), (n, first), (n - model.base_count as usize, 0)])
-            {
+            for ((array, buffers), (stride, at)) in arrays.into_iter().zip(&moments[lobes]).zip([
+                (n, first),
+                (n, first),
+                (n - model.base_count as usize, 0),
+            ]) {
                 let got = buffers[0].download().unwrap();
                 if array.is_empty() || (stride != n && lobes == 0) || count == 0 {
                     continue;
@@ -269,13 +271,12 @@ pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
     for (p, want) in blended.image.iter().enumerate() {
         if twin.image_grad[p] != [0.0; 3] {
             calm += 1;
-            image = (0..4).map(|c| (f64::from(shot.image[p][c]) - want[c]).abs() / scale).fold(image, |a, b| {
-                if b >= a || b.is_nan() { b } else { a }
-            });
+            image = (0..4)
+                .map(|c| (f64::from(shot.image[p][c]) - want[c]).abs() / scale)
+                .fold(image, |a, b| if b >= a || b.is_nan() { b } else { a });
         }
     }
-    let mut out =
-        Distance { image, calm: f64::from(calm) / blended.image.len().max(1) as f64, groups: Vec::new() };
+    let mut out = Distance { image, calm: f64::from(calm) / blended.image.len().max(1) as f64, groups: Vec::new() };
     let (got, want) = (&shot.gradients, &twin.gradients);
     let planes = want.sh.len() / want.stride.max(1);
     for (name, a, b, range, stride) in [
