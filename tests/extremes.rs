@@ -23,8 +23,9 @@ use glint::{
     scene::{Camera, Scene},
     stages::{
         plane_backward::{self, PlaneBackward},
+        plane_draw::{self, PlaneDraw},
         plane_project::{self, PlaneProject},
-        types::{Frame, PlaneState},
+        types::{Frame, PlaneState, Quota},
     },
 };
 use probe::{BACKGROUND, Blob, Probe, RATES, Setup, Shot, camera_at, distance, ripple, scene, with_lobes};
@@ -1157,5 +1158,48 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
                 && planes[..9 * SLOTS].iter().all(|x| x.is_finite()),
             "depth {bad}"
         );
+    }
+}
+
+/// Only the last pixels of an image of 3840 × 2160 have a loss: they are drawn, by a kernel that goes through all of them five times.
+#[test]
+fn pixels_at_the_end_of_a_4k_image_can_be_drawn() {
+    let gpu = Gpu::new();
+    let (width, height, slots) = (3840u32, 2160u32, 20u32);
+    let pixels = (width * height) as usize;
+    let mut loss = vec![0f32; pixels];
+    loss[pixels - 50..].fill(0.5);
+    let words = |name: &str, len: usize| Buffer::<u32>::zeroed(&gpu, name, len).unwrap();
+    let floats = |name: &str, len: usize| Buffer::<f32>::zeroed(&gpu, name, len).unwrap();
+    let frame = Frame { image_first: 0, target_first: 0, width, height };
+    let quota = Quota { view: 0, first: 0, budget: slots };
+    let plane_frames = Buffer::from_slice(&gpu, "plane frames", &[u32::MAX; 20]).unwrap();
+    let (plane, states) = (floats("plane", 10 * 20), Buffer::<PlaneState>::zeroed(&gpu, "states", 1).unwrap());
+    let mut recorder = gpu.recorder("draw").unwrap();
+    // The stage's own workgroup in the pipeline.
+    PlaneDraw::new(&gpu, &plane_draw::Spec { workgroup_size: 256 }).unwrap().record(
+        &mut recorder,
+        &plane_draw::Buffers {
+            status: &words("status", 2),
+            frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
+            quotas: &Buffer::from_slice(&gpu, "quotas", &[quota]).unwrap(),
+            loss_map: &Buffer::from_slice(&gpu, "loss map", &loss).unwrap(),
+            image: &Buffer::<[f32; 4]>::zeroed(&gpu, "image", pixels).unwrap(),
+            drawn_pixels: &words("drawn", 20),
+            plane_states: &states,
+            plane_frames: &plane_frames,
+            plane: &plane,
+            plane_ages: &words("ages", 20),
+            plane_moments: &floats("moments", 18 * 20),
+        },
+        &plane_draw::Push { frame_count: 1, stride: slots, round: 1, seed: 1 },
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let taken = plane_frames.download().unwrap().iter().filter(|&&f| f == 0).count();
+    assert_eq!((taken, states.download().unwrap()[0].count), (4, 4));
+    let planes = plane.download().unwrap();
+    for i in 0..4 {
+        let (x, y) = (planes[i], planes[20 + i]);
+        assert!(y == 2159.5 && x > 3840.0 - 50.0, "({x}, {y})");
     }
 }

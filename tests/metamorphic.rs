@@ -375,3 +375,45 @@ fn doubling_the_resolution_shows_the_same_picture() {
     // An α of 1/255 ends at another half pixel: 4e-3; the dilation is 0.3 of 196 px² against 0.3 of 784.
     assert!(worst < 5e-3 && d < 1e-2);
 }
+
+/// Where a child process puts what it found.
+const CHILD: &str = "GLINT_METAMORPHIC_CHILD";
+
+/// Run by `the_size_of_subgroups_changes_nothing` in processes of their own.
+#[test]
+fn child() {
+    let Some(path) = std::env::var_os(CHILD) else { return };
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let mut probe = Probe::new(&gpu, 1200, &camera, setup());
+    let shot = probe.shoot(&random_scene(24, 900, 300, DEGREE), &camera, &ripples(&camera));
+    let image = shot.image.iter().flatten().chain(&shot.depth).map(|&x| f64::from(x));
+    let all: Vec<f64> =
+        std::iter::once(f64::from(gpu.info().subgroup_size)).chain(image).chain(gradients(&shot.gradients)).collect();
+    std::fs::write(path, bytemuck::cast_slice(&all)).unwrap();
+}
+
+/// llvmpipe's subgroups are as wide as its vectors, which the environment sets; other drivers do twice the same.
+#[test]
+fn the_size_of_subgroups_changes_nothing() {
+    let folder = std::env::temp_dir().join(format!("glint-metamorphic-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let [a, b] = ["256", "512"].map(|width| {
+        let path = folder.join(width);
+        let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+        let status = child.args(["--exact", "child"]).env(CHILD, &path).env("LP_NATIVE_VECTOR_WIDTH", width).output();
+        assert!(status.unwrap().status.success());
+        bytemuck::pod_collect_to_vec::<u8, f64>(&std::fs::read(path).unwrap())
+    });
+    std::fs::remove_dir_all(&folder).unwrap();
+    let pixels = 1 + 5 * (WIDTH * HEIGHT) as usize;
+    println!("{} and {} lanes", a[0], b[0]);
+    assert_eq!(a.len(), b.len());
+    // A pixel is one lane's own work whatever the subgroup.
+    assert!(a[1..pixels] == b[1..pixels]);
+    let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+    let size = norm(&mut a[pixels..].iter().copied());
+    let difference = norm(&mut a[pixels..].iter().zip(&b[pixels..]).map(|(x, y)| x - y));
+    println!("gradients differ by {:.1e}", difference / size);
+    assert!(difference < 2e-5 * size);
+}
