@@ -237,6 +237,42 @@ fn the_shape_of_tiles_changes_nothing() {
     }
 }
 
+/// Needles half a pixel wide that begin 3e5 px beside the image: their spans have 0.1 px of rounding, and must hold every pixel that
+/// the blend takes, whatever the tiles.
+#[test]
+fn needles_from_far_away_have_all_their_tiles() {
+    let gpu = Gpu::new();
+    let lanes = gpu.info().subgroup_size;
+    let camera = random_camera(WIDTH, HEIGHT);
+    let blobs: Vec<Blob> = (0..120)
+        .map(|i| {
+            let angle = 0.05236 * f64::from(i) + 0.01;
+            let (x, y) = (f64::from(i * 37 % 96), f64::from(i * 29 % 72));
+            let reach = 3e5;
+            let mean = camera.unproject(x + reach * angle.cos(), y + reach * angle.sin(), 4.0);
+            let along = camera.unproject(x, y, 4.0) - mean;
+            let q = DQuat::from_rotation_arc(DVec3::X, along.normalize());
+            // Across the image where the ellipse is nearly as wide as at its middle.
+            let scale = [along.length(), 1e-4, 1e-4];
+            Blob { mean, scale, quat: [q.w, q.x, q.y, q.z].map(|v| v as f32), logit: 1.0, ..Default::default() }
+        })
+        .collect();
+    let scene = Scene { base: base(&blobs), supplement: None };
+    let shots: Vec<Shot> = [(8, 8), (8, 16), (4, 16), (2, 32), (1, 64), (8, 1)]
+        .into_iter()
+        .filter_map(|(w, h)| TileShape::new(w, h, lanes))
+        .map(|tile| {
+            let mut probe = Probe::new(&gpu, 128, &camera, Setup { tile: Some(tile), ..Default::default() });
+            probe.shoot(&scene, &camera, &ripples(&camera))
+        })
+        .collect();
+    assert!(shots.len() >= 4 && shots[0].tile_counts.iter().filter(|&&t| t > 0).count() > 60);
+    for shot in &shots[1..] {
+        let off = shot.image.iter().zip(&shots[0].image).filter(|(a, b)| a != b).count();
+        assert!(off == 0, "{off} pixels differ");
+    }
+}
+
 /// World and camera moved, turned and scaled together: p ↦ s (Q p + t).
 struct Similarity {
     turn: DQuat,
