@@ -38,6 +38,14 @@ impl TileShape {
         let height = if lanes <= 16 { 8 } else { 16 };
         TileShape { width: 8, height, pixels: 8 * height / lanes }
     }
+
+    /// Tiles of `width` × `height` pixels, where a subgroup of `lanes` lanes can cover them.
+    pub fn new(width: u32, height: u32, lanes: u32) -> Option<Self> {
+        let area = width.checked_mul(height)?;
+        let fits = width > 0 && lanes.is_multiple_of(width) && area > 0 && area.is_multiple_of(lanes);
+        // The pixels of a lane that are not finished are the bits of a word.
+        (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
+    }
 }
 
 /// The tiles of a batch of frames: each frame has the same grid, that of the largest.
@@ -165,7 +173,11 @@ pub struct Raster {
 
 impl Raster {
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
-        let tile = TileShape::for_subgroup(context.info().subgroup_size);
+        Self::with_tile(context, options, TileShape::for_subgroup(context.info().subgroup_size))
+    }
+
+    /// With tiles of a shape that [`TileShape::new`] gave for the device's subgroups.
+    pub fn with_tile(context: &Context, options: RasterOptions, tile: TileShape) -> Result<Self, GpuError> {
         let (splats, pixels) = (options.splats.max(1) as usize, options.pixels as usize);
         let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
         let pair = |i: usize| -> Result<_, GpuError> {

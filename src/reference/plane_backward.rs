@@ -54,7 +54,7 @@ pub fn plane_backward(
                 d_r,
                 d_g,
                 d_b,
-                d_opacity * e.compensation * sigma * (1.0 - sigma),
+                d_opacity * e.compensation * sigma * sigmoid(-plane[LOGIT]),
                 e.variance[0] * dot(p, apply(p)) + growth[0],
                 e.variance[1] * dot(q, apply(q)) + growth[1],
                 (e.variance[0] - e.variance[1]) * dot(p, apply(q)),
