@@ -41,6 +41,7 @@ pub mod scan_spine;
 pub mod sort;
 pub mod ssim_backward;
 pub mod ssim_forward;
+pub mod step_done;
 pub mod tile_ranges;
 pub mod tiles;
 
