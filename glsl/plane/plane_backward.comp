@@ -33,8 +33,6 @@ layout(set = 0, binding = 9, scalar) buffer PlaneMoments { float plane_moments[]
 
 const float RATE_CENTRE = 0.001; // times the mean of width and height
 const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
-const float SCALE_MAX = 50.0;          // px
-const float SCALE_MAX_RELATIVE = 0.01; // of width + height
 const float BETA1 = 0.9, EPSILON = 1e-15;
 const float BETA2 = 0.999, LOG_BETA1 = -0.105360515657826, LOG_BETA2 = -0.00100050033358353;
 const float GRADIENT_MAX = 1e17; // its square, with the correction of 1000, is within float32
@@ -115,7 +113,7 @@ void main() {
     float c1 = one_minus_exp(float(age) * LOG_BETA1), c2 = one_minus_exp(float(age) * LOG_BETA2);
     float width = float(frame.width), height = float(frame.height), huge = 1e30;
     float rate_centre = RATE_CENTRE * 0.5 * (width + height);
-    float log_scale_max = log(min(SCALE_MAX, SCALE_MAX_RELATIVE * (width + height)));
+    float log_scale_max = log(scale_max(frame.width, frame.height));
     step_plane(CENTRE, i, g[CENTRE], rate_centre, c1, c2, 0.0, width);
     step_plane(CENTRE + 1, i, g[CENTRE + 1], rate_centre, c1, c2, 0.0, height);
     for (uint c = 0; c < 3; ++c) step_plane(COLOUR + c, i, g[COLOUR + c], RATE_COLOUR, c1, c2, 0.0, 1.0);

@@ -38,8 +38,6 @@ layout(set = 0, binding = 10, scalar) writeonly buffer PlaneMoments { float plan
 
 const float LOSS_MIN = 1e-18, LOSS_MAX = 1e18;
 const float FIRST_OPACITY_LOGIT = -3.89182029811063; // of 0.02
-const float FIRST_SCALE = 0.005;                     // of the shorter side
-const float SCALE_MAX = 50.0;                        // px
 // The key's bits in three digits, the highest first: of 11, 11 and 10 bits.
 const uint BINS = 2048, PASSES = 3;
 const uint SHIFT[PASSES] = uint[](21, 10, 0), BITS[PASSES] = uint[](11, 11, 10);
@@ -174,8 +172,7 @@ void main() {
         memoryBarrierBuffer();
         barrier();
 
-        float shorter = float(min(frame.width, frame.height));
-        float log_scale = log(min(FIRST_SCALE * shorter, SCALE_MAX));
+        float log_scale = log(first_scale(frame.width, frame.height));
         uint rank = empty.x;
         for (uint first = slots.x; first < slots.y; first += gl_SubgroupSize) {
             uint s = first + lane, i = quota.first + s;
