@@ -131,7 +131,7 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
 pub(super) fn rotation(quat: [f64; 4]) -> Option<DMat3> {
     let largest = quat.iter().fold(0.0, |a: f64, q| a.max(q.abs()));
     let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !(length > 0.0 && largest >= FLOAT_MIN && largest <= FLOAT_MAX) {
+    if !(length > 0.0 && (FLOAT_MIN..=FLOAT_MAX).contains(&largest)) {
         return None;
     }
     let [w, x, y, z] = quat.map(|q| q / length);
