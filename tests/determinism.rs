@@ -49,7 +49,7 @@ fn training_and_augmentation_give_the_same_bits_twice() {
             options.schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 3 };
             options.steps_per_view = 4;
             options.ratio = 0.2;
-            let enhanced = enhance(&gpu, &base, &views, &options, |_| (), |_| Ok(())).unwrap();
+            let enhanced = enhance(&gpu, &base, &views, &options, |_| (), |_| Ok(None), |_| Ok(())).unwrap();
             assert!(enhanced.lifted > 10, "{} of {} were lifted", enhanced.lifted, enhanced.refined);
             let joined = enhanced.join.unwrap().losses.iter().map(|l| l.to_bits()).collect::<Vec<_>>();
             (base_bits, losses, bits(&enhanced.scene), enhanced.lifted, joined)

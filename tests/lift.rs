@@ -541,9 +541,11 @@ fn counts_and_points_are_the_twins() {
     let want = points_twin::lift_points(&g);
     let mut same_sets = 0;
     for i in 0..g.len() {
-        // α in float32 errs by the absolute error of the exponent, at most 5.5 and a few roundings, and by exp's own: 1e-5 is ample.
+        // α in float32 errs by the absolute error of the exponent, which is at most 5.5 and a difference of products a few times
+        // as large, and by exp's own (3 + 2|x| ulp is what Vulkan allows: 8e-7 here). 1.3e-5 was seen on an NVIDIA H200, less on
+        // llvmpipe; 4e-5 leaves room for another driver.
         let unsure = match g.footprint(i) {
-            Some(f) => f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 1e-5).count() as u32,
+            Some(f) => f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 4e-5).count() as u32,
             None => 0,
         };
         assert!(got.counts[i].abs_diff(want.counts[i]) <= unsure, "{i}: {} {}", got.counts[i], want.counts[i]);
@@ -557,7 +559,7 @@ fn counts_and_points_are_the_twins() {
                 // Two products of rounded factors at z ≤ 12.
                 assert!((f64::from(a[c]) - b[c]).abs() < 5e-6, "{i}.{k}: {a:?} {b:?}");
             }
-            assert!((f64::from(a[3]) - b[3]).abs() < 1e-5 * b[3], "{i}.{k}: {a:?} {b:?}");
+            assert!((f64::from(a[3]) - b[3]).abs() < 4e-5 * b[3], "{i}.{k}: {a:?} {b:?}");
         }
         // The heaviest is the first of the device's own greatest weights.
         let top = set.iter().map(|p| p[3]).fold(0.0, f32::max);
