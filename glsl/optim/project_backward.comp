@@ -235,14 +235,14 @@ void main() {
             float a1 = dot(along, k1), a2 = dot(along, k2);
             vec2 d_t = vec2(l11 * a1, l12 * a1 + l22 * a2);
             if (COMPENSATE && e.det0 > 0.0) {
-                // ln compensation = ln(det0 / det) / 2; det0 = |n|^2 and n_x is proportional to s_y s_z. 1/det0 - 1/det is
+                // ln compensation = ln(det0 / det) / 2; det0 = |n|^2, n = cof(S) R^T (jw1 x jw2). 1/det0 - 1/det is
                 // (det - det0) / (det0 det), whose first difference is the dilation's part of det.
                 float gain = d_opacity * opacity * factor * compensation / e.det;
                 float sharp = gain * (DILATION * (e.a + e.c) + DILATION * DILATION), blunt = gain * DILATION;
-                vec3 share = e.n * e.n / e.det0, turn = e.cofactor * e.n / e.det0;
+                vec3 share = e.n * e.n / e.det0, turn = e.scale.yzx * e.scale.zxy * e.n / e.det0;
                 d_log_scale += sharp * (share.yzx + share.zxy) - blunt * (e.m1 * e.m1 + e.m2 * e.m2);
                 vec3 s1 = blunt * e.scale * e.m1, s2 = blunt * e.scale * e.m2;
-                d_axes += outerProduct(e.jw_cross, sharp * turn) - outerProduct(e.jw1, s1) - outerProduct(e.jw2, s2);
+                d_axes += outerProduct(cross(e.jw1, e.jw2), sharp * turn) - outerProduct(e.jw1, s1) - outerProduct(e.jw2, s2);
                 vec3 world = sharp * (e.axes * turn);
                 d_t += vec2(dot(cross(e.jw2, world) - e.axes * s1, view.row_z.xyz),
                             dot(cross(world, e.jw1) - e.axes * s2, view.row_z.xyz));

@@ -35,15 +35,14 @@ struct Projection {
     mat3 axes;       // rotation of the Gaussian
     vec3 scale;
     vec3 m1, m2;     // rows of M = J W R S
-    vec3 jw_cross;   // jw1 x jw2
-    vec3 cofactor;   // of S: products of the two other scales
-    vec3 n;          // m1 x m2 = cofactor * R^T (jw1 x jw2)
+    vec3 n;          // m1 x m2
     float a, b, c;   // M M^T
     float det0, det; // without and with dilation
 };
 
-// Sigma2D = M M^T + 0.3 I. The determinant is |m1 x m2|^2 + 0.3 (a + c) + 0.09, all terms positive. m1 x m2 is taken through
-// the cofactors: the rows of J W are far from parallel, those of a needle's M are not, and their product would cancel.
+// Sigma2D = M M^T + 0.3 I. The determinant is |m1 x m2|^2 + 0.3 (a + c) + 0.09, all terms positive. A
+// needle's m1 and m2 are nearly parallel, yet m1 x m2 does not cancel: in the Gaussian's own axes each of its components is two
+// scales' product times one of jw1 x jw2, whose rows are far from parallel.
 Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     Projection e;
     e.p = p;
@@ -59,9 +58,7 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     e.a = dot(e.m1, e.m1);
     e.b = dot(e.m1, e.m2);
     e.c = dot(e.m2, e.m2);
-    e.jw_cross = cross(e.jw1, e.jw2);
-    e.cofactor = scale.yzx * scale.zxy;
-    e.n = e.cofactor * (e.jw_cross * e.axes);
+    e.n = cross(e.m1, e.m2);
     e.det0 = dot(e.n, e.n);
     e.det = e.det0 + DILATION * (e.a + e.c) + DILATION * DILATION;
     return e;

@@ -72,7 +72,7 @@ pub fn adam(
                 continue;
             }
             let at = p * stride + i;
-            let g = grads[at].max(-GRADIENT_MAX).min(GRADIENT_MAX);
+            let g = grads[at].clamp(-GRADIENT_MAX, GRADIENT_MAX);
             let m = BETA1 * first_moments[at] + (1.0 - BETA1) * g;
             let v = BETA2 * second_moments[at] + (1.0 - BETA2) * g * g;
             first_moments[at] = m;

@@ -55,7 +55,7 @@ pub fn factor_gradient(direction: DVec3, width: f64, sharpness: f64, to_eye: DVe
 /// ψ/2, none outside the support. The angle comes from atan2 since acos loses half its digits near 0.
 fn half_angle(direction: DVec3, width: f64, to_eye: DVec3) -> Option<f64> {
     let largest = direction.abs().max_element();
-    if !(largest >= FLOAT_MIN && largest <= FLOAT_MAX) {
+    if !(FLOAT_MIN..=FLOAT_MAX).contains(&largest) {
         return None;
     }
     let theta = direction.cross(to_eye).length().atan2(direction.dot(to_eye));

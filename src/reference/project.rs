@@ -83,16 +83,13 @@ pub(super) struct Footprint {
     /// Rows of JW, px per scene unit.
     pub jw1: DVec3,
     pub jw2: DVec3,
-    pub jw_cross: DVec3,
     /// R of the quaternion, and the scales.
     pub rotation: DMat3,
     pub scale: DVec3,
-    /// Products of the two other scales.
-    pub cofactor: DVec3,
     /// Rows of M = JWRS, px.
     pub m1: DVec3,
     pub m2: DVec3,
-    /// m1 × m2 = cofactor · Rᵀ(jw1 × jw2): a needle's m1 and m2 are nearly parallel, and their product would cancel.
+    /// m1 × m2 = cof(S) Rᵀ(jw1 × jw2): in the Gaussian's own axes no component cancels, be it a needle.
     pub n: DVec3,
     /// Σ2D = [[a, b], [b, c]] (of which a is only needed through d), its determinant, and the undilated one.
     pub b: f64,
@@ -118,9 +115,7 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     let m1 = scale * (rotation.transpose() * jw1);
     let m2 = scale * (rotation.transpose() * jw2);
 
-    let jw_cross = jw1.cross(jw2);
-    let cofactor = DVec3::new(scale.y * scale.z, scale.z * scale.x, scale.x * scale.y);
-    let n = cofactor * (rotation.transpose() * jw_cross);
+    let n = m1.cross(m2);
     let b = m1.dot(m2);
     let c = m2.dot(m2) + DILATION;
     let d0 = n.length_squared();
@@ -129,14 +124,14 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
         return None;
     }
     let clamped = ((p.x / p.z).abs() > view.limit_x, (p.y / p.z).abs() > view.limit_y);
-    Some(Footprint { p, tx, ty, clamped, jw1, jw2, jw_cross, rotation, scale, cofactor, m1, m2, n, b, c, d, d0 })
+    Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, n, b, c, d, d0 })
 }
 
 /// The rotation of a quaternion (w, x, y, z) of any length; none for what float32 holds as 0, denormal, infinite or NaN.
 pub(super) fn rotation(quat: [f64; 4]) -> Option<DMat3> {
     let largest = quat.iter().fold(0.0, |a: f64, q| a.max(q.abs()));
     let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !(length > 0.0 && largest >= FLOAT_MIN && largest <= FLOAT_MAX) {
+    if !(length > 0.0 && (FLOAT_MIN..=FLOAT_MAX).contains(&largest)) {
         return None;
     }
     let [w, x, y, z] = quat.map(|q| q / length);

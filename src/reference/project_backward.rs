@@ -1,6 +1,6 @@
 //! From gradient records to parameters: sums a Gaussian's records over its slots and goes back through `project`.
 
-use glam::{DMat3, DVec3, DVec4};
+use glam::{DMat3, DVec3, DVec4, Vec3Swizzles};
 
 use super::blend_backward::Record;
 use super::project::{Footprint, compensation, footprint};
@@ -90,14 +90,14 @@ fn geometry_backward(
     let (mut tx_grad, mut ty_grad) = (splat.l11 * a1, splat.l12 * a1 + splat.l22 * a2);
 
     if options.compensate && f.d0 > 0.0 {
-        // ln k = ½ ln(D0/D) with D0 = |n|², n_x proportional to s_y s_z, and D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09;
+        // ln k = ½ ln(D0/D) with D0 = |n|², n = cof(S) Rᵀ(jw1 × jw2), and D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09;
         // 1/D0 − 1/D = (D − D0)/(D0 D). The opacity is proportional to k.
         let gain = record[5] * splat.opacity / f.d;
         let (sharp, blunt) = (gain * (f.d - f.d0), gain * DILATION);
-        let (share, turn) = (f.n * f.n / f.d0, f.cofactor * f.n / f.d0);
+        let (share, turn) = (f.n * f.n / f.d0, f.scale.yzx() * f.scale.zxy() * f.n / f.d0);
         log_scale_grad += sharp * (DVec3::splat(share.element_sum()) - share) - blunt * (f.m1 * f.m1 + f.m2 * f.m2);
         let (s1, s2) = (blunt * f.scale * f.m1, blunt * f.scale * f.m2);
-        rotation_grad += outer(f.jw_cross, sharp * turn) - outer(f.jw1, s1) - outer(f.jw2, s2);
+        rotation_grad += outer(f.jw1.cross(f.jw2), sharp * turn) - outer(f.jw1, s1) - outer(f.jw2, s2);
         let world = sharp * (f.rotation * turn);
         tx_grad += (f.jw2.cross(world) - f.rotation * s1).dot(row_z);
         ty_grad += (world.cross(f.jw1) - f.rotation * s2).dot(row_z);
