@@ -38,6 +38,19 @@ impl TileShape {
         let height = if lanes <= 16 { 8 } else { 16 };
         TileShape { width: 8, height, pixels: 8 * height / lanes }
     }
+
+    /// All that subgroups of so many lanes can cover.
+    pub fn choices(lanes: u32) -> Vec<Self> {
+        let fits = |&(width, height): &(u32, u32)| lanes % width == 0 && width * height % lanes == 0;
+        let shape = |(width, height)| TileShape { width, height, pixels: width * height / lanes };
+        [(8, 8), (8, 16), (16, 16)].into_iter().filter(fits).map(shape).collect()
+    }
+}
+
+impl std::fmt::Display for TileShape {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}×{}", self.width, self.height)
+    }
 }
 
 /// The tiles of a batch of frames: each frame has the same grid, that of the largest.
@@ -88,8 +101,8 @@ pub struct RasterOptions {
 
 /// Words of `count`.
 const SPLATS: u32 = 0;
-const VISIBLE: u32 = 1;
-const ISECTS: u32 = 2;
+pub(crate) const VISIBLE: u32 = 1;
+pub(crate) const ISECTS: u32 = 2;
 const ISECTS_SORTED: u32 = 3;
 /// Slots of `args`: block-wise stages over splats, visible splats and intersections, and thread-wise stages.
 const SPLAT_BLOCKS: u32 = 0;
@@ -144,8 +157,8 @@ pub struct Raster {
     pub image_grad: Buffer<f32>,
     pub backdrop: Buffer<[f32; 4]>,
     pub median_ids: Buffer<u32>,
-    tile_ranges: Buffer<[u32; 2]>,
-    count: Buffer<u32>,
+    pub(crate) tile_ranges: Buffer<[u32; 2]>,
+    pub(crate) count: Buffer<u32>,
     args: Buffer<u32>,
     depth_sorted: [(Buffer<u32>, Buffer<u32>); 2],
     rank_first_slot: Buffer<u32>,
@@ -165,7 +178,11 @@ pub struct Raster {
 
 impl Raster {
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
-        let tile = TileShape::for_subgroup(context.info().subgroup_size);
+        Self::with_tile(context, options, TileShape::for_subgroup(context.info().subgroup_size))
+    }
+
+    /// With one of [`TileShape::choices`].
+    pub fn with_tile(context: &Context, options: RasterOptions, tile: TileShape) -> Result<Self, GpuError> {
         let (splats, pixels) = (options.splats.max(1) as usize, options.pixels as usize);
         let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
         let pair = |i: usize| -> Result<_, GpuError> {
@@ -354,7 +371,20 @@ impl Raster {
         background: [f32; 3],
         median_threshold: f32,
     ) {
-        self.blend.record(
+        self.record_blend_by(&self.blend, recorder, grid, frames, background, median_threshold);
+    }
+
+    /// The same by a stage of the caller's, made for this raster's tiles.
+    pub fn record_blend_by(
+        &self,
+        stage: &Blend,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        background: [f32; 3],
+        median_threshold: f32,
+    ) {
+        stage.record(
             recorder,
             &blend::Buffers {
                 frames,
@@ -402,8 +432,22 @@ impl Raster {
         );
     }
 
-    fn isect_slots(&self) -> &Buffer<u32> {
+    /// Gaussian index by depth rank.
+    pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
+        &self.depth_sorted[self.depth_sort.last_pair()].1
+    }
+
+    /// Tiles of the sorted intersections.
+    pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
+        [&self.isects.keys, &self.isects.tiles][self.tile_sort.last_pair()]
+    }
+
+    pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
         &self.isects.values[self.tile_sort.last_pair()]
+    }
+
+    pub(crate) fn global_from_slot(&self) -> &Buffer<u32> {
+        &self.isects.global_from_slot
     }
 
     fn args_for(

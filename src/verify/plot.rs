@@ -1,0 +1,1 @@
+//! Error against time, one point for each row.
