@@ -3,18 +3,19 @@
 use glam::{DVec3, DVec4};
 
 use super::project::rotation;
-use super::{NONE, Params, View};
+use super::{NEAR, NONE, Params, View};
 
 /// Where on the median Gaussian the depth is taken (method, section 4, ⚖).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthAt {
-    /// z of the point of maximum response along the pixel's ray.
+    /// z of the point of maximum response along the pixel's ray, or of the centre where that point is not in front of the
+    /// near plane.
     MaximumResponse,
     /// z of the Gaussian's centre.
     Centre,
 }
 
-/// Camera z by pixel, scene units; 0 where there is no median Gaussian, or where the point lies behind the camera.
+/// Camera z by pixel, scene units; 0 where there is no median Gaussian.
 pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -> Vec<f64> {
     let mut depths = vec![0.0; median.len()];
     for (pixel, &global) in median.iter().enumerate() {
@@ -23,13 +24,14 @@ pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -
         }
         let i = global as usize;
         let (column, row) = (pixel % view.width as usize, pixel / view.width as usize);
-        let z = match at {
-            DepthAt::Centre => view.to_camera(params.mean(i)).z,
-            DepthAt::MaximumResponse => maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5),
+        let centre = view.to_camera(params.mean(i)).z;
+        depths[pixel] = match at {
+            DepthAt::Centre => centre,
+            DepthAt::MaximumResponse => {
+                let best = maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
+                if best > NEAR { best } else { centre }
+            }
         };
-        if z > 0.0 {
-            depths[pixel] = z;
-        }
     }
     depths
 }
@@ -84,12 +86,12 @@ mod tests {
                 let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
                 if distance(a) < distance(b) { high = b } else { low = a }
             }
-            if low > 0.0 {
+            if low > NEAR * 1.001 {
                 // A parabola's minimum is found to the root of the arithmetic's precision, √(1e-16 · condition).
                 assert!((depths[pixel] - low).abs() < 1e-4 * low, "{} {low}", depths[pixel]);
                 checked += 1;
-            } else {
-                assert_eq!(depths[pixel], 0.0);
+            } else if low < NEAR * 0.999 {
+                assert_eq!(depths[pixel], centres[pixel]);
             }
         }
         assert!(checked > 200, "{checked}");

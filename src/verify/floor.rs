@@ -23,6 +23,9 @@ pub struct Rates {
 impl Rates {
     /// Seconds that no implementation can go below, as far as the rates were really the best.
     pub fn floor(&self, work: Work) -> Option<f64> {
+        if work == Work::default() {
+            return None;
+        }
         let seconds = (work.bytes / self.bytes).max(work.operations / self.operations);
         seconds.is_finite().then_some(seconds)
     }
@@ -32,10 +35,12 @@ impl Rates {
 const LONG_ENOUGH: f64 = 2e-3;
 /// Largest buffer that is copied: beyond any cache, and within what every device binds.
 const MAX_COPY: usize = 128 << 20;
-const FIRST_COPY: usize = 16 << 20;
+const FIRST_COPY: usize = 64 << 20;
 /// Recurrences of a thread: enough to hide the latency of one (4 to 5 cycles on GPUs and CPUs).
 const CHAINS: u32 = 8;
-const ROUNDS: u32 = 1024;
+/// Steps of a recurrence between two branches.
+const DEPTH: u32 = 16;
+const ROUNDS: u32 = 64;
 const FIRST_THREADS: u32 = 1 << 14;
 const MAX_THREADS: u32 = 1 << 24;
 const FACTOR: f32 = 0.5;
@@ -56,7 +61,7 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
         bytes *= 2;
     };
 
-    let stage = FmaRate::new(context, &fma_rate::Spec { workgroup_size: WORKGROUP, chains: CHAINS })?;
+    let stage = FmaRate::new(context, &fma_rate::Spec { workgroup_size: WORKGROUP, chains: CHAINS, depth: DEPTH })?;
     let mut count = FIRST_THREADS;
     loop {
         let chain_sums = Buffer::<f32>::zeroed(context, "chain sums", count as usize)?;
@@ -67,12 +72,12 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
             count *= 2;
             continue;
         }
-        let operations = f64::from(count) * f64::from(CHAINS * ROUNDS);
+        let operations = f64::from(count) * f64::from(CHAINS * DEPTH * ROUNDS);
         bench.rates.operations = operations / times.whole();
         let mut row = bench.row("fma_rate", format!("{CHAINS} chains"));
         // Threads repeat after 1024.
         let got = chain_sums.download_range(0, 1024)?;
-        let want = reference::fma_rate::fma_rate(1024, CHAINS, ROUNDS, f64::from(FACTOR), f64::from(TERM));
+        let want = reference::fma_rate::fma_rate(1024, CHAINS, DEPTH * ROUNDS, f64::from(FACTOR), f64::from(TERM));
         row.numbers(got.into_iter().zip(want));
         row.work = Work { bytes: 4.0 * f64::from(count), operations };
         row.time = times.of("fma_rate");

@@ -20,6 +20,8 @@ use serde::Serialize;
 pub use bounds::{BOUNDS, Bound, NEAR_THRESHOLD};
 pub use floor::Rates;
 pub use judge::{Breach, Errors, Row, Work};
+#[cfg(feature = "cli")]
+pub use plot::plot;
 
 use crate::{
     error::Result,
