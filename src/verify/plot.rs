@@ -34,7 +34,10 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
     let bounds = |values: &mut dyn Iterator<Item = f64>, low: f64, high: f64| {
         values.fold((low, high), |(a, b), v| (a.min(v / 2.0), b.max(v * 2.0)))
     };
-    let (left, right) = bounds(&mut rows.iter().map(|r| r.1 * 1e6), 1.0, 100.0);
+    if rows.is_empty() {
+        return Err("the device has no timestamps".into());
+    }
+    let (left, right) = bounds(&mut rows.iter().map(|r| r.1 * 1e6), f64::INFINITY, 0.0);
     let (bottom, top) = bounds(&mut rows.iter().map(|r| error(r.0)), EXACT / 3.0, 1e-4);
     let mut svg = String::new();
     {
@@ -70,11 +73,16 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
         let mut points: Vec<_> =
             rows.iter().map(|(row, time)| (*row, chart.backend_coord(&(time * 1e6, error(row))))).collect();
         points.sort_by_key(|(_, (x, y))| (*y, *x));
+        // A point takes the lines that its circle touches.
+        for (_, (x, y)) in &points {
+            taken.extend([y - 3, y + 3].map(|y| (x - 4, x + 4, y.div_euclid(TEXT))));
+        }
         for (row, (x, y)) in points {
             let text = format!("{} {}", row.stage, row.variant);
             let width = 6 * text.chars().count() as i32;
             let from = if x + 8 + width > SIZE.0 as i32 - 20 { x - 8 - width } else { x + 8 };
             let free = |line: i32| taken.iter().all(|&(a, b, l)| l != line || from + width < a || b < from);
+            // The line whose middle is nearest.
             let own = y / TEXT;
             let first = 50 / TEXT;
             let last = (SIZE.1 as i32 - 80) / TEXT;
