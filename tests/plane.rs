@@ -20,6 +20,7 @@ use glint::{
         plane_draw::{Draw, draw_size, key, new_plane, plane_draw},
         plane_project::{Plane, plane_project},
         plane_prune::{covered, plane_prune},
+        plane_tiles::{WINDOW_RADIUS, plane_tiles},
         tiles::Tiling,
     },
     scene::{Camera, Gaussians, Scene},
@@ -29,6 +30,8 @@ use glint::{
         plane_draw::PlaneDraw,
         plane_project::PlaneProject,
         plane_prune::PlanePrune,
+        plane_tiles::PlaneTiles,
+        ssim_forward,
         types::{Frame, PlaneState, Quota},
     },
 };
@@ -127,6 +130,9 @@ fn splats_images_gradients_and_steps_are_the_twins() {
         stages::plane_project::Spec { workgroup_size: WORKGROUP, tile_width: tile.width, tile_height: tile.height };
     let project = PlaneProject::new(&gpu, &spec).unwrap();
     let grid = raster.grid(0, 2, 61, 70);
+    let tiles = PlaneTiles::new(&gpu, WORKGROUP).unwrap();
+    let words = |len: usize| Buffer::<u32>::new(&gpu, "words", len, Location::Device).unwrap();
+    let (tile_marks, tile_count, lists) = (words(24), words(2), [words(12), words(12)]);
     let mut recorder = gpu.recorder("forward").unwrap();
     let buffers = stages::plane_project::Buffers {
         frames: &frames,
@@ -142,6 +148,17 @@ fn splats_images_gradients_and_steps_are_the_twins() {
     project.record(&mut recorder, &buffers, &push);
     raster.record_order(&mut recorder, count as u32, &grid, &frames, &plane_frames, &status);
     raster.record_blend(&mut recorder, &grid, &frames, [0.0; 3], 0.0);
+    let buffers = stages::plane_tiles::Buffers {
+        frames: &frames,
+        plane_frames: &plane_frames,
+        tile_counts: &raster.tile_counts,
+        splats: &raster.splats,
+        tile_marks: &tile_marks,
+        count: &tile_count,
+        forward_tiles: &lists[0],
+        backward_tiles: &lists[1],
+    };
+    tiles.record(&mut recorder, &buffers, &stages::plane_tiles::Push { slots: count as u32, tiles_per_frame: 6 });
     recorder.submit().unwrap().wait().unwrap();
     assert_eq!(status.download().unwrap()[0], 0);
     let (splats, keys) = (raster.splats.download().unwrap(), raster.depth_keys.download().unwrap());
@@ -152,10 +169,18 @@ fn splats_images_gradients_and_steps_are_the_twins() {
     let depths64: Vec<f64> = scene.depths.iter().map(|&z| f64::from(z)).collect();
     let mut image_grad = vec![0f32; 3 * PIXELS];
     let mut twins = Vec::new();
+    let listed_tiles: Vec<Vec<u32>> = lists
+        .iter()
+        .zip(tile_count.download().unwrap())
+        .map(|(list, n)| {
+            let mut tiles = list.download_range(0, n as usize).unwrap();
+            tiles.sort_unstable();
+            tiles
+        })
+        .collect();
     let (mut visible, mut listed, mut listed_twin) = (0, 0, 0);
-    for f in 0..2 {
+    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
         let (mut planes, slots) = scene.of_frame(f as u32);
-        let (width, height) = (FRAMES[f].width, FRAMES[f].height);
         let projected = plane_project(&mut planes, pixels_of(&depths64, f), width, height, &options);
         for (j, &i) in slots.iter().enumerate() {
             if (keys[i] == NONE) != (projected.tile_counts[j] == 0) {
@@ -179,6 +204,15 @@ fn splats_images_gradients_and_steps_are_the_twins() {
                 close(got, expected, 5e-6, "splat");
             }
         }
+        for (list, halo) in listed_tiles.iter().zip([WINDOW_RADIUS, 0.0]) {
+            // At least the exact ones, at most those of boxes a hundredth of a pixel wider.
+            let (first, tile) = (6 * f as u32, ssim_forward::TILE);
+            let twin = |halo| plane_tiles(&projected.splats, &projected.tile_counts, width, height, tile, halo);
+            let got: Vec<u32> = list.iter().filter(|t| (first..first + 6).contains(t)).map(|t| t - first).collect();
+            assert!(got.is_sorted_by(|a, b| a < b), "a tile twice: {got:?}");
+            assert!(twin(halo).iter().all(|t| got.contains(t)), "{got:?}");
+            assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
+        }
         let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(width, height, &options));
         let behind: Vec<[f64; 3]> = pixels_of(&backdrop, f).iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
         let blended = blend(&projected.splats, &isects, Background::Image(&behind), 0.0);
@@ -188,7 +222,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
             // Float32 may decide otherwise within its own error of a threshold; those pixels pull at nothing below. The order
             // is not in doubt: depths are the map's own, and equal ones go by index.
             let margin = blended.margins[pixel];
-            if !(margin.alpha.min(margin.transmittance).min(margin.clamp) > 1e-4) {
+            if margin.alpha.min(margin.transmittance).min(margin.clamp) <= 1e-4 {
                 unsure += 1;
                 continue;
             }
@@ -306,8 +340,8 @@ fn the_same_are_pruned() {
     let count = 500;
     let (mut scene, mut rng) = Scattered::new(4, count);
     for plane in &mut scene.planes {
-        plane[5] = f64::from(rng.random_range(-6.0..2.0f32));
-        plane[6] = f64::from(rng.random_range(-1.0..1.5f32));
+        plane[5] = f64::from(rng.random_range(-7.0..0.0f32));
+        plane[6] = f64::from(rng.random_range(-1.5..1.0f32));
     }
     scene.planes[1][0] = f64::NAN;
     scene.planes[2][5] = f64::NAN;
@@ -329,9 +363,8 @@ fn the_same_are_pruned() {
     recorder.submit().unwrap().wait().unwrap();
     let left = plane_frames.download().unwrap();
     let (mut kept, mut dropped) = (0, 0);
-    for f in 0..2 {
+    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
         let (planes, slots) = scene.of_frame(f as u32);
-        let (width, height) = (FRAMES[f].width, FRAMES[f].height);
         let keep = plane_prune(&planes, width, height);
         for (j, &i) in slots.iter().enumerate() {
             // A pixel within float32's error of 1/255, or an opacity of 0.005, may go either way.
@@ -467,7 +500,7 @@ fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
         (0..width * height)
             .flat_map(|p| {
                 let (x, y) = (p % width, p / width);
-                let stripe = (x + 5 * v as u32) / 12 % 3 == 0 && y > 40;
+                let stripe = ((x + 5 * v as u32) / 12).is_multiple_of(3) && y > 40;
                 if stripe { [220, 200, 60] } else { [150, 115, 165] }
             })
             .collect()
@@ -491,7 +524,7 @@ fn refine(
     let options = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, model.count(), &views, options).unwrap();
     let mut stage = PlaneStage::new(gpu, &views, budgets, SCHEDULE, 1).unwrap();
-    assert_eq!(stage.batches(), [0..cameras.len()]);
+    assert!(stage.batches().iter().eq([&(0..cameras.len())]));
     if let Some(isects) = isects {
         stage.raster.borrow_mut().grow(isects).unwrap();
     }
@@ -515,7 +548,7 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     let gpu = Gpu::new();
     let (planes, refined) = refine(&gpu, 2, &[60, 31], None);
     for v in 0..2 {
-        assert!(refined.losses[v] < 0.95 * refined.base_losses[v], "{refined:?}");
+        assert!(refined.losses[v] < 0.99 * refined.base_losses[v], "{refined:?}");
         assert!(refined.counts[v] <= [60, 31][v]);
         assert_eq!(planes.iter().filter(|p| p.view == v as u32).count() as u32, refined.counts[v]);
     }

@@ -14,13 +14,14 @@
 
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::{Dataset, DatasetKind, Image, Photo, PixelSource, PointCloud, Split};
 use crate::scene::Camera;
 
 /// Width and height of a photograph, pixels.
@@ -252,6 +253,27 @@ pub enum Part {
     Diffuse,
     /// What reflection adds. `All = Diffuse + Specular`, each sample clipped at white first.
     Specular,
+}
+
+impl BuiltinScene {
+    /// The scene as a dataset held in memory.
+    pub fn dataset(&self) -> Dataset {
+        let image = |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone() };
+        let photo = |p: &BuiltinPhoto| Photo {
+            name: p.name.clone(),
+            camera: p.camera,
+            split: if p.is_test { Split::Test } else { Split::Train },
+            pixels: PixelSource::Memory(Arc::new(image(p))),
+        };
+        Dataset {
+            kind: DatasetKind::Memory,
+            photos: self.photos.iter().map(photo).collect(),
+            points: Some(PointCloud { positions: self.point_positions.clone(), colors: self.point_colors.clone() }),
+            background: self.background,
+            undistorted: false,
+            outside: 0.0,
+        }
+    }
 }
 
 /// Makes the built-in scene with `points` surface points. The same call gives the same bytes; between platforms a byte

@@ -19,4 +19,4 @@ pub use images::Image;
 pub use ply::{PointCloud, read_points, read_scene, write_scene};
 pub use region::Focus;
 pub use tensors::{read_tensors, write_tensors};
-pub use write::{to_byte, write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb};
+pub use write::{to_byte, write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb, write_text};

@@ -14,6 +14,11 @@ pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
+/// Writes a text file.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    write_whole(path.as_ref(), |file| file.write_all(text.as_bytes()))
+}
+
 /// Writes float32 RGB, `rgb` interleaved with 3 values per pixel and rows from the top, unclamped and unconverted.
 pub fn write_exr_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
     let path = path.as_ref();

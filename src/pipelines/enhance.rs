@@ -18,6 +18,7 @@ use crate::{
     error::{Error, Result},
     gpu::Context,
     scene::Scene,
+    stages::types::Lift,
 };
 
 #[derive(Debug, Clone, Copy)]
@@ -111,6 +112,8 @@ pub struct Enhanced {
     /// 2D Gaussians left after the 2D stage, and those of them that were lifted.
     pub refined: u32,
     pub lifted: u32,
+    /// Views whose lifts came from an earlier run.
+    pub resumed: usize,
     pub times: Times,
     /// `None` where nothing was added.
     pub join: Option<TrainReport>,
@@ -118,7 +121,8 @@ pub struct Enhanced {
 
 /// Augments `scene`, whose supplement must be `None`, from the photographs of `views`.
 ///
-/// `watch` hears of progress, `keep` of every batch of views that was lifted.
+/// `watch` hears of progress. Before a batch of views is refined, `resume` may give what an earlier run lifted from it; `keep`
+/// hears of every batch that was lifted now.
 ///
 /// # Errors
 /// [`Error::Usage`] for a scene that is empty or augmented already, or for no views; else what the device lacks.
@@ -128,6 +132,7 @@ pub fn enhance(
     views: &Views,
     options: &EnhanceOptions,
     mut watch: impl FnMut(&Stage),
+    mut resume: impl FnMut(Range<usize>) -> Result<Option<Vec<Lift>>>,
     mut keep: impl FnMut(&LiftedBatch<'_>) -> Result<()>,
 ) -> Result<Enhanced> {
     if scene.supplement.is_some() {
@@ -162,9 +167,15 @@ pub fn enhance(
     let lift = LiftStage::new(context, options.lift)?;
     times.plane += started.elapsed();
     let batches = stage.batches().to_vec();
-    let mut refined_count = 0;
+    let (mut refined_count, mut resumed) = (0, 0);
     // The base alone is what the 2D stage refines: lifted Gaussians of earlier batches are hidden from its renders.
     for (batch, range) in batches.iter().enumerate() {
+        if let Some(lifts) = resume(range.clone())? {
+            resumed += range.len();
+            refined_count += lifts.len() as u32;
+            model.append(&lifts)?;
+            continue;
+        }
         let base = Model { supplement_count: 0, ..model.clone() };
         let started = Instant::now();
         let refined = stage.refine(&mut renderer, &base, views, batch, options.background, |progress| {
@@ -202,6 +213,7 @@ pub fn enhance(
         base_losses: losses,
         budgets,
         refined: refined_count,
+        resumed,
         lifted: model.supplement_count,
         times,
         join: joined,

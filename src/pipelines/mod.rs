@@ -2,6 +2,7 @@
 
 pub mod enhance;
 pub mod join;
+pub mod layers;
 pub mod lift;
 pub mod loss;
 pub mod model;
@@ -9,6 +10,8 @@ pub mod plane;
 pub mod raster;
 pub mod render;
 pub mod sort;
+pub mod start;
 pub mod steps;
 pub mod train;
 pub mod views;
+pub mod work;

@@ -4,6 +4,7 @@ use crate::{
     error::Result,
     gpu::{Buffer, Context, GpuError},
     scene::{Gaussians, Lobes, Scene, Supplement},
+    stages::types::Lift,
 };
 
 /// Planes of `geometry`: mean, log scale, quaternion, opacity.
@@ -85,6 +86,34 @@ impl Model {
     /// SH coefficients that are stored for each Gaussian.
     pub fn coefficients(&self) -> u32 {
         (self.sh_degree + 1).pow(2)
+    }
+
+    /// Appends what was lifted, plane by plane, and waits; how many there was room for is the answer. Entries that are no lift
+    /// (`cluster_size` 0) are passed over. What `lift_append` does on the device, for lifts that come from a file.
+    pub fn append(&mut self, lifts: &[Lift]) -> Result<u32, GpuError> {
+        let room = (self.lobe_stride - self.supplement_count) as usize;
+        let lifts: Vec<&Lift> = lifts.iter().filter(|l| l.cluster_size > 0).take(room).collect();
+        let (first, lobe_first) = (self.count() as usize, self.supplement_count as usize);
+        let (stride, lobe_stride) = (self.stride as usize, self.lobe_stride as usize);
+        let values = |of: &dyn Fn(&Lift) -> f32| lifts.iter().map(|&l| of(l)).collect::<Vec<f32>>();
+        let zeros = vec![0.0; lifts.len()];
+        for c in 0..3 {
+            self.geometry.upload(c * stride + first, &values(&|l| l.mean[c]))?;
+            self.geometry.upload((3 + c) * stride + first, &values(&|l| l.log_scale[c]))?;
+            self.sh.upload(c * stride + first, &values(&|l| l.dc[c]))?;
+            self.lobes.upload(c * lobe_stride + lobe_first, &values(&|l| l.lobe_dir[c]))?;
+        }
+        for c in 0..4 {
+            self.geometry.upload((6 + c) * stride + first, &values(&|l| l.quat[c]))?;
+        }
+        self.geometry.upload(10 * stride + first, &values(&|l| l.opacity))?;
+        for plane in 3..3 * self.coefficients() as usize {
+            self.sh.upload(plane * stride + first, &zeros)?;
+        }
+        self.lobes.upload(3 * lobe_stride + lobe_first, &values(&|l| l.lobe_width))?;
+        self.lobes.upload(4 * lobe_stride + lobe_first, &zeros)?;
+        self.supplement_count += lifts.len() as u32;
+        Ok(lifts.len() as u32)
     }
 
     /// Copies the scene back to the host, and waits.

@@ -17,14 +17,16 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     scene::Camera,
     stages::{
+        dispatch_args::{self, DispatchArgs},
         loss_sum::{self, LossSum},
         plane_backward::{self, PlaneBackward},
         plane_draw::{self, PlaneDraw},
         plane_project::{self, PlaneProject},
         plane_prune::{self, PlanePrune},
+        plane_tiles::{self, PlaneTiles},
         ssim_backward::{self, SsimBackward},
         ssim_forward::{self, SsimForward},
-        step_done::{self, StepDone},
+        step_done::{self, OVERFLOW, StepDone},
         types::{Frame, Loss, PlaneState, Quota, View},
     },
 };
@@ -227,7 +229,7 @@ pub fn base_losses(renderer: &mut Renderer, model: &Model, views: &Views, backgr
         render_batch(renderer, model, views, background, batch, &list, &steps, &step_done, &images, None)?;
         let mut recorder = context.recorder("base losses")?;
         let loss = BatchLoss { frames: &frames, list: &list, targets: &views.targets, buffers: &buffers };
-        loss.forward(&mut recorder, &ssim, &images);
+        loss.forward(&mut recorder, &ssim, &images, None);
         loss.sum(&mut recorder, &sum);
         recorder.submit()?.wait()?;
         all.extend(buffers.losses.download_range(0, list.len())?.iter().map(|l| f64::from(l.total)));
@@ -278,6 +280,27 @@ struct BatchLoss<'a> {
     buffers: &'a LossBuffers,
 }
 
+/// Tiles of the loss that matter to a step: a list for `ssim_forward` and one for `ssim_backward`.
+struct TileLists {
+    marks: Buffer<u32>,
+    /// Tiles of each list, and where the dispatches of that many workgroups are.
+    count: Buffer<u32>,
+    args: Buffer<u32>,
+    lists: [Buffer<u32>; 2],
+}
+
+impl TileLists {
+    fn new(context: &Context, tiles: usize) -> Result<Self, GpuError> {
+        let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
+        Ok(TileLists {
+            marks: words("tile marks", 2 * tiles)?,
+            count: words("tile list counts", 2)?,
+            args: words("tile list args", 6)?,
+            lists: [words("forward tiles", tiles)?, words("backward tiles", tiles)?],
+        })
+    }
+}
+
 impl BatchLoss<'_> {
     fn tiles_per_frame(&self) -> u32 {
         ssim_forward::tiles_per_frame(self.list)
@@ -287,12 +310,18 @@ impl BatchLoss<'_> {
         self.list.len() as u32 * self.tiles_per_frame()
     }
 
-    fn forward(&self, recorder: &mut Recorder, stage: &SsimForward, image: &Buffer<[f32; 4]>) {
+    /// With `lists` the stage must be one for listed tiles.
+    fn forward(
+        &self,
+        recorder: &mut Recorder,
+        stage: &SsimForward,
+        image: &Buffer<[f32; 4]>,
+        lists: Option<&TileLists>,
+    ) {
         // Without a list of tiles `count` and `tile_list` are not read.
-        let unread = self.targets;
         let buffers = ssim_forward::Buffers {
-            count: unread,
-            tile_list: unread,
+            count: lists.map_or(self.targets, |l| &l.count),
+            tile_list: lists.map_or(self.targets, |l| &l.lists[0]),
             frames: self.frames,
             image,
             targets: self.targets,
@@ -301,11 +330,11 @@ impl BatchLoss<'_> {
             loss_map: &self.buffers.loss_map,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        stage.record(
-            recorder,
-            &buffers,
-            &ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
-        );
+        let push = ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
+        match lists {
+            Some(lists) => stage.record_list(recorder, &buffers, &push, &lists.args, 0),
+            None => stage.record(recorder, &buffers, &push),
+        }
     }
 
     fn backward(
@@ -314,11 +343,11 @@ impl BatchLoss<'_> {
         stage: &SsimBackward,
         image: &Buffer<[f32; 4]>,
         image_grad: &Buffer<f32>,
+        lists: &TileLists,
     ) {
-        let unread = self.targets;
         let buffers = ssim_backward::Buffers {
-            count: unread,
-            tile_list: unread,
+            count: &lists.count,
+            tile_list: &lists.lists[1],
             frames: self.frames,
             image,
             targets: self.targets,
@@ -326,11 +355,8 @@ impl BatchLoss<'_> {
             image_grad,
         };
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame(), self.tile_count());
-        stage.record(
-            recorder,
-            &buffers,
-            &ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 },
-        );
+        let push = ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 1 };
+        stage.record_list(recorder, &buffers, &push, &lists.args, 1);
     }
 
     fn sum(&self, recorder: &mut Recorder, stage: &LossSum) {
@@ -366,12 +392,15 @@ pub struct PlaneStage {
     moments: Buffer<f32>,
     drawn_pixels: Buffer<u32>,
     loss: LossBuffers,
+    lists: TileLists,
     /// Grown between submissions where a step needs more intersections.
     pub raster: RefCell<Raster>,
     steps: Steps,
     project: PlaneProject,
+    tiles: PlaneTiles,
+    dispatch_args: DispatchArgs,
+    /// Of listed tiles, and of all with the loss map.
     ssim_forward: SsimForward,
-    /// Also writes the loss map.
     ssim_map: SsimForward,
     ssim_backward: SsimBackward,
     loss_sum: LossSum,
@@ -429,12 +458,15 @@ impl PlaneStage {
             moments: floats("plane moments", 2 * LEARNED * n)?,
             drawn_pixels: words("drawn pixels", n)?,
             loss: LossBuffers::new(context, &sizes, true)?,
+            lists: TileLists::new(context, sizes.loss_tiles)?,
             raster: RefCell::new(Raster::new(context, raster_options)?),
             steps: Steps::new(context, STEPS_PER_SUBMISSION)?,
             project: PlaneProject::new(context, &project_spec)?,
-            ssim_forward: SsimForward::new(context, false, false)?,
+            tiles: PlaneTiles::new(context, WORKGROUP)?,
+            dispatch_args: DispatchArgs::new(context)?,
+            ssim_forward: SsimForward::new(context, true, false)?,
             ssim_map: SsimForward::new(context, false, true)?,
-            ssim_backward: SsimBackward::new(context, false)?,
+            ssim_backward: SsimBackward::new(context, true)?,
             loss_sum: LossSum::new(context)?,
             backward: PlaneBackward::new(context, &backward_spec)?,
             prune: PlanePrune::new(context, &plane_prune::Spec { workgroup_size: WORKGROUP })?,
@@ -576,8 +608,9 @@ impl PlaneStage {
                 let raster = self.raster.borrow();
                 if step < steps {
                     self.record_render(recorder, &raster, slots, grid);
-                    loss.forward(recorder, &self.ssim_forward, &raster.image);
-                    loss.backward(recorder, &self.ssim_backward, &raster.image, &raster.image_grad);
+                    self.record_lists(recorder, &raster, slots, loss.tiles_per_frame());
+                    loss.forward(recorder, &self.ssim_forward, &raster.image, Some(&self.lists));
+                    loss.backward(recorder, &self.ssim_backward, &raster.image, &raster.image_grad, &self.lists);
                     raster.record_blend_backward(recorder, grid, &self.frames, 0);
                     let buffers = plane_backward::Buffers {
                         status,
@@ -603,7 +636,7 @@ impl PlaneStage {
                     };
                     self.prune.record(recorder, &buffers, &plane_prune::Push { count: slots, stride: self.stride });
                     self.record_render(recorder, &raster, slots, grid);
-                    loss.forward(recorder, &self.ssim_map, &raster.image);
+                    loss.forward(recorder, &self.ssim_map, &raster.image, None);
                     loss.sum(recorder, &self.loss_sum);
                     if let Some(round) = round {
                         self.record_draw(recorder, &raster, list.len() as u32, round);
@@ -634,6 +667,35 @@ impl PlaneStage {
         raster.record_blend(recorder, grid, &self.frames, [0.0; 3], 0.0);
     }
 
+    /// The tiles of the loss that this step's gradients need.
+    fn record_lists(&self, recorder: &mut Recorder, raster: &Raster, slots: u32, tiles_per_frame: u32) {
+        let lists = &self.lists;
+        let buffers = plane_tiles::Buffers {
+            frames: &self.frames,
+            plane_frames: &self.plane_frames,
+            tile_counts: &raster.tile_counts,
+            splats: &raster.splats,
+            tile_marks: &lists.marks,
+            count: &lists.count,
+            forward_tiles: &lists.lists[0],
+            backward_tiles: &lists.lists[1],
+        };
+        self.tiles.record(recorder, &buffers, &plane_tiles::Push { slots, tiles_per_frame });
+        for list in 0..2 {
+            let buffers =
+                dispatch_args::Buffers { count: &lists.count, dispatch_args: &lists.args, status: &self.steps.status };
+            let push = dispatch_args::Push {
+                count_index: list,
+                // A list holds every tile, so this never overflows.
+                capacity: u32::MAX,
+                items_per_group: 1,
+                args_index: 3 * list,
+                status_index: OVERFLOW as u32,
+            };
+            self.dispatch_args.record(recorder, &buffers, &push);
+        }
+    }
+
     fn record_draw(&self, recorder: &mut Recorder, raster: &Raster, frame_count: u32, round: u32) {
         let buffers = plane_draw::Buffers {
             status: &self.steps.status,
@@ -650,6 +712,23 @@ impl PlaneStage {
         };
         let push = plane_draw::Push { frame_count, stride: self.stride, round, seed: self.seed };
         self.draw.record(recorder, &buffers, &push);
+    }
+
+    /// The base's render (RGB, transmittance) and depth of one view of the batch that was refined last, by its position there.
+    pub fn base_render(&self, cameras: &[Camera], batch: usize, position: usize) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
+        let range = self.batches.get(batch).cloned().unwrap_or(0..0);
+        let Some(frame) = frames_of(cameras, &range).get(position).copied() else {
+            return Err(Error::Usage(format!("batch {batch} has no view {position}")));
+        };
+        let (first, pixels) = (frame.image_first as usize, (frame.width * frame.height) as usize);
+        let image = self.raster.borrow().backdrop.download_range(first, pixels)?;
+        Ok((image, self.depths.download_range(first, pixels)?))
+    }
+
+    /// The slots that hold a Gaussian, ascending: the order of [`PlaneStage::download`].
+    pub fn taken_slots(&self) -> Result<Vec<usize>> {
+        let frames = self.plane_frames.download()?;
+        Ok((0..frames.len()).filter(|&i| frames[i] != EMPTY).collect())
     }
 
     /// Reads the 2D Gaussians of batch `batch`, which was refined last, back; by view, and in a view by slot.

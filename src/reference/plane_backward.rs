@@ -172,7 +172,7 @@ mod tests {
                 for p in 0..9 {
                     // Truncation ~ step² and rounding ~ 1e-15 / step are near 1e-10 of sums of order 1 to 100.
                     let step = 1e-5;
-                    let mut at = |offset: f64| {
+                    let at = |offset: f64| {
                         let mut moved = planes.clone();
                         moved[i][p] += offset;
                         forward(&moved, &depths, &backdrop).2

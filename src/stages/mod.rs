@@ -21,6 +21,7 @@ pub mod plane_backward;
 pub mod plane_draw;
 pub mod plane_project;
 pub mod plane_prune;
+pub mod plane_tiles;
 pub mod project;
 pub mod project_backward;
 pub mod radix_downsweep;

@@ -1,0 +1,52 @@
+use serde::Serialize;
+
+use super::{Outcome, print, print_json};
+use crate::{
+    gpu::{Context, DeviceInfo},
+    report::table::{Cell, Column, Table},
+};
+
+/// List the Vulkan devices that --device chooses from
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Print JSON: [{"index","name","kind","subgroup_size","max_storage_bytes","timestamp_period","is_cpu","driver"}]
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Listed {
+    index: usize,
+    #[serde(flatten)]
+    info: DeviceInfo,
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        let devices: Vec<Listed> =
+            Context::devices()?.into_iter().enumerate().map(|(index, info)| Listed { index, info }).collect();
+        if self.json {
+            return Ok(print_json(&devices)?);
+        }
+        let column = |title, unit, decimals| Column { key: title, title, unit, decimals };
+        let mut table = Table::new([
+            column("index", "", 0),
+            column("name", "", 0),
+            column("kind", "", 0),
+            column("subgroup", "", 0),
+            column("largest buffer", "MiB", 0),
+            column("driver", "", 0),
+        ]);
+        for Listed { index, info } in devices {
+            table.row([
+                Cell::Count(index as u64),
+                info.name.into(),
+                info.kind.into(),
+                Cell::Count(info.subgroup_size.into()),
+                Cell::Number(info.max_storage_bytes as f64 / f64::from(1 << 20)),
+                info.driver.into(),
+            ]);
+        }
+        Ok(print(table)?)
+    }
+}

@@ -1,0 +1,94 @@
+use std::path::PathBuf;
+
+use super::{
+    DeviceArgs, Outcome, PhotoArgs, SplitArg, open_scene, print, print_json,
+    progress::{Progress, note},
+};
+use crate::{
+    pipelines::start::photos_of,
+    report::{
+        evaluate::{Evaluation, evaluate},
+        metrics::Quality,
+        table::{Cell, Column, Table},
+    },
+};
+
+const EXAMPLES: &str = "\
+PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos. \
+\"base\" is the base Gaussians of the file as they are stored; augmenting a scene changes their opacities, so it is not \
+the scene that was augmented. Without a supplement \"augmented\" is the same as \"base\".
+
+Examples:
+  glint eval augmented.ply garden
+  glint eval base.ply lego --split all --json | jq .base.psnr";
+
+/// Compare a scene with the photos: PSNR and SSIM of each view and their means
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// PLY scene
+    scene: PathBuf,
+    /// Folder or JSON file of the dataset
+    dataset: PathBuf,
+    /// Photos to compare with
+    #[arg(long, value_enum, default_value_t = SplitArg::Test)]
+    split: SplitArg,
+    /// Print JSON: {"base":{"psnr","ssim"},"augmented":{"psnr","ssim"},"views":[{"name","base","augmented"}]}; an infinite
+    /// PSNR is null
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        let scene = open_scene(&self.scene)?;
+        let dataset = self.photos.open(&self.dataset)?;
+        let photos = photos_of(&dataset, self.split.split())?;
+        if scene.supplement.is_none() {
+            note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
+        }
+        let found = self.device.with(|context| {
+            let progress = Progress::new("comparing", "views", photos.len() as u64);
+            let background = self.photos.background;
+            Ok(evaluate(context, &scene, &photos, background, |done| progress.set(done as u64))?)
+        })?;
+        if self.json {
+            print_json(&found)?
+        } else {
+            print(table(&found, scene.supplement.is_some()))?
+        }
+        Ok(())
+    }
+}
+
+/// A row for each view and the mean; the columns of the supplement only where there is one.
+fn table(found: &Evaluation, augmented: bool) -> Table {
+    let text = Column { key: "view", title: "view", unit: "", decimals: 0 };
+    let psnr = |key, title| Column { key, title, unit: "dB", decimals: 2 };
+    let ssim = |key, title| Column { key, title, unit: "", decimals: 4 };
+    let mut table = Table::new(if augmented {
+        vec![
+            text,
+            psnr("base_psnr", "base PSNR"),
+            ssim("base_ssim", "base SSIM"),
+            psnr("psnr", "PSNR"),
+            ssim("ssim", "SSIM"),
+        ]
+    } else {
+        vec![text, psnr("psnr", "PSNR"), ssim("ssim", "SSIM")]
+    });
+    let mut row = |name: &str, base: Quality, whole: Quality| {
+        let shown = if augmented { vec![base, whole] } else { vec![whole] };
+        let numbers = shown.into_iter().flat_map(|q| [Cell::Number(q.psnr), Cell::Number(q.ssim)]);
+        table.row(std::iter::once(name.into()).chain(numbers));
+    };
+    for view in &found.views {
+        row(&view.name, view.base, view.augmented);
+    }
+    row("mean", found.base, found.augmented);
+    table
+}

@@ -1,0 +1,139 @@
+use std::{
+    fmt::Write,
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use serde::Serialize;
+
+use super::{Outcome, print, print_json};
+use crate::{
+    Error, Result,
+    data::{Dataset, DatasetOptions, read_scene},
+    report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
+};
+
+/// Show what a scene or a dataset holds
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// PLY scene, or folder or JSON file of a dataset: which of them is seen from the contents
+    #[arg(value_name = "SCENE|DATASET")]
+    path: PathBuf,
+    /// Print JSON; "kind" is "scene" or "dataset"
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum Found {
+    Scene(Box<SceneSummary>),
+    Dataset(DatasetSummary),
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        let found = if is_dataset(&self.path)? {
+            Found::Dataset(DatasetSummary::of(&Dataset::open(&self.path, &DatasetOptions::default())?))
+        } else {
+            Found::Scene(Box::new(SceneSummary::of(&read_scene(&self.path)?)))
+        };
+        match &found {
+            _ if self.json => print_json(&found)?,
+            Found::Scene(scene) => print(scene_text(scene))?,
+            Found::Dataset(dataset) => print(dataset_text(dataset))?,
+        }
+        Ok(())
+    }
+}
+
+/// Folders and JSON are datasets, what begins as PLY does is a scene.
+fn is_dataset(path: &Path) -> Result<bool> {
+    if path.is_dir() {
+        return Ok(true);
+    }
+    let fail = |source| Error::io(path, source);
+    let mut start = Vec::new();
+    File::open(path).map_err(fail)?.take(64).read_to_end(&mut start).map_err(fail)?;
+    if start.starts_with(b"ply") {
+        return Ok(false);
+    }
+    let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&start);
+    if text.trim_ascii_start().starts_with(b"{") {
+        return Ok(true);
+    }
+    Err(Error::input(path, "is neither a scene nor a dataset; expected a PLY file, a transforms.json or a folder"))
+}
+
+/// Lines of a title and what there is to say; writing to a string cannot fail.
+struct Lines(String);
+
+impl Lines {
+    fn add(&mut self, title: &str, text: impl std::fmt::Display) {
+        let _ = writeln!(self.0, "{title:<16}{text}");
+    }
+}
+
+fn spread(spread: &Option<Spread>) -> String {
+    spread.map_or("–".into(), |s| {
+        format!("median {:.4}, 90 % in {:.4} to {:.4}, all in {:.4} to {:.4}", s.median, s.p5, s.p95, s.min, s.max)
+    })
+}
+
+fn scene_text(scene: &SceneSummary) -> String {
+    let mut lines = Lines(String::new());
+    match &scene.supplement {
+        Some(supplement) => lines.add(
+            "scene",
+            format_args!(
+                "{} base and {} supplementary Gaussians, SH degree {}",
+                scene.base.count, supplement.gaussians.count, scene.sh_degree
+            ),
+        ),
+        None => lines
+            .add("scene", format_args!("{} Gaussians, SH degree {}, no supplement", scene.base.count, scene.sh_degree)),
+    }
+    gaussians_text(&mut lines, &scene.base);
+    if let Some(supplement) = &scene.supplement {
+        lines.add("supplement", format_args!("{} Gaussians with lobes", supplement.gaussians.count));
+        gaussians_text(&mut lines, &supplement.gaussians);
+        lines.add("  lobe width", spread(&supplement.lobes.width));
+        lines.add("  sharpness", spread(&supplement.lobes.sharpness));
+    }
+    lines.0
+}
+
+fn gaussians_text(lines: &mut Lines, gaussians: &GaussiansSummary) {
+    if let Some([low, high]) = gaussians.bounds {
+        lines.add("  bounds", format_args!("{low:.3?} to {high:.3?}"));
+    }
+    lines.add("  opacity", spread(&gaussians.opacity));
+    lines.add("  largest scale", spread(&gaussians.largest_scale));
+    lines.add("  smallest", spread(&gaussians.smallest_scale));
+}
+
+fn dataset_text(dataset: &DatasetSummary) -> String {
+    let mut lines = Lines(String::new());
+    lines.add("dataset", dataset.format);
+    lines.add("photos", format_args!("{} ({} train, {} test)", dataset.photos, dataset.train, dataset.test));
+    // Photo collections have as many sizes as photos.
+    let shown = 3;
+    let mut sizes: Vec<String> =
+        dataset.sizes.iter().take(shown).map(|s| format!("{} × {} ({})", s.width, s.height, s.photos)).collect();
+    if dataset.sizes.len() > shown {
+        sizes.push(format!("{} other sizes", dataset.sizes.len() - shown));
+    }
+    lines.add("sizes", sizes.join(", "));
+    lines.add("points", dataset.points.map_or("none".into(), |n| n.to_string()));
+    if dataset.undistorted > 0 {
+        let outside = 100.0 * dataset.outside;
+        let text = format!("taken out of {} photos, {outside:.1} % of one at most is not seen", dataset.undistorted);
+        lines.add("distortion", text);
+    }
+    lines.add("extent", format_args!("{:.4} scene units", dataset.extent));
+    if let (Some(center), Some(radius)) = (dataset.focus_center, dataset.focus_radius) {
+        lines.add("focus", format_args!("{center:.3?}, cameras at {radius:.3} from it"));
+    }
+    lines.0
+}

@@ -1,0 +1,167 @@
+use std::{path::PathBuf, time::Instant};
+
+use serde::Serialize;
+
+use super::{
+    DeviceArgs, Outcome, PhotoArgs, check_output, print, print_json,
+    progress::{Progress, note},
+};
+use crate::{
+    data::{Split, write_scene},
+    gpu::StageTime,
+    pipelines::{
+        model::Model,
+        start::{first_points, photos_of, upload_photos},
+        train::{BaseOptions, train_base},
+    },
+    scene::{Scene, from_points},
+};
+
+const EXAMPLES: &str = "\
+Gaussians start at the dataset's sparse points, else at random ones, and stay fixed in number. Only training photos are used.
+
+Examples:
+  glint train garden -o base.ply
+  glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
+
+/// Train a base scene on photos, its Gaussians fixed in number
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Folder or JSON file of the dataset
+    dataset: PathBuf,
+    /// PLY file to write
+    #[arg(short, long, value_name = "PLY")]
+    output: PathBuf,
+    /// Steps, one photo each
+    #[arg(long, value_name = "N", default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    iterations: u32,
+    /// Degree of the spherical harmonics, 0 to 3
+    #[arg(long, value_name = "L", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
+    /// Gaussians: of more sparse points a random selection is taken, and as many random points are made where there are no
+    /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
+    /// most 100000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    points: Option<u32>,
+    /// Seed of the random points and of the order of photos; the same seed gives the same scene on the same device
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Print JSON: what was done, how fast, and the device time of each stage in the first steps
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report<'a> {
+    output: &'a str,
+    device: &'a str,
+    photos: usize,
+    gaussians: usize,
+    sh_degree: u32,
+    iterations: u32,
+    seed: u64,
+    /// Of the training loop alone.
+    seconds: f64,
+    steps_per_second: f64,
+    /// Mean over the last pass through the photos.
+    final_loss: f64,
+    /// How often a buffer was too small and was grown.
+    buffers_grown: u32,
+    /// In the order in which they first run; empty where the device has no timestamps.
+    stages: Vec<Stage>,
+}
+
+/// Mean device time of a stage over the first steps.
+#[derive(Serialize)]
+struct Stage {
+    name: &'static str,
+    milliseconds_per_step: f64,
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        check_output(&self.output)?;
+        let dataset = self.photos.open(&self.dataset)?;
+        let photos = photos_of(&dataset, Some(Split::Train))?;
+        let first = first_points(&dataset, self.points.map(|n| n as usize), self.seed);
+        let count = first.cloud.positions.len();
+        match (first.sparse, self.points) {
+            (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
+            (Some(n), Some(wanted)) if n < wanted as usize => {
+                note(format!("the dataset has {n} sparse points, fewer than the {wanted} that --points allows"));
+            }
+            (Some(n), _) if count < n => note(format!("starting from {count} of {n} sparse points, chosen at random")),
+            _ => {}
+        }
+        if self.sh_degree < 3 {
+            let bands: Vec<String> = (self.sh_degree + 1..=3).map(|band| band.to_string()).collect();
+            note(format!("SH degree {}: bands {} are not stored", self.sh_degree, bands.join(", ")));
+        }
+        let extent = dataset.extent() as f32;
+        if extent == 0.0 {
+            note("all training cameras stand at one place, which gives no scale: positions are not learned");
+        }
+        self.device.with(|context| {
+            let background = self.photos.background;
+            let reading = Progress::new("reading", "photos", photos.len() as u64);
+            let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
+            drop(reading);
+            let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
+            let model = Model::upload(context, &Scene { base, supplement: None }, 0)?;
+            let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
+            let options = BaseOptions { iterations, sh_degree, seed, extent };
+            let training = Progress::new("training", "steps", iterations.into());
+            let started = Instant::now();
+            let set = |done: u32| training.set(done.into());
+            let trained = train_base(context, &model, &views, background, &options, self.json, set)?;
+            let seconds = started.elapsed().as_secs_f64();
+            drop(training);
+            write_scene(&self.output, &model.download()?)?;
+
+            let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
+            let report = Report {
+                output: &self.output.to_string_lossy(),
+                device: &context.info().name,
+                photos: photos.len(),
+                gaussians: count,
+                sh_degree,
+                iterations,
+                seed,
+                seconds,
+                steps_per_second: f64::from(iterations) / seconds,
+                final_loss: last.iter().map(|&l| f64::from(l)).sum::<f64>() / last.len().max(1) as f64,
+                buffers_grown: trained.steps.grown,
+                stages: stages(&trained.steps.stages),
+            };
+            if self.json {
+                return Ok(print_json(&report)?);
+            }
+            let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
+            Ok(print(format_args!(
+                "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
+                 {iterations} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
+            ))?)
+        })
+    }
+}
+
+/// Sums the times of equal stages and divides them by the number of steps that they are of.
+fn stages(times: &[StageTime]) -> Vec<Stage> {
+    // Every step ends with one of these.
+    let steps = times.iter().filter(|t| t.name == "step_done").count().max(1);
+    let mut sums: Vec<Stage> = Vec::new();
+    for time in times {
+        let milliseconds = time.time.as_secs_f64() * 1e3 / steps as f64;
+        match sums.iter_mut().find(|s| s.name == time.name) {
+            Some(stage) => stage.milliseconds_per_step += milliseconds,
+            None => sums.push(Stage { name: time.name, milliseconds_per_step: milliseconds }),
+        }
+    }
+    sums
+}

@@ -1,0 +1,69 @@
+//! How near a scene's renders are to the photographs, with and without its supplement.
+
+use serde::Serialize;
+
+use super::metrics::{Pair, Quality, qualities};
+use crate::{
+    Error, Result,
+    data::Photo,
+    gpu::Context,
+    pipelines::{
+        layers::{Layer, Layers},
+        render::RenderOptions,
+    },
+    scene::Scene,
+};
+
+/// One photograph.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewQuality {
+    /// The photo's name in the dataset.
+    pub name: String,
+    /// The base Gaussians alone, as stored in this scene.
+    pub base: Quality,
+    /// The whole scene; the same as `base` where there is no supplement.
+    pub augmented: Quality,
+}
+
+/// Means over views, and the views.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evaluation {
+    pub base: Quality,
+    pub augmented: Quality,
+    pub views: Vec<ViewQuality>,
+}
+
+/// Compares renders of `scene`, unquantised and clamped, with `photos`, which are the dataset's with its background. One view
+/// is held at a time. `progress` hears the number of finished views.
+///
+/// # Errors
+/// [`Error::Usage`] where there are no photos, those of the files and of the device.
+pub fn evaluate(
+    context: &Context,
+    scene: &Scene,
+    photos: &[&Photo],
+    background: [f32; 3],
+    mut progress: impl FnMut(usize),
+) -> Result<Evaluation> {
+    let augmented = scene.supplement.is_some();
+    let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), RenderOptions::default())?;
+    let mut views = Vec::with_capacity(photos.len());
+    for photo in photos {
+        let truth = photo.load(background)?;
+        let base = layers.render(Layer::Base, &photo.camera, background)?;
+        let whole = if augmented { Some(layers.render(Layer::Whole, &photo.camera, background)?) } else { None };
+        let pair = |color| Pair { image: color, reference: &truth.rgb, width: truth.width, height: truth.height };
+        let pairs: Vec<Pair> = [Some(&base), whole.as_ref()].into_iter().flatten().map(|r| pair(&r.color)).collect();
+        let found = qualities(&pairs)?;
+        let base = found[0];
+        views.push(ViewQuality { name: photo.name.clone(), base, augmented: found.get(1).copied().unwrap_or(base) });
+        progress(views.len());
+    }
+    let mean = |of: fn(&ViewQuality) -> Quality| Quality::mean(&views.iter().map(of).collect::<Vec<_>>());
+    let none = || Error::Usage("there are no photos to compare with".into());
+    Ok(Evaluation {
+        base: mean(|v| v.base).ok_or_else(none)?,
+        augmented: mean(|v| v.augmented).ok_or_else(none)?,
+        views,
+    })
+}

@@ -1,0 +1,206 @@
+//! Scenes and datasets in numbers.
+
+use serde::Serialize;
+
+use crate::{
+    data::{Dataset, DatasetKind, PixelSource, Split},
+    scene::{Gaussians, Scene},
+};
+
+/// Where the values of something lie.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    pub min: f64,
+    /// 5th, 50th and 95th percentile.
+    pub p5: f64,
+    pub median: f64,
+    pub p95: f64,
+    pub max: f64,
+}
+
+impl Spread {
+    /// `None` of none. Percentiles are values that occur: the one at rank round(p (n − 1)).
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let at = |p: f64| values[(p * (values.len() - 1) as f64).round() as usize];
+        (!values.is_empty()).then(|| Spread {
+            min: at(0.0),
+            p5: at(0.05),
+            median: at(0.5),
+            p95: at(0.95),
+            max: at(1.0),
+        })
+    }
+}
+
+/// A set of Gaussians. Spreads and bounds are `None` where there are no Gaussians.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GaussiansSummary {
+    pub count: usize,
+    /// Smallest and largest coordinate of the centres, scene units.
+    pub bounds: Option<[[f32; 3]; 2]>,
+    /// σ(logit), 0 to 1.
+    pub opacity: Option<Spread>,
+    /// Largest and smallest standard deviation of each Gaussian, scene units.
+    pub largest_scale: Option<Spread>,
+    pub smallest_scale: Option<Spread>,
+}
+
+/// Opacity lobes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LobesSummary {
+    /// T, in [0.01, 1]: the lobe ends at the angle πT.
+    pub width: Option<Spread>,
+    /// β; the exponent is exp(β).
+    pub sharpness: Option<Spread>,
+}
+
+/// The supplement of an augmented scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SupplementSummary {
+    #[serde(flatten)]
+    pub gaussians: GaussiansSummary,
+    pub lobes: LobesSummary,
+}
+
+/// A scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SceneSummary {
+    pub sh_degree: u32,
+    pub base: GaussiansSummary,
+    pub supplement: Option<SupplementSummary>,
+}
+
+impl SceneSummary {
+    pub fn of(scene: &Scene) -> SceneSummary {
+        let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
+        SceneSummary {
+            sh_degree: scene.base.sh_degree,
+            base: GaussiansSummary::of(&scene.base),
+            supplement: scene.supplement.as_ref().map(|s| SupplementSummary {
+                gaussians: GaussiansSummary::of(&s.gaussians),
+                lobes: LobesSummary { width: lobe_spread(&s.lobes.widths), sharpness: lobe_spread(&s.lobes.sharpness) },
+            }),
+        }
+    }
+}
+
+impl GaussiansSummary {
+    pub fn of(gaussians: &Gaussians) -> GaussiansSummary {
+        let corner = |pick: fn(f32, f32) -> f32| {
+            gaussians.means.iter().copied().reduce(|a, b| [pick(a[0], b[0]), pick(a[1], b[1]), pick(a[2], b[2])])
+        };
+        let scale = |pick: fn(f32, f32) -> f32| {
+            Spread::of(gaussians.log_scales.iter().map(|s| f64::from(pick(pick(s[0], s[1]), s[2])).exp()))
+        };
+        GaussiansSummary {
+            count: gaussians.len(),
+            bounds: corner(f32::min).zip(corner(f32::max)).map(|(low, high)| [low, high]),
+            opacity: Spread::of(gaussians.opacities.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()))),
+            largest_scale: scale(f32::max),
+            smallest_scale: scale(f32::min),
+        }
+    }
+}
+
+/// Photos of one size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct SizeCount {
+    pub width: u32,
+    pub height: u32,
+    pub photos: usize,
+}
+
+/// A dataset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DatasetSummary {
+    /// `COLMAP`, `Blender` (NeRF Synthetic), `transforms` (instant-ngp, nerfstudio) or `memory`.
+    pub format: &'static str,
+    pub photos: usize,
+    pub train: usize,
+    pub test: usize,
+    /// Sizes as prepared, most frequent first.
+    pub sizes: Vec<SizeCount>,
+    /// Photos that are reduced from larger files.
+    pub reduced: usize,
+    /// Photos whose lens distortion is taken out.
+    pub undistorted: usize,
+    /// The largest part of such a photo, 0 to 1, that its file does not show.
+    pub outside: f64,
+    /// Sparse points; `None` where there are none.
+    pub points: Option<usize>,
+    /// 1.1 × the largest distance of a training camera from their mean, scene units.
+    pub extent: f64,
+    /// What the training cameras look at: a ball, scene units.
+    pub focus_center: Option<[f64; 3]>,
+    pub focus_radius: Option<f64>,
+}
+
+impl DatasetSummary {
+    pub fn of(dataset: &Dataset) -> DatasetSummary {
+        let mut sizes: Vec<SizeCount> = Vec::new();
+        for camera in dataset.photos.iter().map(|photo| &photo.camera) {
+            match sizes.iter_mut().find(|s| (s.width, s.height) == (camera.width, camera.height)) {
+                Some(size) => size.photos += 1,
+                None => sizes.push(SizeCount { width: camera.width, height: camera.height, photos: 1 }),
+            }
+        }
+        sizes.sort_by_key(|s| std::cmp::Reverse(s.photos));
+        let files = || {
+            dataset.photos.iter().filter_map(|photo| match &photo.pixels {
+                PixelSource::File(file) => Some((photo, file)),
+                PixelSource::Memory(_) => None,
+            })
+        };
+        let focus = dataset.focus();
+        DatasetSummary {
+            format: match dataset.kind {
+                DatasetKind::Colmap => "COLMAP",
+                DatasetKind::Blender => "Blender",
+                DatasetKind::Transforms => "transforms",
+                DatasetKind::Memory => "memory",
+            },
+            photos: dataset.photos.len(),
+            train: dataset.split(Split::Train).count(),
+            test: dataset.split(Split::Test).count(),
+            sizes,
+            reduced: files().filter(|(photo, file)| file.size != [photo.camera.width, photo.camera.height]).count(),
+            undistorted: files().filter(|(_, file)| file.lens.is_some()).count(),
+            outside: dataset.outside,
+            points: dataset.points.as_ref().map(|points| points.positions.len()),
+            extent: dataset.extent(),
+            focus_center: focus.map(|f| f.center.to_array()),
+            focus_radius: focus.map(|f| f.radius),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::sample::random_scene;
+
+    #[test]
+    fn a_spread_is_of_values_that_occur() {
+        let spread = Spread::of((0..=100).rev().map(f64::from)).unwrap();
+        assert_eq!(spread, Spread { min: 0.0, p5: 5.0, median: 50.0, p95: 95.0, max: 100.0 });
+        assert_eq!(Spread::of([]), None);
+        assert_eq!(Spread::of([3.0]).unwrap().p95, 3.0);
+    }
+
+    #[test]
+    fn a_scene_is_summed_up() {
+        let scene = random_scene(1, 200, 50, 2);
+        let summary = SceneSummary::of(&scene);
+        let supplement = summary.supplement.unwrap();
+        assert_eq!((summary.sh_degree, summary.base.count, supplement.gaussians.count), (2, 200, 50));
+        let [low, high] = summary.base.bounds.unwrap();
+        assert!(scene.base.means.iter().all(|m| (0..3).all(|c| low[c] <= m[c] && m[c] <= high[c])));
+        let (small, large) = (summary.base.smallest_scale.unwrap(), summary.base.largest_scale.unwrap());
+        assert!(0.0 < small.min && small.median < large.median);
+        assert!(summary.base.opacity.unwrap().max < 1.0);
+        let empty = SceneSummary::of(&Scene::default());
+        assert_eq!((empty.base.bounds, empty.base.opacity, empty.supplement), (None, None, None));
+    }
+}

@@ -1,0 +1,381 @@
+//! The command line as its users meet it, on a tiny dataset. Validation layers are on where `GLINT_VALIDATION` is set, and make
+//! a command fail when they find anything.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use glam::{DMat3, DQuat, DVec3};
+use glint::{
+    data::{
+        builtin::{Part, render_truth},
+        read_scene, write_png_rgb, write_scene,
+    },
+    reference::sample::random_scene,
+    report::decompose::{linear_from_srgb, srgb_from_linear},
+    scene::{Camera, Scene},
+};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Nine photos, of which the first and the last are for testing: one sits in a folder, two differ in the extension only.
+const NAMES: [&str; 9] = ["a.png", "b/c.png", "d.png", "e.png", "f.png", "g.PNG", "g.png", "h.png", "i.png"];
+
+/// A folder with a dataset `data` and whatever the test makes.
+struct Work(TempDir);
+
+impl Work {
+    /// The built-in scene seen by nine cameras in a row, in COLMAP's text format with 300 random points.
+    fn new() -> Work {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        fs::create_dir_all(data.join("sparse/0")).unwrap();
+        fs::create_dir_all(data.join("images/b")).unwrap();
+        fs::write(data.join("sparse/0/cameras.txt"), "1 PINHOLE 32 24 40 40 16 12\n").unwrap();
+        let mut images = String::new();
+        for (i, name) in NAMES.iter().enumerate() {
+            let camera = camera(i as f64 * 0.1 - 0.4);
+            let rgb: Vec<f32> = render_truth(&camera, Part::All).into_iter().map(srgb_from_linear).collect();
+            write_png_rgb(data.join("images").join(name), 32, 24, &rgb).unwrap();
+            let (q, t) = (DQuat::from_mat3(&camera.rotation), camera.translation);
+            let pose = [q.w, q.x, q.y, q.z, t.x, t.y, t.z].map(|v| v.to_string()).join(" ");
+            images += &format!("{} {pose} 1 {name}\n\n", i + 1);
+        }
+        fs::write(data.join("sparse/0/images.txt"), images).unwrap();
+        let points = random_scene(3, 300, 0, 0).base.means;
+        let line = |(i, p): (usize, &[f32; 3])| {
+            // Any spread of points over what the cameras see will do.
+            let [x, y, z] = p.map(|v| f64::from(v).sin());
+            format!("{} {x} {y} {z} 120 130 140 0.5\n", i + 1)
+        };
+        let points: String = points.iter().enumerate().map(line).collect();
+        fs::write(data.join("sparse/0/points3D.txt"), points).unwrap();
+        Work(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
+        command.current_dir(self.0.path()).args(arguments.split_whitespace()).env_remove("RUST_LOG");
+        command
+    }
+
+    /// Runs glint in this folder.
+    fn run(&self, arguments: &str) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Runs glint, which must succeed; its standard output.
+    fn ok(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn json(&self, arguments: &str) -> Value {
+        serde_json::from_str(&self.ok(arguments)).unwrap()
+    }
+
+    /// Runs glint, which must refuse its input with one line that says all of `words`, and leave nothing.
+    fn refused(&self, arguments: &str, words: &[&str]) {
+        let before = self.listing();
+        let output = self.run(arguments);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "glint {arguments}: {text}");
+        let errors: Vec<&str> = text.lines().filter(|line| !line.starts_with("note: ")).collect();
+        assert!(matches!(errors[..], [line] if line.starts_with("error: ")), "glint {arguments}: {text}");
+        assert!(words.iter().all(|word| errors[0].contains(word)), "glint {arguments}: {text}");
+        assert!(output.stdout.is_empty());
+        assert_eq!(self.listing(), before, "glint {arguments} left something");
+    }
+
+    /// Every file and folder.
+    fn listing(&self) -> BTreeSet<PathBuf> {
+        let mut found = BTreeSet::new();
+        let mut folders = vec![self.0.path().to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path.clone());
+                }
+                found.insert(path);
+            }
+        }
+        found
+    }
+}
+
+/// On a circle of radius 5 around the origin at a turn in radians, looking at it. The built-in scene has z up.
+fn camera(turn: f64) -> Camera {
+    let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
+    let forward = -eye.normalize();
+    let right = forward.cross(DVec3::Z).normalize();
+    let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
+    Camera { width: 32, height: 24, fx: 40.0, fy: 40.0, cx: 16.0, cy: 12.0, rotation, translation: -(rotation * eye) }
+}
+
+fn keys(value: &Value) -> BTreeSet<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn set<const N: usize>(names: [&'static str; N]) -> BTreeSet<&'static str> {
+    names.into()
+}
+
+/// Width, height and the planes of an EXR by channel name.
+fn exr(path: &Path) -> (usize, usize, Vec<(String, Vec<f32>)>) {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).unwrap();
+    let size = image.layer_data.size;
+    let planes = image.layer_data.channel_data.list.iter();
+    let planes = planes.map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect();
+    (size.0, size.1, planes)
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_scene_is_trained_measured_rendered_and_described() {
+    let work = Work::new();
+    let report = work.json("train data -o base.ply --iterations 30 --sh-degree 1 --seed 5 --json");
+    let expected = set([
+        "output",
+        "device",
+        "photos",
+        "gaussians",
+        "sh_degree",
+        "iterations",
+        "seed",
+        "seconds",
+        "steps_per_second",
+        "final_loss",
+        "buffers_grown",
+        "stages",
+    ]);
+    assert_eq!(keys(&report), expected);
+    assert_eq!((&report["photos"], &report["gaussians"], &report["sh_degree"]), (&7.into(), &300.into(), &1.into()));
+    assert!(report["final_loss"].as_f64().unwrap() > 0.0 && report["seconds"].as_f64().unwrap() > 0.0);
+    let base = read_scene(work.path("base.ply")).unwrap();
+    assert_eq!((base.base.len(), base.base.sh_degree, base.supplement.is_some()), (300, 1, false));
+
+    // The same seed gives the same scene, fewer points a smaller one.
+    work.ok("train data -o again.ply --iterations 30 --sh-degree 1 --seed 5");
+    assert!(fs::read(work.path("base.ply")).unwrap() == fs::read(work.path("again.ply")).unwrap());
+    let few = work.json("train data -o few.ply --iterations 2 --points 40 --json");
+    assert_eq!(few["gaussians"], 40);
+
+    let before = work.json("eval few.ply data --json");
+    let after = work.json("eval base.ply data --json");
+    assert_eq!(keys(&after), set(["base", "augmented", "views"]));
+    let psnr = |v: &Value| v["augmented"]["psnr"].as_f64().unwrap();
+    assert!(psnr(&after) > psnr(&before), "{before} {after}");
+    assert_eq!(after["base"], after["augmented"]);
+    let names: Vec<&str> = after["views"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["a.png", "i.png"]);
+
+    let info = work.json("info base.ply --json");
+    assert_eq!(
+        (&info["kind"], &info["base"]["count"], &info["supplement"]),
+        (&"scene".into(), &300.into(), &Value::Null)
+    );
+    let info = work.json("info data --json");
+    assert_eq!(
+        (&info["kind"], &info["train"], &info["test"], &info["points"]),
+        (&"dataset".into(), &7.into(), &2.into(), &300.into())
+    );
+    assert!(work.ok("info data").contains("9 (7 train, 2 test)"));
+    assert!(work.ok("info base.ply").contains("300 Gaussians, SH degree 1"));
+    assert!(work.json("devices --json")[0]["subgroup_size"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
+    let work = Work::new();
+    // Gaussians of the right size before the cameras: those of the sample are made for another camera.
+    let mut scene = random_scene(8, 400, 200, 2);
+    let supplement = scene.supplement.as_mut().unwrap();
+    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
+        *mean = mean.map(f32::sin);
+    }
+    write_scene(work.path("scene.ply"), &scene).unwrap();
+    write_scene(work.path("base.ply"), &Scene { base: scene.base.clone(), supplement: None }).unwrap();
+
+    let found = work.json("eval scene.ply data --split all --json");
+    assert_eq!(keys(&found), set(["base", "augmented", "views"]));
+    for part in [&found["base"], &found["augmented"], &found["views"][0]["base"], &found["views"][8]["augmented"]] {
+        assert_eq!(keys(part), set(["psnr", "ssim"]));
+        assert!(part["psnr"].is_f64() && part["ssim"].is_f64());
+    }
+    assert_eq!(keys(&found["views"][3]), set(["name", "base", "augmented"]));
+    assert_ne!(found["base"], found["augmented"]);
+    // The base alone is what its own file is.
+    assert_eq!(work.json("eval base.ply data --split all --json")["augmented"], found["base"]);
+    let table = work.ok("eval scene.ply data");
+    assert!(table.contains("base PSNR [dB]") && table.lines().last().unwrap().starts_with("mean"), "{table}");
+
+    let mut images = std::collections::HashMap::new();
+    for what in ["color", "base", "depth", "transmittance", "diffuse", "specular"] {
+        let listed = work.json(&format!("render scene.ply data -o out/{what} --what {what} --split all --json"));
+        assert_eq!(listed.as_array().unwrap().len(), 9);
+        let names = ["a", "b_c", "d", "e", "f", "g.PNG", "g.png-2", "h", "i"].map(|stem| format!("{stem}.png"));
+        assert_eq!(files(&work.path(&format!("out/{what}"))), names);
+        work.ok(&format!("render scene.ply data -o exr --what {what} --format exr"));
+        assert_eq!(files(&work.path("exr")), ["a.exr", "i.exr"]);
+        let (width, height, planes) = exr(&work.path("exr/i.exr"));
+        assert_eq!((width, height), (32, 24));
+        let png = image::open(work.path(&format!("out/{what}/i.png"))).unwrap();
+        assert_eq!((png.width(), png.height()), (32, 24));
+        images.insert(what, (planes, png));
+    }
+    let channels = |what: &str| images[what].0.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>();
+    assert_eq!(channels("depth"), ["Z"]);
+    assert_eq!(channels("transmittance"), ["Y"]);
+    assert_eq!(channels("specular"), ["B", "G", "R"]);
+
+    let red = |what: &str| &images[what].0.last().unwrap().1;
+    for (i, &whole) in red("color").iter().enumerate() {
+        // The parts add up in linear light, and a PNG holds the sRGB values of either; 0.5/255 is its rounding.
+        let sum = red("diffuse")[i] + red("specular")[i];
+        assert!((sum - linear_from_srgb(whole)).abs() <= 1e-6 * whole.max(1.0));
+        for (what, value) in [("color", whole), ("diffuse", srgb_from_linear(red("diffuse")[i]))] {
+            let byte = images[what].1.as_rgb8().unwrap().as_raw()[3 * i];
+            assert!((f32::from(byte) / 255.0 - value.clamp(0.0, 1.0)).abs() < 0.51 / 255.0, "{what} {i}");
+        }
+        let (depth, light) = (images["depth"].0[0].1[i], images["transmittance"].0[0].1[i]);
+        assert!((0.0..=1.0).contains(&light) && (depth == 0.0 || depth > 0.2));
+        // Half of the light is stopped exactly where there is a depth; at the threshold itself float32 may decide either way.
+        assert!((light - 0.5).abs() < 1e-5 || (depth > 0.0) == (light < 0.5), "{depth} {light}");
+    }
+    assert_ne!(red("color"), red("base"));
+
+    // The base of a scene without supplement is all of it, and what is behind it shows through.
+    let plain = work.run("render base.ply data -o plain --what base");
+    assert!(plain.status.success() && String::from_utf8_lossy(&plain.stderr).contains("no supplement"));
+    assert_eq!(fs::read(work.path("plain/i.png")).unwrap(), fs::read(work.path("out/base/i.png")).unwrap());
+    work.ok("render base.ply data -o white --background white --format exr");
+    work.ok("render base.ply data -o black --format exr");
+    let (white, black) = (exr(&work.path("white/i.exr")).2, exr(&work.path("black/i.exr")).2);
+    work.ok("render base.ply data -o light --what transmittance --format exr");
+    let light = &exr(&work.path("light/i.exr")).2[0].1;
+    for ((white, black), light) in white[0].1.iter().zip(&black[0].1).zip(light) {
+        assert!((white - black - light).abs() < 1e-5);
+    }
+    work.ok("render base.ply data -o small --max-size 16");
+    assert_eq!(image::open(work.path("small/a.png")).unwrap().width(), 16);
+}
+
+#[test]
+fn bad_input_is_refused_in_one_line_and_leaves_nothing() {
+    let work = Work::new();
+    let scene = random_scene(1, 50, 0, 0);
+    write_scene(work.path("base.ply"), &scene).unwrap();
+    fs::write(work.path("text.ply"), "this is no scene").unwrap();
+    let bytes = fs::read(work.path("base.ply")).unwrap();
+    fs::write(work.path("short.ply"), &bytes[..bytes.len() - 7]).unwrap();
+    fs::write(work.path("points.ply"), "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n").unwrap();
+    fs::write(work.path("photo.bin"), [7; 90]).unwrap();
+    fs::create_dir(work.path("empty")).unwrap();
+
+    work.refused("eval nowhere.ply data", &["nowhere.ply"]);
+    work.refused("eval base.ply nowhere", &["nowhere"]);
+    work.refused("eval text.ply data", &["text.ply", "ply"]);
+    work.refused("eval short.ply data", &["short.ply"]);
+    work.refused("info points.ply", &["points.ply", "point cloud"]);
+    work.refused("info photo.bin", &["photo.bin", "expected a PLY file"]);
+    work.refused("info nowhere", &["nowhere"]);
+    work.refused("eval data base.ply", &["data", "the scene comes before the dataset"]);
+    work.refused("train empty -o out.ply", &["empty", "expected a folder with a COLMAP model"]);
+    work.refused("train base.ply -o out.ply", &["base.ply"]);
+    work.refused("train data -o nowhere/out.ply", &["nowhere/out.ply", "cannot be written"]);
+    work.refused("train data -o empty", &["empty", "expected the name of a file"]);
+    work.refused("train data -o base.ply/out.ply", &["base.ply/out.ply", "cannot be written"]);
+    work.refused("render base.ply data -o text.ply", &["text.ply", "expected a folder"]);
+    work.refused("render base.ply data -o text.ply/in", &["text.ply/in", "cannot be made"]);
+    work.refused("render base.ply data -o out --what specular", &["base.ply", "no specular part"]);
+    work.refused("train data -o out.ply --device nonesuch", &["--device", "nonesuch"]);
+    work.refused("train data -o out.ply --device 99", &["--device", "99"]);
+
+    // A dataset of one photo, which is for testing: every 8th is, from the first.
+    let only_test = work.path("only_test");
+    fs::create_dir(&only_test).unwrap();
+    fs::copy(work.path("data/images/a.png"), only_test.join("r_0.png")).unwrap();
+    let frame = r#"{"file_path": "r_0", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}"#;
+    let text = format!(r#"{{"camera_angle_x": 0.7, "frames": [{frame}]}}"#);
+    fs::write(only_test.join("transforms_train.json"), &text).unwrap();
+    work.refused("train only_test -o out.ply", &["the training split has no photos"]);
+}
+
+#[test]
+fn bad_usage_exits_with_2_and_help_with_0() {
+    let work = Work::new();
+    for arguments in [
+        "",
+        "dance",
+        "train data",
+        "train data -o x.ply --sh-degree 4",
+        "train data -o x.ply --iterations 0",
+        "train data -o x.ply --points 0",
+        "train data -o x.ply --max-size 0",
+        "train data -o x.ply --background grey",
+        "train data -o x.ply --no-such-flag",
+        "render base.ply data -o out --what colour",
+        "eval base.ply",
+    ] {
+        let output = work.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "glint {arguments}");
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty());
+    }
+    assert_eq!(files(work.0.path()), ["data"]);
+    for command in ["train", "render", "eval"] {
+        let help = work.ok(&format!("{command} --help"));
+        assert!(help.contains("Examples:") && help.contains(&format!("glint {command}")), "{help}");
+    }
+    assert!(work.ok("--help").contains("Exit codes"));
+    assert!(work.ok("--version").starts_with("glint "));
+}
+
+#[test]
+fn a_scene_without_gaussians_is_rendered_as_background() {
+    let work = Work::new();
+    write_scene(work.path("none.ply"), &Scene::default()).unwrap();
+    work.ok("render none.ply data -o out --background 0,0.5,1 --format exr");
+    let planes = exr(&work.path("out/a.exr")).2;
+    assert!(planes.iter().zip([1.0, 0.5, 0.0]).all(|((_, plane), want)| plane.iter().all(|&v| v == want)));
+    work.ok("render none.ply data -o depth --what depth");
+    assert!(work.ok("info none.ply").contains("0 Gaussians"));
+    assert_eq!(work.json("eval none.ply data --json")["views"].as_array().unwrap().len(), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupting_leaves_nothing_and_a_closed_pipe_is_no_error() {
+    use std::{
+        io::{BufRead, BufReader},
+        process::Stdio,
+    };
+    let work = Work::new();
+    let before = work.listing();
+    let mut child =
+        work.command("train data -o out.ply --iterations 1000000 -vv").stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.any(|line| line.unwrap().contains("device opened")));
+    let interrupted = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(interrupted.success() && !child.wait().unwrap().success());
+    assert_eq!(work.listing(), before);
+
+    let mut child = work.command("info data --json").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
