@@ -197,9 +197,9 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
         flips += off as usize;
         // α in float32 errs by the absolute error of the exponent, at most 5.5 and a few roundings, and by exp's own: 1e-5 is
         // ample.
-        let unsure = g.footprint(i).map_or(0, |f| {
-            f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 1e-5).count()
-        });
+        let unsure = g
+            .footprint(i)
+            .map_or(0, |f| f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 1e-5).count());
         row.unequal(u64::from(off as usize > unsure));
     }
     row.flips(flips, total as usize);
@@ -304,9 +304,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
         row.numbers(same.iter().flat_map(|&i| {
             let coordinates = coordinates.clone();
             let set = want.set(i).iter().enumerate();
-            set.flat_map(move |(k, p)| {
-                coordinates.clone().map(move |c| (got_points[firsts[i] as usize + k][c], p[c]))
-            })
+            set.flat_map(move |(k, p)| coordinates.clone().map(move |c| (got_points[firsts[i] as usize + k][c], p[c])))
         }));
     }
     let agreed: Vec<usize> = same.iter().copied().filter(|&i| got_heaviest[i] == want.heaviest[i]).collect();

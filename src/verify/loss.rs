@@ -67,16 +67,13 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             let want = twin_gradient.iter().flatten().copied();
             backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
         }
-        forward.chosen = variant != Variant::TileList;
-        backward.chosen = variant == Variant::Plain;
-        sum.chosen = variant == Variant::Plain;
+        // Training has all tiles, the 2D stage a list, and a loss map where it draws.
+        backward.chosen = variant != Variant::LossMap;
         let share = if variant == Variant::TileList { listed_share(&batch) } else { 1.0 };
         let partials = 9.0 * 4.0 * pixels;
         let map_bytes = if variant == Variant::LossMap { 4.0 * pixels } else { 0.0 };
-        forward.work = Work {
-            bytes: share * (20.0 * pixels + partials) + map_bytes,
-            operations: share * channels * (4.0 * 22.0),
-        };
+        forward.work =
+            Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
         backward.work =
             Work { bytes: share * (20.0 * pixels + partials + 12.0 * pixels), operations: share * channels * 66.0 };
         sum.work.bytes = 8.0 * f64::from(there.tiles_per_frame) * batch.frames.len() as f64;
@@ -230,8 +227,7 @@ impl There {
     fn record(&self, recorder: &mut Recorder, stages: &Stages) {
         let There { frames, image, targets, partials, tile_sums, loss_map, image_grad, count, tile_list, .. } = self;
         let (tiles_per_frame, tile_count) = (self.tiles_per_frame, self.tiles_per_frame * self.frame_count);
-        let forward =
-            ssim_forward::Buffers { count, tile_list, frames, image, targets, partials, tile_sums, loss_map };
+        let forward = ssim_forward::Buffers { count, tile_list, frames, image, targets, partials, tile_sums, loss_map };
         let backward = ssim_backward::Buffers { count, tile_list, frames, image, targets, partials, image_grad };
         let forward_push = ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
         let backward_push = ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };

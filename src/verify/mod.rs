@@ -68,8 +68,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     plane::cases(&mut bench, options.quick)?;
     lift::cases(&mut bench, options.quick)?;
     let Bench { rates, rows, .. } = bench;
-    let mut report =
-        Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
+    let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
     for row in &mut report.rows {
         row.floor = rates.floor(row.work);
         row.judge();
@@ -78,9 +77,9 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
 }
 
 impl Report {
-    /// No bound is broken.
-    pub fn passed(&self) -> bool {
-        self.rows.iter().all(|row| row.breaches.is_empty())
+    /// Rows that break a bound.
+    pub fn broken(&self) -> usize {
+        self.rows.iter().filter(|row| !row.breaches.is_empty()).count()
     }
 }
 
@@ -172,33 +171,60 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-const COLUMNS: [Column; 12] = {
-    const fn column(key: &'static str, title: &'static str, unit: &'static str) -> Column {
-        Column { key, title, unit, decimals: 1 }
+const fn column(key: &'static str, title: &'static str, unit: &'static str) -> Column {
+    Column { key, title, unit, decimals: 1 }
+}
+
+/// The bounds and their reasons, for people.
+pub fn explain() -> String {
+    let mut text = String::new();
+    for b in BOUNDS {
+        let limit = |name: &str, v: f64| if v == 0.0 { String::new() } else { format!(", {name} {v:.0e}") };
+        let limits = [("max", b.max), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
+        let limits: String = limits.into_iter().map(|(name, v)| limit(name, v)).collect();
+        let limits = if limits.is_empty() { ", exact".to_owned() } else { limits };
+        text += &format!("{}{limits}\n    {}\n", b.stage, b.reason);
     }
-    [
-        column("stage", "stage", ""),
-        column("variant", "variant", ""),
-        column("max", "max", "of largest"),
-        column("relative_l2", "L2", "relative"),
-        column("cosine_loss", "1−cos", ""),
-        column("bias", "bias", ""),
-        column("flips", "flips", ""),
-        column("unequal", "unequal", ""),
-        column("time", "time", "µs"),
-        column("floor", "floor", "µs"),
-        column("ratio", "time/floor", ""),
-        column("verdict", "", ""),
-    ]
-};
+    text
+}
+
+const COLUMNS: [Column; 12] = [
+    column("stage", "stage", ""),
+    column("variant", "variant", ""),
+    column("max", "max", "of largest"),
+    column("relative_l2", "L2", "relative"),
+    column("cosine_loss", "1−cos", ""),
+    column("bias", "bias", ""),
+    column("flips", "flips", ""),
+    column("unequal", "unequal", ""),
+    column("time", "time", "µs"),
+    column("floor", "floor", "µs"),
+    column("ratio", "time/floor", ""),
+    column("verdict", "", ""),
+];
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.device;
         writeln!(f, "{} ({}), {}, subgroups of {} lanes", d.name, d.kind, d.driver, d.subgroup_size)?;
-        writeln!(f, "copies {:.1} GB/s, computes {:.1} G multiply-adds/s", self.rates.bytes / 1e9, self.rates.operations / 1e9)?;
-        writeln!(f, "Gradients are summed in a fixed order, there are no atomic sums: deterministic is the only mode.")?;
-        writeln!(f, "* is what the engine chooses on this device. Floor: bytes or operations that the stage cannot do without.\n")?;
+        writeln!(
+            f,
+            "copies {:.1} GB/s, computes {:.1} G multiply-adds/s",
+            self.rates.bytes / 1e9,
+            self.rates.operations / 1e9
+        )?;
+        let launch = self.rows.iter().find(|row| row.stage == "dispatch_args").and_then(|row| row.time);
+        if let Some(launch) = launch {
+            writeln!(f, "A dispatch of one thread takes {:.1} µs, which no floor contains.", launch * 1e6)?;
+        }
+        writeln!(
+            f,
+            "Gradients are summed in a fixed order, there are no atomic sums: deterministic is the only mode."
+        )?;
+        writeln!(
+            f,
+            "* is what the engine chooses on this device. Floor: bytes or operations that the stage cannot do without.\n"
+        )?;
         let mut table = Table::new(COLUMNS);
         let small = |v: Option<f64>| v.map(|v| if v == 0.0 { "0".to_owned() } else { format!("{v:.1e}") }).into();
         for row in &self.rows {
@@ -223,8 +249,7 @@ impl fmt::Display for Report {
             ]);
         }
         writeln!(f, "{table}")?;
-        let broken = self.rows.iter().filter(|row| !row.breaches.is_empty()).count();
-        match broken {
+        match self.broken() {
             0 => writeln!(f, "{} rows, all within their bounds; {:.0} s.", self.rows.len(), self.seconds),
             n => writeln!(f, "{n} of {} rows break a bound; {:.0} s.", self.rows.len(), self.seconds),
         }

@@ -19,6 +19,7 @@ use crate::{
         plane_draw::{Draw, draw_size, key, new_plane, plane_draw},
         plane_project::{Plane, plane_project},
         plane_prune::plane_prune,
+        plane_tiles::{WINDOW_RADIUS, plane_tiles},
         tiles::Tiling,
     },
     stages::{
@@ -26,6 +27,8 @@ use crate::{
         plane_draw::{self as draw_stage, PlaneDraw},
         plane_project::{self as project_stage, PlaneProject},
         plane_prune::{self as prune_stage, PlanePrune},
+        plane_tiles::{self as tiles_stage, PlaneTiles},
+        ssim_forward::{TILE, tiles_per_frame},
         step_done::{OVERFLOW, STATUS_WORDS},
         types::{Frame, PlaneState, Quota},
     },
@@ -244,6 +247,8 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     bench.push(row);
     bench.push(blend_row);
 
+    tiles(bench, &all, &frames, &plane_frames, &raster, &scene.frames, &own, &tile_counts, &keys)?;
+
     raster.image_grad.upload(0, &image_grad)?;
     let times = bench.time(|recorder| raster.record_blend_backward(recorder, &grid, &frames, 0))?;
     let got = raster.isect_grads().download_range(0, 9 * isect_count)?;
@@ -258,13 +263,11 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     bench.push(row);
 
     // Gradients from the device's own records, and the step from its own gradients.
-    let records: Vec<Record> =
-        got.chunks_exact(9).map(|r| std::array::from_fn(|k| f64::from(r[k]))).collect();
+    let records: Vec<Record> = got.chunks_exact(9).map(|r| std::array::from_fn(|k| f64::from(r[k]))).collect();
     let grads: Vec<Vec<PlaneGrad>> = with_depths
         .iter()
         .map(|(planes, of_frame)| {
-            let counts: Vec<u32> =
-                of_frame.iter().map(|&i| if keys[i] == NONE { 0 } else { tile_counts[i] }).collect();
+            let counts: Vec<u32> = of_frame.iter().map(|&i| if keys[i] == NONE { 0 } else { tile_counts[i] }).collect();
             let firsts = of_frame.iter().map(|&i| if keys[i] == NONE { 0 } else { first_slot[i] }).collect();
             let isects = Intersections {
                 tiling: Tiling::new(1, 1, &options),
@@ -339,10 +342,8 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     let mut pairs: [[Vec<(f32, f64)>; 9]; 3] = Default::default();
     let mut wrong = 0;
     for (f, (planes, of_frame)) in with_depths.iter_mut().enumerate() {
-        let own: Vec<PlaneGrad> = of_frame
-            .iter()
-            .map(|&i| std::array::from_fn(|p| f64::from(got[2 * p * count + i])))
-            .collect();
+        let own: Vec<PlaneGrad> =
+            of_frame.iter().map(|&i| std::array::from_fn(|p| f64::from(got[2 * p * count + i]))).collect();
         let mut state: Vec<PlaneMoments> = of_frame
             .iter()
             .map(|&i| PlaneMoments {
@@ -368,6 +369,72 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     }
     row.unequal(wrong);
     pairs.into_iter().flatten().for_each(|pairs| row.numbers(pairs));
+    bench.push(row);
+    Ok(())
+}
+
+/// Tiles of the loss that the device's splats need: at least the exact ones, at most those of boxes a hundredth of a pixel wider.
+#[expect(clippy::too_many_arguments, reason = "private: what the batch knows")]
+fn tiles(
+    bench: &mut Bench<'_>,
+    all: &[Frame; 2],
+    frames: &Buffer<Frame>,
+    plane_frames: &Buffer<u32>,
+    raster: &Raster,
+    frame_of: &[u32],
+    own: &[Splat],
+    tile_counts: &[u32],
+    keys: &[u32],
+) -> Result<()> {
+    let context = bench.context;
+    let tiles_per_frame = tiles_per_frame(all);
+    let most = 2 * tiles_per_frame as usize;
+    let words = |name: &str, len: usize| Buffer::<u32>::zeroed(context, name, len);
+    let (tile_marks, count) = (words("tile marks", 2 * most)?, words("tile count", 2)?);
+    let lists = [words("forward tiles", most)?, words("backward tiles", most)?];
+    let stage = PlaneTiles::new(context, WORKGROUP)?;
+    let times = bench.time(|recorder| {
+        let buffers = tiles_stage::Buffers {
+            frames,
+            plane_frames,
+            tile_counts: &raster.tile_counts,
+            splats: &raster.splats,
+            tile_marks: &tile_marks,
+            count: &count,
+            forward_tiles: &lists[0],
+            backward_tiles: &lists[1],
+        };
+        stage.record(recorder, &buffers, &tiles_stage::Push { slots: own.len() as u32, tiles_per_frame });
+    })?;
+    let mut row = bench.row("plane_tiles", "");
+    let lengths = count.download()?;
+    let (mut flips, mut listed) = (0, 0);
+    for (k, halo) in [WINDOW_RADIUS, 0.0].into_iter().enumerate() {
+        let mut got = lists[k].download_range(0, lengths[k] as usize)?;
+        got.sort_unstable();
+        row.unequal(u64::from(!got.is_sorted_by(|a, b| a < b) || got.len() != lengths[k] as usize));
+        listed += got.len();
+        let mut known = 0;
+        for (f, frame) in all.iter().enumerate() {
+            let of_frame: Vec<usize> = (0..own.len()).filter(|&i| frame_of[i] == f as u32 && keys[i] != NONE).collect();
+            let splats: Vec<Splat> = of_frame.iter().map(|&i| own[i]).collect();
+            let counts: Vec<u32> = of_frame.iter().map(|&i| tile_counts[i]).collect();
+            let twin = |halo| plane_tiles(&splats, &counts, frame.width, frame.height, TILE, halo);
+            let first = f as u32 * tiles_per_frame;
+            let here: Vec<u32> = got.iter().filter(|&&t| t / tiles_per_frame == f as u32).map(|t| t - first).collect();
+            known += here.len();
+            let (least, most) = (twin(halo), twin(halo + 0.01));
+            flips += here.iter().filter(|t| !least.contains(t)).count();
+            let missing = least.iter().filter(|t| here.binary_search(t).is_err()).count();
+            let extra = here.iter().filter(|t| !most.contains(t)).count();
+            row.unequal((missing + extra) as u64);
+        }
+        row.unequal((got.len() - known) as u64);
+    }
+    row.flips(flips, listed);
+    row.unequal(u64::from(bench.perturb != 0.0));
+    row.time = times.of("plane_tiles");
+    row.work.bytes = own.len() as f64 * (8.0 + 24.0) + 4.0 * (2 * most + listed) as f64;
     bench.push(row);
     Ok(())
 }
@@ -514,15 +581,15 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             }
             judge_drawn(&mut row, which, &losses, &drawn, &twin);
             let planes = empty.iter().zip(&drawn).map(|(&i, &p)| (i, new_plane(p, &image, frame.width, frame.height)));
-            let pairs: Vec<(f32, f64)> =
-                planes.flat_map(|(i, want)| (0..PLANES).map(move |k| (i, k, want[k]))).map(|(i, k, want)| (columns[k * slots + i], want)).collect();
+            let pairs: Vec<(f32, f64)> = planes
+                .flat_map(|(i, want)| (0..PLANES).map(move |k| (i, k, want[k])))
+                .map(|(i, k, want)| (columns[k * slots + i], want))
+                .collect();
             row.numbers(pairs);
             let written = &empty[..twin.len()];
             let wrong = (first..first + budget)
                 .filter(|i| match written.binary_search(i) {
-                    Ok(_) => {
-                        (after[*i], ages[*i]) != (f as u32, 0) || (0..18).any(|m| moments[m * slots + i] != 0.0)
-                    }
+                    Ok(_) => (after[*i], ages[*i]) != (f as u32, 0) || (0..18).any(|m| moments[m * slots + i] != 0.0),
                     // All other slots are as they were.
                     Err(_) => (after[*i], ages[*i], moments[*i]) != (before[*i], 7, 1.0),
                 })

@@ -1,11 +1,11 @@
 //! Error against time, one point for each row.
 
-use std::{io::Write, path::Path};
+use std::path::Path;
 
 use plotters::prelude::*;
 
 use super::{Report, Row};
-use crate::{Error, Result};
+use crate::{Error, Result, data::write_text};
 
 /// Pixels.
 const SIZE: (u32, u32) = (1600, 1200);
@@ -17,12 +17,7 @@ const TEXT: i32 = 11;
 /// Writes an SVG with time on one axis and relative L2 error on the other, both logarithmic: one labelled point for each row
 /// that has a time. Integers and what is equal lie on the line of exact results.
 pub fn plot(report: &Report, path: &Path) -> Result<()> {
-    let svg = draw(report).map_err(|e| Error::Usage(format!("the plot could not be drawn: {e}")))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| Error::io(path, e))?;
-    file.write_all(svg.as_bytes()).map_err(|e| Error::io(path, e))?;
-    file.persist(path).map_err(|e| Error::io(path, e.error))?;
-    Ok(())
+    write_text(path, &draw(report).map_err(|e| Error::Usage(format!("the plot could not be drawn: {e}")))?)
 }
 
 fn error(row: &Row) -> f64 {
@@ -65,7 +60,9 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
             (true, true) => RGBColor(0, 80, 160),
             (true, false) => RGBColor(130, 130, 130),
         };
-        chart.draw_series(rows.iter().map(|(row, time)| Circle::new((time * 1e6, error(row)), 3, colour(row).filled())))?;
+        chart.draw_series(
+            rows.iter().map(|(row, time)| Circle::new((time * 1e6, error(row)), 3, colour(row).filled())),
+        )?;
 
         // Labels where there is room: each goes to the nearest free line below or above its point, and a line leads there.
         let plotted = area.strip_coord_spec();
@@ -91,7 +88,10 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
             taken.push((from, from + width, line));
             let at = line * TEXT;
             let style = ("sans-serif", TEXT).into_font().color(&colour(row));
-            plotted.draw(&PathElement::new(vec![(x, y), (if from > x { from - 2 } else { from + width + 2 }, at + TEXT / 2)], colour(row).mix(0.3)))?;
+            plotted.draw(&PathElement::new(
+                vec![(x, y), (if from > x { from - 2 } else { from + width + 2 }, at + TEXT / 2)],
+                colour(row).mix(0.3),
+            ))?;
             plotted.draw(&Text::new(text, (from, at), style))?;
         }
         area.present()?;

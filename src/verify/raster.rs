@@ -259,9 +259,8 @@ fn case(
     // Projection.
     let projected = project(&scene.params, &scene.view, &options);
     let mut row = bench.row("project", &variant);
-    let both: Vec<usize> = (0..scene.params.count)
-        .filter(|&i| ordered.depth_keys[i] != NONE && projected.tile_counts[i] > 0)
-        .collect();
+    let both: Vec<usize> =
+        (0..scene.params.count).filter(|&i| ordered.depth_keys[i] != NONE && projected.tile_counts[i] > 0).collect();
     let fields: [fn(&Splat) -> f64; 10] =
         [|s| s.x, |s| s.y, |s| s.l11, |s| s.l12, |s| s.l22, |s| s.opacity, |s| s.r, |s| s.g, |s| s.b, |s| s.z];
     for field in fields {
@@ -329,9 +328,9 @@ fn case(
 /// Whether float32 may see a splat that float64 does not, or the other way round: its opacity is at the threshold, it is at
 /// the near plane, or no pixel's centre is well within its ellipse.
 pub(super) fn is_marginal(splat: &Splat, tiling: &Tiling) -> bool {
-    let reaches = (0..tiling.height).into_par_iter().any(|row| {
-        (0..tiling.width).any(|column| alpha(splat, column, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD))
-    });
+    let reaches = (0..tiling.height)
+        .into_par_iter()
+        .any(|row| (0..tiling.width).any(|column| alpha(splat, column, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD)));
     (255.0 * splat.opacity - 1.0).abs() < NEAR_THRESHOLD || (splat.z / NEAR - 1.0).abs() < NEAR_THRESHOLD || !reaches
 }
 
@@ -375,9 +374,8 @@ fn compare_lists(ordered: &Ordered) -> (usize, u64) {
             let (left, top) = (tile % tiling.tiles_x * tiling.tile_width, tile / tiling.tiles_x * tiling.tile_height);
             let rows = top..(top + tiling.tile_height).min(tiling.height);
             let columns = left..(left + tiling.tile_width).min(tiling.width);
-            let covered = |row| {
-                columns.clone().any(|c| alpha(&splats[i], c, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD))
-            };
+            let covered =
+                |row| columns.clone().any(|c| alpha(&splats[i], c, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD));
             wrong += u64::from(rows.into_iter().any(covered));
         }
     }
@@ -391,12 +389,7 @@ pub(super) fn image_margin(margin: &Margin) -> f64 {
 }
 
 /// Pixels against the twin's: numbers where no threshold is near, flips where one is.
-pub(super) fn compare_image(
-    row: &mut super::Row,
-    got: &[[f32; 4]],
-    want: &Blended,
-    margin: fn(&Margin) -> f64,
-) {
+pub(super) fn compare_image(row: &mut super::Row, got: &[[f32; 4]], want: &Blended, margin: fn(&Margin) -> f64) {
     let is_calm = |pixel: &usize| margin(&want.margins[*pixel]) > NEAR_THRESHOLD;
     let calm: Vec<usize> = (0..got.len()).filter(is_calm).collect();
     row.numbers(calm.iter().flat_map(|&p| (0..3).map(move |c| (got[p][c], want.image[p][c]))));
@@ -447,9 +440,8 @@ fn blends(
     let (context, raster) = (bench.context, &ordered.raster);
     let tile = raster.tile;
     let pixels = scene.pixels();
-    let backdrop: Vec<[f32; 4]> = (0..pixels)
-        .map(|p| [0.0, 1.0, 2.0, 3.0].map(|c| 0.5 + 0.5 * (0.01 * p as f32 + c).sin()))
-        .collect();
+    let backdrop: Vec<[f32; 4]> =
+        (0..pixels).map(|p| [0.0, 1.0, 2.0, 3.0].map(|c| 0.5 + 0.5 * (0.01 * p as f32 + c).sin())).collect();
     raster.backdrop.upload(0, &backdrop)?;
     let behind: Vec<[f64; 3]> = backdrop.iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
     let colour = Background::Color(BACKGROUND.map(f64::from));
@@ -519,8 +511,7 @@ fn median_depths(bench: &mut Bench<'_>, scene: &Scene) -> Result<()> {
     let (pixels, count) = (scene.pixels(), scene.params.count as u32);
     let ids: Vec<u32> = (0..pixels as u32).map(|p| if p % 9 == 4 { NONE } else { noise(p) % count }).collect();
     let median_ids = Buffer::from_slice(context, "median ids", &ids)?;
-    for (centre, name, at) in
-        [(false, "maximum response", DepthAt::MaximumResponse), (true, "centre", DepthAt::Centre)]
+    for (centre, name, at) in [(false, "maximum response", DepthAt::MaximumResponse), (true, "centre", DepthAt::Centre)]
     {
         let stage = MedianDepth::new(context, &median_depth_stage::Spec { workgroup_size: WORKGROUP, centre })?;
         let depths = Buffer::<f32>::zeroed(context, "depths", pixels)?;
@@ -576,8 +567,7 @@ fn blend_backwards(
     let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
     raster.image_grad.upload(0, &flat)?;
     // The device's own image, which the kernel takes what lies behind from.
-    let image: Vec<[f64; 4]> =
-        raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
+    let image: Vec<[f64; 4]> = raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
     let want = blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad);
     let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
     let isects = ordered.isects.isect_slots.len();

@@ -423,4 +423,3 @@ fn steps_done(bench: &mut Bench<'_>) -> Result<()> {
     bench.push(row);
     Ok(())
 }
-
