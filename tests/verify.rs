@@ -20,7 +20,7 @@ fn every_stage_passes() {
     let mut stages: BTreeSet<String> =
         stages.map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
     // Not a kernel, and the module itself.
-    ["lift_cluster", "mod"].map(|name| stages.remove(name));
+    stages.retain(|name| !["lift_cluster", "mod"].contains(&name.as_str()));
     let missing: Vec<_> = stages.iter().filter(|stage| !seen.contains(stage.as_str())).collect();
     assert!(missing.is_empty(), "not verified: {missing:?}");
     for row in &report.rows {
@@ -29,7 +29,7 @@ fn every_stage_passes() {
     assert!(serde_json::to_string(&report).unwrap().contains("\"blend_backward\""));
 }
 
-/// A twin that is off by two thousandths everywhere breaks a bound in every row: none is so wide that it holds anything.
+/// A twin that is off by two thousandths, by one bit, or by two pixels where its results are sets, breaks a bound in every row: none is so wide that it holds anything.
 #[test]
 fn a_fault_in_every_stage_is_seen_in_every_row() {
     let gpu = Gpu::new();

@@ -102,6 +102,11 @@ impl Bench<'_> {
         self.rows.push(row);
     }
 
+    /// How far off the twin's input is where its results are sets, in pixels or as a logit: 2 for a perturbation of 0.002.
+    fn shift(&self) -> f64 {
+        1000.0 * self.perturb
+    }
+
     /// Times what `record` records. It must be something that can be done again and again.
     fn time(&self, record: impl Fn(&mut Recorder)) -> Result<Times> {
         self.time_after(|| Ok(()), record)
