@@ -10,6 +10,7 @@ mod info;
 mod progress;
 mod render;
 mod train;
+mod verify;
 
 use std::{
     fmt::Display,
@@ -39,6 +40,7 @@ Examples:
   glint eval augmented.ply garden          PSNR and SSIM of its test views
   glint render augmented.ply garden -o views
   glint info augmented.ply                 what is in the file
+  glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
 such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
@@ -65,6 +67,7 @@ enum Command {
     Eval(eval::Args),
     Info(info::Args),
     Devices(devices::Args),
+    Verify(verify::Args),
 }
 
 /// Why a command did not do what it should.
@@ -73,6 +76,8 @@ enum Failure {
     Error(Error),
     /// The validation layers were on and said so many things.
     Validation(usize),
+    /// So many stages were farther from their twins than they may be.
+    Bounds(usize),
 }
 
 impl<E: Into<Error>> From<E> for Failure {
@@ -95,11 +100,13 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
         Command::Devices(args) => args.run(),
+        Command::Verify(args) => args.run(),
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
         Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+        Err(Failure::Bounds(count)) => (format!("{count} rows break their bound (see the table)"), 1),
     };
     // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
     let line = text.replace(char::is_control, " ");

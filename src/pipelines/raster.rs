@@ -46,6 +46,17 @@ impl TileShape {
         // The pixels of a lane that are not finished are the bits of a word.
         (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
     }
+
+    /// The usual ones of those that subgroups of so many lanes can cover.
+    pub fn choices(lanes: u32) -> Vec<Self> {
+        [(8, 8), (8, 16), (16, 16)].into_iter().filter_map(|(width, height)| Self::new(width, height, lanes)).collect()
+    }
+}
+
+impl std::fmt::Display for TileShape {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}×{}", self.width, self.height)
+    }
 }
 
 /// The tiles of a batch of frames: each frame has the same grid, that of the largest.
@@ -96,8 +107,8 @@ pub struct RasterOptions {
 
 /// Words of `count`.
 const SPLATS: u32 = 0;
-const VISIBLE: u32 = 1;
-const ISECTS: u32 = 2;
+pub(crate) const VISIBLE: u32 = 1;
+pub(crate) const ISECTS: u32 = 2;
 const ISECTS_SORTED: u32 = 3;
 /// Slots of `args`: block-wise stages over splats, visible splats and intersections, and thread-wise stages.
 const SPLAT_BLOCKS: u32 = 0;
@@ -152,8 +163,8 @@ pub struct Raster {
     pub image_grad: Buffer<f32>,
     pub backdrop: Buffer<[f32; 4]>,
     pub median_ids: Buffer<u32>,
-    tile_ranges: Buffer<[u32; 2]>,
-    count: Buffer<u32>,
+    pub(crate) tile_ranges: Buffer<[u32; 2]>,
+    pub(crate) count: Buffer<u32>,
     args: Buffer<u32>,
     depth_sorted: [(Buffer<u32>, Buffer<u32>); 2],
     rank_first_slot: Buffer<u32>,
@@ -366,7 +377,20 @@ impl Raster {
         background: [f32; 3],
         median_threshold: f32,
     ) {
-        self.blend.record(
+        self.record_blend_by(&self.blend, recorder, grid, frames, background, median_threshold);
+    }
+
+    /// The same by a stage of the caller's, made for this raster's tiles.
+    pub fn record_blend_by(
+        &self,
+        stage: &Blend,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        background: [f32; 3],
+        median_threshold: f32,
+    ) {
+        stage.record(
             recorder,
             &blend::Buffers {
                 frames,
@@ -414,8 +438,22 @@ impl Raster {
         );
     }
 
-    fn isect_slots(&self) -> &Buffer<u32> {
+    /// Gaussian index by depth rank.
+    pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
+        &self.depth_sorted[self.depth_sort.last_pair()].1
+    }
+
+    /// Tiles of the sorted intersections.
+    pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
+        [&self.isects.keys, &self.isects.tiles][self.tile_sort.last_pair()]
+    }
+
+    pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
         &self.isects.values[self.tile_sort.last_pair()]
+    }
+
+    pub(crate) fn global_from_slot(&self) -> &Buffer<u32> {
+        &self.isects.global_from_slot
     }
 
     fn args_for(

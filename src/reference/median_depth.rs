@@ -8,7 +8,8 @@ use super::{FLOAT_MAX, NEAR, NONE, Params, View};
 /// Where on the median Gaussian the depth is taken (method, section 4, ⚖).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthAt {
-    /// z of the point of maximum response along the pixel's ray.
+    /// z of the point of maximum response along the pixel's ray, or of the centre where that point is not in front of the
+    /// near plane.
     MaximumResponse,
     /// z of the Gaussian's centre.
     Centre,
@@ -85,12 +86,12 @@ mod tests {
                 let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
                 if distance(a) < distance(b) { high = b } else { low = a }
             }
-            if low > 0.0 {
+            if low > NEAR * 1.001 {
                 // A parabola's minimum is found to the root of the arithmetic's precision, √(1e-16 · condition).
                 assert!((depths[pixel] - low).abs() < 1e-4 * low, "{} {low}", depths[pixel]);
                 checked += 1;
-            } else {
-                assert_eq!(depths[pixel], 0.0);
+            } else if low < NEAR * 0.999 {
+                assert_eq!(depths[pixel], centres[pixel]);
             }
         }
         assert!(checked > 200, "{checked}");

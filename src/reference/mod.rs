@@ -12,6 +12,7 @@ pub mod blend;
 pub mod blend_backward;
 pub mod dispatch_args;
 pub mod emit;
+pub mod fma_rate;
 pub mod harmonics;
 pub mod lift_append;
 pub mod lift_cluster;

@@ -58,7 +58,7 @@ impl Intersections {
     }
 
     /// (slot, Gaussian index) of the pixel's tile, front to back.
-    pub(super) fn of_pixel(&self, column: u32, row: u32) -> impl Iterator<Item = (u32, u32)> {
+    pub fn of_pixel(&self, column: u32, row: u32) -> impl Iterator<Item = (u32, u32)> {
         let [begin, end] = self.tile_ranges[self.tiling.tile_of(column, row) as usize];
         let slots = &self.isect_slots[begin as usize..end as usize];
         slots.iter().map(|&slot| (slot, self.global_from_slot[slot as usize]))

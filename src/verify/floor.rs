@@ -1,0 +1,87 @@
+//! What the device can do at most: bytes and multiply-adds per second, measured.
+
+use serde::Serialize;
+
+use super::{Bench, judge::Work};
+use crate::{
+    error::Result,
+    gpu::{Buffer, Location},
+    pipelines::raster::WORKGROUP,
+    reference,
+    stages::fma_rate::{self, FmaRate},
+};
+
+/// Measured rates.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Rates {
+    /// Bytes read and written per second by the device's own copy.
+    pub bytes: f64,
+    /// Float32 multiply-adds per second.
+    pub operations: f64,
+}
+
+impl Rates {
+    /// Seconds that no implementation can go below, as far as the rates were really the best.
+    pub fn floor(&self, work: Work) -> Option<f64> {
+        if work == Work::default() {
+            return None;
+        }
+        let seconds = (work.bytes / self.bytes).max(work.operations / self.operations);
+        seconds.is_finite().then_some(seconds)
+    }
+}
+
+/// A measurement shorter than this says more of the launch (some µs) than of the rate.
+const LONG_ENOUGH: f64 = 2e-3;
+/// Largest buffer that is copied: beyond any cache, and within what every device binds.
+const MAX_COPY: usize = 128 << 20;
+const FIRST_COPY: usize = 64 << 20;
+/// Recurrences of a thread: enough to hide the latency of one (4 to 5 cycles on GPUs and CPUs).
+const CHAINS: u32 = 8;
+/// Steps of a recurrence between two branches.
+const DEPTH: u32 = 16;
+const ROUNDS: u32 = 64;
+const FIRST_THREADS: u32 = 1 << 14;
+const MAX_THREADS: u32 = 1 << 24;
+const FACTOR: f32 = 0.5;
+const TERM: f32 = 1.0;
+
+/// Measures both rates; the multiply-adds are a row like any other.
+pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
+    let context = bench.context;
+    let largest = MAX_COPY.min(context.info().max_storage_bytes as usize);
+    let mut bytes = FIRST_COPY.min(largest);
+    bench.rates.bytes = loop {
+        let from = Buffer::<u32>::zeroed(context, "copied", bytes / 4)?;
+        let to = Buffer::<u32>::new(context, "copy", bytes / 4, Location::Device)?;
+        let time = bench.time(|recorder| recorder.copy(&from, 0, &to, 0, bytes / 4))?.whole();
+        if time >= LONG_ENOUGH || 2 * bytes > largest {
+            break 2.0 * bytes as f64 / time;
+        }
+        bytes *= 2;
+    };
+
+    let stage = FmaRate::new(context, &fma_rate::Spec { workgroup_size: WORKGROUP, chains: CHAINS, depth: DEPTH })?;
+    let mut count = FIRST_THREADS;
+    loop {
+        let chain_sums = Buffer::<f32>::zeroed(context, "chain sums", count as usize)?;
+        let push = fma_rate::Push { count, rounds: ROUNDS, factor: FACTOR, term: TERM };
+        let buffers = fma_rate::Buffers { chain_sums: &chain_sums };
+        let times = bench.time(|recorder| stage.record(recorder, &buffers, &push))?;
+        if times.whole() < LONG_ENOUGH && count < MAX_THREADS {
+            count *= 2;
+            continue;
+        }
+        let operations = f64::from(count) * f64::from(CHAINS * DEPTH * ROUNDS);
+        bench.rates.operations = operations / times.whole();
+        let mut row = bench.row("fma_rate", format!("{CHAINS} chains"));
+        // Threads repeat after 1024.
+        let got = chain_sums.download_range(0, 1024)?;
+        let want = reference::fma_rate::fma_rate(1024, CHAINS, DEPTH * ROUNDS, f64::from(FACTOR), f64::from(TERM));
+        row.numbers(got.into_iter().zip(want));
+        row.work = Work { bytes: 4.0 * f64::from(count), operations };
+        row.time = times.of("fma_rate");
+        bench.push(row);
+        return Ok(());
+    }
+}

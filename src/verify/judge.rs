@@ -1,0 +1,223 @@
+//! One row of the table: what is compared, how far off it is, and whether that is allowed.
+
+use bytemuck::Pod;
+use serde::Serialize;
+
+use super::bounds::{self, Bound};
+
+/// Errors of one stage in one variant; of several groups of numbers (parameter classes, fields) each is the worst group's.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Errors {
+    /// Largest difference, relative to the group's largest value.
+    pub max: Option<f64>,
+    /// ‖got − want‖₂ / ‖want‖₂.
+    pub relative_l2: Option<f64>,
+    /// 1 − cosine between gradients.
+    pub cosine_loss: Option<f64>,
+    /// Σ(got − want) / Σ|want| of gradients, signed.
+    pub bias: Option<f64>,
+    /// Share of the decisions (pixels, Gaussians, tiles) that fell otherwise than in float64, all of them at a threshold.
+    pub flips: Option<f64>,
+    /// Decisions that fell otherwise without a threshold near, and words that differ where they may not.
+    pub unequal: Option<u64>,
+}
+
+/// A bound that does not hold.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Breach {
+    pub measure: &'static str,
+    pub value: f64,
+    pub limit: f64,
+}
+
+/// What a stage cannot do without.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Work {
+    /// Inputs read once and outputs written once.
+    pub bytes: f64,
+    /// Multiply-adds; a division, a root, an exponential and a comparison count as one.
+    pub operations: f64,
+}
+
+/// One stage in one variant.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    pub stage: &'static str,
+    pub variant: String,
+    /// What the engine takes on this device by itself.
+    pub chosen: bool,
+    pub errors: Errors,
+    pub breaches: Vec<Breach>,
+    /// Seconds per call on the device; none without timestamps.
+    pub time: Option<f64>,
+    pub work: Work,
+    /// Seconds that [`Row::work`] takes at the measured rates.
+    pub floor: Option<f64>,
+    #[serde(skip)]
+    perturb: f64,
+}
+
+impl Row {
+    pub(super) fn new(stage: &'static str, variant: impl Into<String>, perturb: f64) -> Self {
+        Row {
+            stage,
+            variant: variant.into(),
+            chosen: true,
+            errors: Errors::default(),
+            breaches: Vec::new(),
+            time: None,
+            work: Work::default(),
+            floor: None,
+            perturb,
+        }
+    }
+
+    /// Numbers of one kind against the twin's.
+    pub(super) fn numbers(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
+        self.group(pairs, false);
+    }
+
+    /// The same, of a gradient: direction and bias count too.
+    pub(super) fn gradients(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
+        self.group(pairs, true);
+    }
+
+    fn group(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>, gradient: bool) {
+        let (mut difference, mut want2, mut got2, mut dot) = (0.0, 0.0, 0.0, 0.0);
+        let (mut most, mut largest, mut signed, mut size) = (0.0f64, 0.0f64, 0.0, 0.0);
+        let mut not_a_number = false;
+        for (got, want) in pairs {
+            let (got, want) = (f64::from(got), want * (1.0 + self.perturb));
+            let off = got - want;
+            // max() passes over NaN, sums do not.
+            not_a_number |= off.is_nan();
+            difference += off * off;
+            want2 += want * want;
+            got2 += got * got;
+            dot += got * want;
+            most = most.max(off.abs());
+            largest = largest.max(want.abs());
+            signed += off;
+            size += want.abs();
+        }
+        // Nothing at all where nothing is wanted is right; anything else is infinitely wrong.
+        let ratio = |a: f64, b: f64| if a == 0.0 && b == 0.0 { 0.0 } else { a / b };
+        let most = if not_a_number { f64::NAN } else { ratio(most, largest) };
+        let e = &mut self.errors;
+        raise(&mut e.max, most);
+        raise(&mut e.relative_l2, ratio(difference.sqrt(), want2.sqrt()));
+        if gradient {
+            raise(&mut e.cosine_loss, ratio((want2 * got2).sqrt() - dot, (want2 * got2).sqrt()).max(0.0));
+            let bias = ratio(signed, size);
+            if e.bias.is_none_or(|b| !(bias.abs() <= b.abs())) {
+                e.bias = Some(bias);
+            }
+        }
+    }
+
+    /// Words that must be the twin's.
+    pub(super) fn words<T: Pod + PartialEq>(&mut self, got: &[T], want: &[T]) {
+        let mut want = want.to_vec();
+        let middle = want.len() / 2;
+        if self.perturb != 0.0
+            && let Some(element) = want.get_mut(middle)
+        {
+            bytemuck::bytes_of_mut(element)[0] ^= 1;
+        }
+        let differ = got.iter().zip(&want).filter(|(g, w)| g != w).count() + got.len().abs_diff(want.len());
+        self.unequal(differ as u64);
+    }
+
+    /// Things that are wrong whatever the bounds say.
+    pub(super) fn unequal(&mut self, count: u64) {
+        *self.errors.unequal.get_or_insert(0) += count;
+    }
+
+    /// `count` of `of` decisions fell otherwise, each within its margin.
+    pub(super) fn flips(&mut self, count: usize, of: usize) {
+        raise(&mut self.errors.flips, count as f64 / of.max(1) as f64);
+    }
+
+    /// Largest error as one number, for the plot: of the measures that are relative to what is wanted.
+    pub fn error(&self) -> Option<f64> {
+        self.errors.relative_l2
+    }
+
+    /// Time relative to the floor.
+    pub fn ratio(&self) -> Option<f64> {
+        Some(self.time? / self.floor.filter(|&f| f > 0.0)?)
+    }
+
+    /// Fills [`Row::breaches`].
+    pub(super) fn judge(&mut self) {
+        let Errors { max, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
+        let mut check = |measure, value: Option<f64>, limit: f64| {
+            if let Some(value) = value
+                && !(value.abs() <= limit)
+            {
+                self.breaches.push(Breach { measure, value, limit });
+            }
+        };
+        check("unequal", unequal.map(|n| n as f64), 0.0);
+        let zero = Bound::exact(self.stage, "");
+        let bound = bounds::of(self.stage).unwrap_or(zero);
+        check("max", max, bound.max);
+        check("relative L2", relative_l2, bound.relative_l2);
+        // The angle φ between got and want has sin φ ≤ the relative L2 error, so 1 − cos φ is at most its square.
+        check("1 - cosine", cosine_loss, bound.relative_l2 * bound.relative_l2);
+        check("bias", bias, bound.bias);
+        check("flips", flips, bound.flips);
+    }
+}
+
+/// The larger one, and NaN above all.
+fn raise(old: &mut Option<f64>, new: f64) {
+    if old.is_none_or(|old| !(new <= old) && !old.is_nan()) {
+        *old = Some(new);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(perturb: f64) -> Row {
+        Row::new("blend", "", perturb)
+    }
+
+    #[test]
+    fn the_worst_group_counts() {
+        let mut row = row(0.0);
+        row.gradients([(3.0, 3.0), (4.0, 4.0)]);
+        row.gradients([(0.0, 0.0)]);
+        assert_eq!(row.errors.relative_l2, Some(0.0));
+        row.gradients([(3.0, 3.0), (5.0, 4.0)]);
+        row.gradients([(1.0, 1.0)]);
+        assert_eq!((row.errors.max, row.errors.relative_l2), (Some(0.25), Some(0.2)));
+        assert_eq!(row.errors.bias, Some(1.0 / 7.0));
+    }
+
+    #[test]
+    fn what_is_not_a_number_breaks_the_bound() {
+        for pair in [(f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, 0.0)] {
+            let mut row = row(0.0);
+            row.numbers([(1.0, 1.0), pair]);
+            row.numbers([(1.0, 1.0)]);
+            row.judge();
+            assert!(pair == (1.0, 0.0) || row.breaches.len() == 2, "{row:?}");
+            let mut row = Row::new("blend", "", 0.0);
+            row.gradients([pair]);
+            row.judge();
+            assert!(!row.breaches.is_empty(), "{row:?}");
+        }
+    }
+
+    #[test]
+    fn a_perturbed_twin_is_noticed() {
+        let mut row = row(1e-3);
+        row.words(&[1u32], &[1]);
+        row.numbers([(1.0, 1.0)]);
+        row.judge();
+        assert_eq!(row.breaches.len(), 3);
+    }
+}

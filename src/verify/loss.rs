@@ -1,0 +1,247 @@
+//! The L1 + SSIM loss and its gradient.
+
+use super::Bench;
+use crate::{
+    error::Result,
+    gpu::{Buffer, Recorder},
+    reference::{self, ssim_forward::SsimForward as Twin},
+    stages::{
+        loss_sum::{self, LossSum},
+        ssim_backward::{self, SsimBackward},
+        ssim_forward::{self, SsimForward, partials_len, tile_sums_len, tiles_for, tiles_per_frame},
+        types::{Frame, Loss},
+    },
+    verify::{judge::Work, sort::noise},
+};
+
+pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+    // Whole and broken tiles, frames smaller than a tile and than the window.
+    // (Scratch is as large for each frame as for the largest: four of these are a third of what llvmpipe binds.)
+    let first = if quick { (101, 75) } else { (800, 533) };
+    let sizes = &[first, (64, 48), (5, 70), (1, 1)];
+    let batch = Batch::new(sizes);
+    // Each pixel and channel: five moments forward and three partials backward, filtered by eleven taps in each direction.
+    let channels = 3.0 * batch.image.len() as f64;
+    let pixels = batch.image.len() as f64;
+    let twins: Vec<(Twin, Vec<[f64; 3]>)> = batch
+        .frames
+        .iter()
+        .map(|frame| {
+            let (width, height) = (frame.width as usize, frame.height as usize);
+            let (image, targets) = batch.pixels(frame);
+            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
+            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
+            (forward, backward)
+        })
+        .collect();
+    for variant in [Variant::Plain, Variant::LossMap, Variant::TileList] {
+        let there = There::new(bench, &batch)?;
+        let stages = Stages::new(bench, variant)?;
+        let times = bench.time(|recorder| there.record(recorder, &stages))?;
+        let (gradient, map) = (there.image_grad.download()?, there.loss_map.download()?);
+        let losses = there.losses.download()?;
+
+        let (mut forward, mut backward) =
+            (bench.row("ssim_forward", variant.name()), bench.row("ssim_backward", variant.name()));
+        let mut sum = bench.row("loss_sum", variant.name());
+        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(&twins).enumerate() {
+            let range = frame.image_first as usize..(frame.image_first + frame.width * frame.height) as usize;
+            if variant == Variant::TileList && !listed(f) {
+                // Tiles that are not listed keep what they had.
+                let touched = gradient[3 * range.start..3 * range.end].iter().filter(|g| !g.is_nan()).count();
+                backward.unequal(touched as u64);
+                continue;
+            }
+            let [l1, ssim, total] =
+                reference::loss_sum::loss_sum(twin.sums, frame.width as usize, frame.height as usize);
+            let loss = losses[f];
+            sum.numbers([(loss.l1, l1), (loss.total, total)]);
+            // 1 − SSIM is what the loss is made of; SSIM itself is near 1.
+            sum.numbers([(loss.ssim, ssim)]);
+            if variant == Variant::LossMap {
+                forward.numbers(map[range.clone()].iter().copied().zip(twin.loss_map.iter().copied()));
+            } else {
+                forward.unequal(map[range.clone()].iter().filter(|loss| !loss.is_nan()).count() as u64);
+                forward.numbers([(loss.total, total)]);
+            }
+            let want = twin_gradient.iter().flatten().copied();
+            backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
+        }
+        // Training has all tiles, the 2D stage a list, and a loss map where it draws.
+        backward.chosen = variant != Variant::LossMap;
+        let share = if variant == Variant::TileList { listed_share(&batch) } else { 1.0 };
+        let partials = 9.0 * 4.0 * pixels;
+        let map_bytes = if variant == Variant::LossMap { 4.0 * pixels } else { 0.0 };
+        forward.work =
+            Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
+        backward.work =
+            Work { bytes: share * (20.0 * pixels + partials + 12.0 * pixels), operations: share * channels * 66.0 };
+        sum.work.bytes = 8.0 * f64::from(there.tiles_per_frame) * batch.frames.len() as f64;
+        forward.time = times.of("ssim_forward");
+        backward.time = times.of("ssim_backward");
+        sum.time = times.of("loss_sum");
+        bench.push(forward);
+        bench.push(backward);
+        if variant == Variant::Plain {
+            bench.push(sum);
+        }
+    }
+    Ok(())
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Variant {
+    Plain,
+    LossMap,
+    TileList,
+}
+
+impl Variant {
+    fn name(self) -> &'static str {
+        match self {
+            Variant::Plain => "",
+            Variant::LossMap => "loss map",
+            Variant::TileList => "tile list",
+        }
+    }
+}
+
+/// Frames whose tiles are in the tile list.
+fn listed(frame: usize) -> bool {
+    frame != 1
+}
+
+fn listed_share(batch: &Batch) -> f64 {
+    let pixels = |f: &Frame| f64::from(f.width * f.height);
+    let some: f64 = batch.frames.iter().enumerate().filter(|(i, _)| listed(*i)).map(|(_, f)| pixels(f)).sum();
+    some / batch.image.len() as f64
+}
+
+/// Frames behind one another in one image buffer, their targets in another order with a gap.
+pub struct Batch {
+    pub frames: Vec<Frame>,
+    pub image: Vec<[f32; 4]>,
+    pub targets: Vec<u32>,
+}
+
+impl Batch {
+    /// Gradients, edges, noise, flat bright places (where float32 variances cancel most), colours above 1.
+    pub fn new(sizes: &[(u32, u32)]) -> Self {
+        let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
+        let pixels = |&(width, height): &(u32, u32)| width * height;
+        let mut batch = Batch { frames: vec![], image: vec![], targets: vec![0; 7] };
+        for size in sizes {
+            let image_first = batch.image.len() as u32;
+            batch.frames.push(Frame { image_first, target_first: 0, width: size.0, height: size.1 });
+            for i in 0..pixels(size) as usize {
+                let (x, y) = ((i % size.0 as usize) as f32, (i / size.0 as usize) as f32);
+                let flat = if x > 40.0 { 0.98 } else { 0.6 * (0.3 * x).sin() * (0.2 * y).cos() + 0.61 };
+                let edge = if (x - y).abs() < 9.0 { 0.9 } else { 0.1 };
+                batch.image.push([flat, edge + 0.1 * unit(i), (0.013 * y).min(1.2), unit(i + 5)]);
+            }
+        }
+        for frame in batch.frames.iter_mut().rev() {
+            frame.target_first = batch.targets.len() as u32;
+            for i in 0..pixels(&(frame.width, frame.height)) as usize {
+                let rgb = batch.image[frame.image_first as usize + i];
+                let byte = |c: usize| ((rgb[c] + 0.1 * unit(3 * i + c) - 0.05).clamp(0.0, 1.0) * 255.0) as u32;
+                batch.targets.push(byte(0) | byte(1) << 8 | byte(2) << 16 | 0x8000_0000);
+            }
+        }
+        batch
+    }
+
+    /// What the twins read of a frame.
+    pub fn pixels(&self, frame: &Frame) -> (Vec<[f64; 4]>, &[u32]) {
+        let pixels = (frame.width * frame.height) as usize;
+        let image = &self.image[frame.image_first as usize..][..pixels];
+        let targets = &self.targets[frame.target_first as usize..][..pixels];
+        (image.iter().map(|p| p.map(f64::from)).collect(), targets)
+    }
+}
+
+/// The stages in one variant.
+struct Stages {
+    variant: Variant,
+    forward: SsimForward,
+    backward: SsimBackward,
+    sum: LossSum,
+}
+
+impl Stages {
+    fn new(bench: &Bench<'_>, variant: Variant) -> Result<Self> {
+        let (context, list) = (bench.context, variant == Variant::TileList);
+        Ok(Stages {
+            variant,
+            forward: SsimForward::new(context, list, variant == Variant::LossMap)?,
+            backward: SsimBackward::new(context, list)?,
+            sum: LossSum::new(context)?,
+        })
+    }
+}
+
+/// A batch on the device. What the kernels do not write is NaN.
+struct There {
+    frames: Buffer<Frame>,
+    image: Buffer<[f32; 4]>,
+    targets: Buffer<u32>,
+    partials: Buffer<f32>,
+    tile_sums: Buffer<[f32; 2]>,
+    loss_map: Buffer<f32>,
+    image_grad: Buffer<f32>,
+    losses: Buffer<Loss>,
+    count: Buffer<u32>,
+    tile_list: Buffer<u32>,
+    args: Buffer<u32>,
+    frame_count: u32,
+    tiles_per_frame: u32,
+}
+
+impl There {
+    fn new(bench: &Bench<'_>, batch: &Batch) -> Result<Self> {
+        let context = bench.context;
+        let (frame_count, tiles) = (batch.frames.len() as u32, tiles_per_frame(&batch.frames));
+        let nans = |name, len| Buffer::from_slice(context, name, &vec![f32::NAN; len]);
+        let list: Vec<u32> = (0..frame_count)
+            .filter(|&f| listed(f as usize))
+            .flat_map(|f| (0..tiles_for(&batch.frames[f as usize])).map(move |t| f * tiles + t))
+            .collect();
+        Ok(There {
+            frames: Buffer::from_slice(context, "frames", &batch.frames)?,
+            image: Buffer::from_slice(context, "image", &batch.image)?,
+            targets: Buffer::from_slice(context, "targets", &batch.targets)?,
+            partials: nans("partials", partials_len(frame_count, tiles))?,
+            tile_sums: Buffer::zeroed(context, "tile sums", tile_sums_len(frame_count, tiles))?,
+            loss_map: nans("loss map", batch.image.len())?,
+            image_grad: nans("image grad", 3 * batch.image.len())?,
+            losses: Buffer::zeroed(context, "losses", frame_count as usize)?,
+            count: Buffer::from_slice(context, "count", &[list.len() as u32])?,
+            // More workgroups than tiles, as after a fold into two dimensions.
+            args: Buffer::from_slice(context, "args", &[list.len() as u32 / 2 + 1, 2, 1])?,
+            tile_list: Buffer::from_slice(context, "tile list", &list)?,
+            frame_count,
+            tiles_per_frame: tiles,
+        })
+    }
+
+    fn record(&self, recorder: &mut Recorder, stages: &Stages) {
+        let There { frames, image, targets, partials, tile_sums, loss_map, image_grad, count, tile_list, .. } = self;
+        let (tiles_per_frame, tile_count) = (self.tiles_per_frame, self.tiles_per_frame * self.frame_count);
+        let forward = ssim_forward::Buffers { count, tile_list, frames, image, targets, partials, tile_sums, loss_map };
+        let backward = ssim_backward::Buffers { count, tile_list, frames, image, targets, partials, image_grad };
+        let forward_push = ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
+        let backward_push = ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
+        if stages.variant == Variant::TileList {
+            stages.forward.record_list(recorder, &forward, &forward_push, &self.args, 0);
+            stages.backward.record_list(recorder, &backward, &backward_push, &self.args, 0);
+        } else {
+            stages.forward.record(recorder, &forward, &forward_push);
+            stages.backward.record(recorder, &backward, &backward_push);
+        }
+        stages.sum.record(
+            recorder,
+            &loss_sum::Buffers { frames, tile_sums, losses: &self.losses },
+            &loss_sum::Push { frame_first: 0, frame_count: self.frame_count, tiles_per_frame, slot: 0 },
+        );
+    }
+}

@@ -1,0 +1,262 @@
+//! Judges a device, its driver and glint's kernels on it: every stage against its float64 twin, beside its time and what
+//! that time could be at best. Needs no data.
+
+mod bounds;
+mod floor;
+mod judge;
+pub mod lift;
+pub mod loss;
+pub mod plane;
+#[cfg(feature = "cli")]
+mod plot;
+mod raster;
+mod sort;
+mod step;
+
+use std::{fmt, time::Instant};
+
+use serde::Serialize;
+
+pub use bounds::{BOUNDS, Bound, NEAR_THRESHOLD};
+pub use floor::Rates;
+pub use judge::{Breach, Errors, Row, Work};
+#[cfg(feature = "cli")]
+pub use plot::plot;
+
+use crate::{
+    error::Result,
+    gpu::{Context, DeviceInfo, Recorder},
+    report::table::{Cell, Column, Table},
+};
+
+/// What to run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Small cases only: a minute on two CPU cores, where all take ten.
+    pub quick: bool,
+    /// Relative error that is put into every twin's results; 0 but for proving that the bounds notice.
+    pub perturb: f64,
+}
+
+/// What was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    pub device: DeviceInfo,
+    pub rates: Rates,
+    pub rows: Vec<Row>,
+    /// Wall clock.
+    pub seconds: f64,
+}
+
+/// Runs all cases.
+///
+/// # Errors
+/// Only where the device cannot do something at all; a wrong result is a [`Breach`] of a row.
+pub fn run(context: &Context, options: &Options) -> Result<Report> {
+    let start = Instant::now();
+    let mut bench = Bench {
+        context,
+        perturb: options.perturb,
+        repeats: if options.quick { 3 } else { 9 },
+        rates: Rates::default(),
+        rows: Vec::new(),
+    };
+    floor::measure(&mut bench)?;
+    sort::cases(&mut bench, options.quick)?;
+    raster::cases(&mut bench, options.quick)?;
+    loss::cases(&mut bench, options.quick)?;
+    plane::cases(&mut bench, options.quick)?;
+    lift::cases(&mut bench, options.quick)?;
+    let Bench { rates, rows, .. } = bench;
+    let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
+    for row in &mut report.rows {
+        row.floor = rates.floor(row.work);
+        row.judge();
+    }
+    Ok(report)
+}
+
+impl Report {
+    /// Rows that break a bound.
+    pub fn broken(&self) -> usize {
+        self.rows.iter().filter(|row| !row.breaches.is_empty()).count()
+    }
+}
+
+/// What all cases share.
+struct Bench<'a> {
+    context: &'a Context,
+    perturb: f64,
+    repeats: usize,
+    rates: Rates,
+    rows: Vec<Row>,
+}
+
+impl Bench<'_> {
+    fn row(&self, stage: &'static str, variant: impl Into<String>) -> Row {
+        Row::new(stage, variant, self.perturb)
+    }
+
+    fn push(&mut self, row: Row) {
+        tracing::debug!(stage = row.stage, variant = row.variant, "compared");
+        self.rows.push(row);
+    }
+
+    /// How far off the twin's input is where its results are sets, in pixels or as a logit: 2 for a perturbation of 0.002.
+    fn shift(&self) -> f64 {
+        1000.0 * self.perturb
+    }
+
+    /// Times what `record` records. It must be something that can be done again and again.
+    fn time(&self, record: impl Fn(&mut Recorder)) -> Result<Times> {
+        self.time_after(|| Ok(()), record)
+    }
+
+    /// The same, with `prepare` before each run.
+    fn time_after(&self, prepare: impl Fn() -> Result<()>, record: impl Fn(&mut Recorder)) -> Result<Times> {
+        let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
+        let mut whole = Vec::new();
+        // The first run warms up and counts for nothing.
+        for run in 0..=self.repeats {
+            prepare()?;
+            let mut recorder = self.context.recorder("verify")?;
+            recorder.time_stages();
+            record(&mut recorder);
+            let start = Instant::now();
+            let times = recorder.submit()?.wait()?;
+            if run == 0 {
+                continue;
+            }
+            whole.push(start.elapsed().as_secs_f64());
+            for (i, stage) in times.iter().enumerate() {
+                if stages.len() == i {
+                    stages.push((stage.name, Vec::new()));
+                }
+                stages[i].1.push(stage.time.as_secs_f64());
+            }
+        }
+        let stages = stages.into_iter().map(|(name, times)| (name, median(times))).collect();
+        Ok(Times { stages, whole: median(whole) })
+    }
+}
+
+/// Median times of the stages of a recording, in its order.
+struct Times {
+    stages: Vec<(&'static str, f64)>,
+    /// From submission to the end of waiting, seconds.
+    whole: f64,
+}
+
+impl Times {
+    /// Seconds per call of a stage; none without timestamps.
+    fn of(&self, stage: &str) -> Option<f64> {
+        let times: Vec<f64> = self.stages.iter().filter(|(name, _)| *name == stage).map(|(_, time)| *time).collect();
+        (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
+    }
+
+    /// Seconds of all calls of a stage together; none without timestamps.
+    fn all(&self, stage: &str) -> Option<f64> {
+        let calls = self.stages.iter().filter(|(name, _)| *name == stage).count();
+        self.of(stage).map(|time| time * calls as f64)
+    }
+
+    /// Seconds of all calls of all stages; none without timestamps.
+    fn sum(&self) -> Option<f64> {
+        (!self.stages.is_empty()).then(|| self.stages.iter().map(|(_, time)| time).sum())
+    }
+
+    /// The same, or the wall clock without timestamps.
+    fn whole(&self) -> f64 {
+        self.sum().unwrap_or(self.whole)
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+const fn column(key: &'static str, title: &'static str, unit: &'static str) -> Column {
+    Column { key, title, unit, decimals: 1 }
+}
+
+/// The bounds and their reasons, for people.
+pub fn explain() -> String {
+    let mut text = String::new();
+    for b in BOUNDS {
+        let limit = |name: &str, v: f64| if v == 0.0 { String::new() } else { format!(", {name} {v:.0e}") };
+        let limits = [("max", b.max), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
+        let limits: String = limits.into_iter().map(|(name, v)| limit(name, v)).collect();
+        let limits = if limits.is_empty() { ", exact".to_owned() } else { limits };
+        text += &format!("{}{limits}\n    {}\n", b.stage, b.reason);
+    }
+    text
+}
+
+const COLUMNS: [Column; 12] = [
+    column("stage", "stage", ""),
+    column("variant", "variant", ""),
+    column("max", "max", "of largest"),
+    column("relative_l2", "L2", "relative"),
+    column("cosine_loss", "1−cos", ""),
+    column("bias", "bias", ""),
+    column("flips", "flips", ""),
+    column("unequal", "unequal", ""),
+    column("time", "time", "µs"),
+    column("floor", "floor", "µs"),
+    column("ratio", "time/floor", ""),
+    column("verdict", "", ""),
+];
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let d = &self.device;
+        writeln!(f, "{} ({}), {}, subgroups of {} lanes", d.name, d.kind, d.driver, d.subgroup_size)?;
+        writeln!(
+            f,
+            "copies {:.1} GB/s, computes {:.1} G multiply-adds/s",
+            self.rates.bytes / 1e9,
+            self.rates.operations / 1e9
+        )?;
+        let launch = self.rows.iter().find(|row| row.stage == "dispatch_args").and_then(|row| row.time);
+        if let Some(launch) = launch {
+            writeln!(f, "A dispatch of one thread takes {:.1} µs, which no floor contains.", launch * 1e6)?;
+        }
+        writeln!(
+            f,
+            "Gradients are summed in a fixed order, there are no atomic sums: deterministic is the only mode."
+        )?;
+        writeln!(
+            f,
+            "* is what the engine chooses on this device. Floor: bytes or operations that the stage cannot do without.\n"
+        )?;
+        let mut table = Table::new(COLUMNS);
+        let small = |v: Option<f64>| v.map(|v| if v == 0.0 { "0".to_owned() } else { format!("{v:.1e}") }).into();
+        for row in &self.rows {
+            let e = &row.errors;
+            let verdict = match row.breaches.as_slice() {
+                [] => "ok".to_owned(),
+                [b, ..] => format!("BROKEN: {} {:.1e} > {:.1e}", b.measure, b.value, b.limit),
+            };
+            table.row([
+                row.stage.into(),
+                format!("{}{}", row.variant, if row.chosen { " *" } else { "" }).into(),
+                small(e.max),
+                small(e.relative_l2),
+                small(e.cosine_loss),
+                small(e.bias),
+                small(e.flips),
+                e.unequal.into(),
+                row.time.map(|t| t * 1e6).into(),
+                row.floor.map(|t| t * 1e6).into(),
+                row.ratio().into(),
+                Cell::Text(verdict),
+            ]);
+        }
+        writeln!(f, "{table}")?;
+        match self.broken() {
+            0 => writeln!(f, "{} rows, all within their bounds; {:.0} s.", self.rows.len(), self.seconds),
+            n => writeln!(f, "{n} of {} rows break a bound; {:.0} s.", self.rows.len(), self.seconds),
+        }
+    }
+}

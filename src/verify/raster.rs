@@ -1,0 +1,610 @@
+//! Rendering: every kernel from projection to pixels and back to intersection records, alone and as a whole.
+
+use rayon::prelude::*;
+
+use super::{Bench, NEAR_THRESHOLD, judge::Work, sort::noise, step};
+use crate::{
+    error::Result,
+    gpu::{Buffer, Recorder},
+    pipelines::{
+        model::Model,
+        raster::{Grid, ISECTS, Raster, RasterOptions, TileShape, VISIBLE, WORKGROUP},
+        render::MEDIAN_THRESHOLD,
+        views::Views,
+    },
+    reference::{
+        self, ALPHA_MAX, ALPHA_MIN, Background, Intersections, NEAR, NONE, Options, Params, Splat, TRANSMITTANCE_MIN,
+        View,
+        blend::{Blended, Margin, blend},
+        blend_backward::{Record, blend_backward},
+        emit::emit,
+        median_depth::{DepthAt, median_depth},
+        project::project,
+        random_camera, random_scene,
+        tile_ranges::tile_ranges,
+        tiles::Tiling,
+    },
+    stages::{
+        blend::{self as blend_stage, Blend},
+        median_depth::{self as median_depth_stage, MedianDepth},
+        project::{self as project_stage, Project},
+        step_done::{OVERFLOW, STATUS_WORDS},
+        types,
+    },
+};
+
+const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
+
+pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+    let (count, supplement, width, height) = if quick { (2500, 800, 97, 71) } else { (30_000, 10_000, 403, 301) };
+    let lanes = bench.context.info().subgroup_size;
+    let chosen = TileShape::for_subgroup(lanes);
+    let scene = Scene::new(bench, 1, (count, supplement), 3, (width, height))?;
+    let twin = scene.twin(false);
+    for tile in TileShape::choices(lanes) {
+        case(bench, &scene, &twin, tile, false)?;
+    }
+    case(bench, &scene, &scene.twin(true), chosen, true)?;
+    // Without a supplement, and with fewer bands.
+    let plain = Scene::new(bench, 2, (count, 0), 1, (width, height))?;
+    case(bench, &plain, &plain.twin(false), chosen, false)
+}
+
+/// A random scene on both sides.
+pub(super) struct Scene {
+    pub params: Params,
+    pub view: View,
+    pub views: Views,
+    pub model: Model,
+    pub degree: u32,
+}
+
+impl Scene {
+    fn new(
+        bench: &Bench<'_>,
+        seed: u64,
+        (count, supplement): (usize, usize),
+        degree: u32,
+        (width, height): (u32, u32),
+    ) -> Result<Self> {
+        let scene = random_scene(seed, count, supplement, degree);
+        let camera = random_camera(width, height);
+        Ok(Scene {
+            params: Params::from_scene(&scene)?,
+            view: View::from_camera(&camera).rounded(),
+            views: Views::upload(bench.context, &[camera], &[])?,
+            model: Model::upload(bench.context, &scene, 0)?,
+            degree,
+        })
+    }
+
+    pub fn options(&self, tile: TileShape, compensate: bool) -> Options {
+        Options {
+            active_degree: self.degree,
+            compensate,
+            tile_width: tile.width,
+            tile_height: tile.height,
+            median_threshold: f64::from(MEDIAN_THRESHOLD),
+        }
+    }
+
+    /// All of rendering in float64. The tiles' shape does not matter to an image.
+    fn twin(&self, compensate: bool) -> reference::Rendered {
+        let tile = TileShape { width: 16, height: 16, pixels: 1 };
+        let background = Background::Color(BACKGROUND.map(f64::from));
+        reference::render(&self.params, &self.view, &self.options(tile, compensate), background)
+    }
+
+    fn pixels(&self) -> usize {
+        self.view.width as usize * self.view.height as usize
+    }
+
+    /// "8×8, lobes, compensated".
+    fn variant(&self, tile: TileShape, compensate: bool) -> String {
+        let lobes = if self.model.supplement_count > 0 { ", lobes" } else { "" };
+        format!("{tile}{lobes}{}", if compensate { ", compensated" } else { "" })
+    }
+}
+
+/// A scene that the device has projected and ordered, and what it made of it, in float64.
+pub(super) struct Ordered {
+    pub raster: Raster,
+    pub grid: Grid,
+    pub status: Buffer<u32>,
+    pub splats: Vec<Splat>,
+    pub tile_counts: Vec<u32>,
+    pub isects: Intersections,
+    project: Project,
+    depth_keys: Vec<u32>,
+}
+
+impl Ordered {
+    fn new(bench: &Bench<'_>, scene: &Scene, tile: TileShape, compensate: bool) -> Result<Self> {
+        let context = bench.context;
+        let (view, model) = (&scene.view, &scene.model);
+        let grid = Grid::new(tile, 0, 1, view.width, view.height);
+        let options = RasterOptions {
+            splats: model.count(),
+            pixels: view.width * view.height,
+            tiles: grid.tiles(),
+            isects: 1 << 16,
+            batch: false,
+            background_image: true,
+            median: true,
+            backward: true,
+        };
+        let spec = project_stage::Spec {
+            workgroup_size: WORKGROUP,
+            tile_width: tile.width,
+            tile_height: tile.height,
+            compensate,
+            lobes: model.supplement_count > 0,
+        };
+        let mut ordered = Ordered {
+            raster: Raster::with_tile(context, options, tile)?,
+            grid,
+            status: Buffer::zeroed(context, "status", STATUS_WORDS)?,
+            splats: vec![],
+            tile_counts: vec![],
+            isects: Intersections {
+                tiling: Tiling::new(view.width, view.height, &scene.options(tile, compensate)),
+                global_from_rank: vec![],
+                isect_tiles: vec![],
+                isect_slots: vec![],
+                global_from_slot: vec![],
+                first_slot: vec![],
+                tile_ranges: vec![],
+            },
+            project: Project::new(context, &spec)?,
+            depth_keys: vec![],
+        };
+        loop {
+            ordered.status.upload(0, &[0; STATUS_WORDS])?;
+            let mut recorder = context.recorder("order")?;
+            ordered.record(&mut recorder, scene);
+            recorder.submit()?.wait()?;
+            match ordered.status.download()?[OVERFLOW] {
+                0 => break,
+                needed => ordered.raster.grow(needed)?,
+            }
+        }
+        ordered.read(model.count() as usize)?;
+        Ok(ordered)
+    }
+
+    fn record(&self, recorder: &mut Recorder, scene: &Scene) {
+        let (raster, model) = (&self.raster, &scene.model);
+        self.project.record(
+            recorder,
+            &project_stage::Buffers {
+                views: &scene.views.views,
+                geometry: &model.geometry,
+                sh: &model.sh,
+                lobes: &model.lobes,
+                splats: &raster.splats,
+                depth_keys: &raster.depth_keys,
+                tile_counts: &raster.tile_counts,
+            },
+            &project_stage::Push {
+                count: model.count(),
+                stride: model.stride,
+                lobe_first: model.base_count,
+                lobe_stride: model.lobe_stride,
+                view: 0,
+                active_degree: scene.degree,
+            },
+        );
+        let frames = &scene.views.frames;
+        raster.record_order(recorder, model.count(), &self.grid, frames, &raster.tile_counts, &self.status);
+    }
+
+    fn read(&mut self, count: usize) -> Result<()> {
+        let raster = &self.raster;
+        let words = raster.count.download()?;
+        let (visible, isects) = (words[VISIBLE as usize] as usize, words[ISECTS as usize] as usize);
+        self.depth_keys = raster.depth_keys.download_range(0, count)?;
+        self.tile_counts = raster.tile_counts.download_range(0, count)?;
+        // What is not visible has no splat and no slot; the device leaves its memory as it was.
+        let seen = |i: usize| self.tile_counts[i] > 0;
+        let splats = raster.splats.download_range(0, count)?;
+        self.splats = (0..count).map(|i| if seen(i) { wide(&splats[i]) } else { Splat::default() }).collect();
+        let first_slot = raster.first_slot.download_range(0, count)?;
+        self.isects = Intersections {
+            tiling: self.isects.tiling,
+            global_from_rank: raster.global_from_rank().download_range(0, visible)?,
+            isect_tiles: raster.isect_tiles().download_range(0, isects)?,
+            isect_slots: raster.isect_slots().download_range(0, isects)?,
+            global_from_slot: raster.global_from_slot().download_range(0, isects)?,
+            first_slot: (0..count).map(|i| if seen(i) { first_slot[i] } else { 0 }).collect(),
+            tile_ranges: raster.tile_ranges.download_range(0, self.isects.tiling.count())?,
+        };
+        Ok(())
+    }
+
+    /// Every index that the twins follow lies within what it indexes.
+    fn is_sound(&self) -> bool {
+        let i = &self.isects;
+        let (count, isects) = (self.splats.len() as u32, i.isect_slots.len() as u32);
+        let owned = |g: usize| u64::from(i.first_slot[g]) + u64::from(self.tile_counts[g]) <= u64::from(isects);
+        i.global_from_rank.iter().chain(&i.global_from_slot).all(|&g| g < count)
+            && i.isect_slots.iter().all(|&slot| slot < isects)
+            && i.isect_tiles.iter().all(|&tile| (tile as usize) < i.tiling.count())
+            && i.tile_ranges.iter().all(|r| r[0] <= r[1] && r[1] <= isects)
+            && (0..count as usize).all(owned)
+    }
+}
+
+pub(super) fn wide(s: &types::Splat) -> Splat {
+    let [x, y, l11, l12, l22] = [s.x, s.y, s.l11, s.l12, s.l22].map(f64::from);
+    let [opacity, r, g, b, z] = [s.opacity, s.r, s.g, s.b, s.z].map(f64::from);
+    Splat { x, y, l11, l12, l22, opacity, r, g, b, z }
+}
+
+fn case(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    twin: &reference::Rendered,
+    tile: TileShape,
+    compensate: bool,
+) -> Result<()> {
+    let chosen = tile == TileShape::for_subgroup(bench.context.info().subgroup_size);
+    let ordered = Ordered::new(bench, scene, tile, compensate)?;
+    let times = bench.time(|recorder| ordered.record(recorder, scene))?;
+    let variant = scene.variant(tile, compensate);
+    let options = scene.options(tile, compensate);
+    let (tiling, isects) = (ordered.isects.tiling, &ordered.isects);
+    let (count, visible) = (scene.params.count as f64, isects.global_from_rank.len() as f64);
+    let isect_count = isects.isect_slots.len() as f64;
+
+    // Projection.
+    let projected = project(&scene.params, &scene.view, &options);
+    let mut row = bench.row("project", &variant);
+    let both: Vec<usize> =
+        (0..scene.params.count).filter(|&i| ordered.depth_keys[i] != NONE && projected.tile_counts[i] > 0).collect();
+    let fields: [fn(&Splat) -> f64; 10] =
+        [|s| s.x, |s| s.y, |s| s.l11, |s| s.l12, |s| s.l22, |s| s.opacity, |s| s.r, |s| s.g, |s| s.b, |s| s.z];
+    for field in fields {
+        // The device's own were float32.
+        row.numbers(both.iter().map(|&i| (field(&ordered.splats[i]) as f32, field(&projected.splats[i]))));
+    }
+    let (mut flips, mut wrong) = (0, 0);
+    for i in 0..scene.params.count {
+        let (here, there) = (ordered.depth_keys[i] != NONE, projected.tile_counts[i] > 0);
+        wrong += u64::from(here && ordered.depth_keys[i] != (ordered.splats[i].z as f32).to_bits());
+        wrong += u64::from(here != (ordered.tile_counts[i] > 0));
+        if here != there {
+            let splat = if here { &ordered.splats[i] } else { &projected.splats[i] };
+            flips += 1;
+            wrong += u64::from(!is_marginal(splat, &tiling));
+        } else if ordered.tile_counts[i] != projected.tile_counts[i] {
+            flips += 1;
+        }
+    }
+    row.flips(flips, both.len());
+    row.unequal(wrong);
+    let planes = f64::from(11 + 3 * (scene.degree + 1).pow(2));
+    let supplement = f64::from(scene.model.supplement_count);
+    row.work = Work {
+        bytes: count * 8.0 + 4.0 * (count * planes + 5.0 * supplement) + 40.0 * visible,
+        // The SH dot products, the position (9), JW (12), RS (21), M (18), its products (15), the direction (6) and its basis
+        // (30), the rows and spans of the tile list (40): 150 at least.
+        operations: count * 9.0 + visible * (150.0 + planes - 11.0),
+    };
+    row.time = times.of("project");
+    row.chosen = chosen && !compensate;
+    bench.push(row);
+
+    // Tile lists.
+    let mut row = bench.row("emit", &variant);
+    row.chosen = chosen && !compensate;
+    row.time = times.of("emit");
+    row.work.bytes = visible * (8.0 + 24.0 + 4.0) + isect_count * 8.0;
+    if !ordered.is_sound() {
+        // Nothing further can be compared: an index leads out of its buffer.
+        row.unequal(u64::MAX);
+        bench.push(row);
+        return Ok(());
+    }
+    let (flips, wrong) = compare_lists(&ordered, bench.shift());
+    row.flips(flips, isects.isect_slots.len());
+    row.unequal(wrong);
+    bench.push(row);
+    let mut row = bench.row("tile_ranges", &variant);
+    row.words(&isects.tile_ranges, &tile_ranges(&isects.isect_tiles, tiling.count()));
+    row.chosen = chosen && !compensate;
+    row.time = times.of("tile_ranges");
+    row.work.bytes = 4.0 * isect_count + 8.0 * tiling.count() as f64;
+    bench.push(row);
+
+    let order_time = times.sum();
+    let calm = blends(bench, scene, &ordered, twin, &variant, chosen && !compensate, order_time)?;
+    blend_backwards(bench, scene, &ordered, &calm, &variant, chosen && !compensate)?;
+    if chosen {
+        step::cases(bench, scene, &ordered, twin, &options)?;
+    }
+    Ok(())
+}
+
+/// Whether float32 may see a splat that float64 does not, or the other way round: its opacity is at the threshold, it is at
+/// the near plane, or no pixel's centre is well within its ellipse.
+pub(super) fn is_marginal(splat: &Splat, tiling: &Tiling) -> bool {
+    let reaches = (0..tiling.height)
+        .into_par_iter()
+        .any(|row| (0..tiling.width).any(|column| alpha(splat, column, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD)));
+    (255.0 * splat.opacity - 1.0).abs() < NEAR_THRESHOLD || (splat.z / NEAR - 1.0).abs() < NEAR_THRESHOLD || !reaches
+}
+
+fn alpha(splat: &Splat, column: u32, row: u32) -> f64 {
+    let (u, v) = splat.whiten(column, row);
+    splat.opacity * (-0.5 * (u * u + v * v)).exp()
+}
+
+/// With the twin's splats `shift` pixels aside: tiles in one list only, all of them without a pixel that is covered for sure, and what is wrong with the lists.
+fn compare_lists(ordered: &Ordered, shift: f64) -> (usize, u64) {
+    let Ordered { isects, splats, tile_counts, depth_keys, .. } = ordered;
+    let tiling = isects.tiling;
+    let mut wrong = 0;
+    // Ranks: by depth, ties by index.
+    let mut ranks: Vec<u32> = (0..depth_keys.len() as u32).filter(|&i| depth_keys[i as usize] != NONE).collect();
+    ranks.sort_by_key(|&i| depth_keys[i as usize]);
+    wrong += u64::from(ranks != isects.global_from_rank);
+    // The list is sorted by tile and then by slot, and every slot is in it once.
+    let mut tile_of_slot = vec![NONE; isects.isect_slots.len()];
+    for (&slot, &tile) in isects.isect_slots.iter().zip(&isects.isect_tiles) {
+        tile_of_slot[slot as usize] = tile;
+    }
+    wrong += tile_of_slot.iter().filter(|&&tile| tile == NONE).count() as u64;
+    let keys = isects.isect_tiles.iter().zip(&isects.isect_slots);
+    wrong += u64::from(!keys.is_sorted());
+    let splats: Vec<Splat> = splats.iter().map(|s| Splat { x: s.x + shift, ..*s }).collect();
+    let twin = emit(&splats, &isects.global_from_rank, &tiling);
+    let mut slot = 0;
+    let mut flips = 0;
+    for &global in &isects.global_from_rank {
+        let i = global as usize;
+        let end = (slot + tile_counts[i] as usize).min(tile_of_slot.len());
+        let (own, first) = (&tile_of_slot[slot..end], twin.first_slot[i] as usize);
+        wrong += u64::from(isects.first_slot[i] as usize != slot || !own.is_sorted_by(|a, b| a < b));
+        wrong += isects.global_from_slot[slot..end].iter().filter(|&&g| g != global).count() as u64;
+        slot = end;
+        let theirs = twin.global_from_slot[first..].iter().take_while(|&&g| g == global).count();
+        let theirs = &twin.tile_of_slot[first..first + theirs];
+        flips += own.iter().filter(|tile| theirs.binary_search(tile).is_err()).count();
+        for tile in theirs.iter().filter(|tile| own.binary_search(tile).is_err()) {
+            flips += 1;
+            let (left, top) = (tile % tiling.tiles_x * tiling.tile_width, tile / tiling.tiles_x * tiling.tile_height);
+            let rows = top..(top + tiling.tile_height).min(tiling.height);
+            let columns = left..(left + tiling.tile_width).min(tiling.width);
+            let covered =
+                |row| columns.clone().any(|c| alpha(&splats[i], c, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD));
+            wrong += u64::from(rows.into_iter().any(covered));
+        }
+    }
+    wrong += u64::from(slot != tile_of_slot.len());
+    (flips, wrong)
+}
+
+/// The decisions that an image hangs on, without that of the order, which the lists decide.
+pub(super) fn image_margin(margin: &Margin) -> f64 {
+    margin.alpha.min(margin.transmittance)
+}
+
+/// Pixels against the twin's: numbers where no threshold is near, flips where one is.
+pub(super) fn compare_image(row: &mut super::Row, got: &[[f32; 4]], want: &Blended, margin: fn(&Margin) -> f64) {
+    let is_calm = |pixel: &usize| margin(&want.margins[*pixel]) > NEAR_THRESHOLD;
+    let calm: Vec<usize> = (0..got.len()).filter(is_calm).collect();
+    row.numbers(calm.iter().flat_map(|&p| (0..3).map(move |c| (got[p][c], want.image[p][c]))));
+    row.numbers(calm.iter().map(|&p| (got[p][3], want.image[p][3])));
+    let off = |p: usize| !(0..4).all(|c| (f64::from(got[p][c]) - want.image[p][c]).abs() <= JUMP);
+    row.flips((0..got.len()).filter(|p| !is_calm(p) && off(*p)).count(), got.len());
+}
+
+/// Pairs of pixel and splat that blending tests, and those that it blends.
+fn blend_pairs(splats: &[Splat], isects: &Intersections) -> [f64; 2] {
+    let tiling = isects.tiling;
+    (0..tiling.height)
+        .into_par_iter()
+        .map(|row| {
+            let (mut tested, mut blended) = (0.0, 0.0);
+            for column in 0..tiling.width {
+                let mut transmittance = 1.0;
+                for (_, global) in isects.of_pixel(column, row) {
+                    tested += 1.0;
+                    let alpha = alpha(&splats[global as usize], column, row).min(ALPHA_MAX);
+                    if alpha >= ALPHA_MIN {
+                        transmittance *= 1.0 - alpha;
+                        if transmittance < TRANSMITTANCE_MIN {
+                            break;
+                        }
+                        blended += 1.0;
+                    }
+                }
+            }
+            [tested, blended]
+        })
+        .reduce(|| [0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+}
+
+/// A jump that no rounding makes: half a step of an 8-bit image is 2e-3.
+const JUMP: f64 = 1e-3;
+
+/// All variants of blending, median depth, and the image as a whole. Returns the margins of the lists' own image.
+fn blends(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    ordered: &Ordered,
+    twin: &reference::Rendered,
+    variant: &str,
+    chosen: bool,
+    order_time: Option<f64>,
+) -> Result<Blended> {
+    let (context, raster) = (bench.context, &ordered.raster);
+    let tile = raster.tile;
+    let pixels = scene.pixels();
+    let backdrop: Vec<[f32; 4]> =
+        (0..pixels).map(|p| [0.0, 1.0, 2.0, 3.0].map(|c| 0.5 + 0.5 * (0.01 * p as f32 + c).sin())).collect();
+    raster.backdrop.upload(0, &backdrop)?;
+    let behind: Vec<[f64; 3]> = backdrop.iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
+    let colour = Background::Color(BACKGROUND.map(f64::from));
+    let own = blend(&ordered.splats, &ordered.isects, colour, f64::from(MEDIAN_THRESHOLD));
+    let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
+    let visible = ordered.isects.global_from_rank.len() as f64;
+    for (name, background_image, median) in
+        [("background image", true, false), ("median", false, true), ("", false, false)]
+    {
+        let spec = blend_stage::Spec {
+            workgroup_size: WORKGROUP,
+            tile_width: tile.width,
+            tile_height: tile.height,
+            pixels: tile.pixels,
+            background_image,
+            median,
+        };
+        let stage = Blend::new(context, &spec)?;
+        let frames = &scene.views.frames;
+        let times = bench.time(|recorder| {
+            raster.record_blend_by(&stage, recorder, &ordered.grid, frames, BACKGROUND, MEDIAN_THRESHOLD);
+        })?;
+        let image = raster.image.download_range(0, pixels)?;
+        let comma = if name.is_empty() { "" } else { ", " };
+        let mut row = bench.row("blend", format!("{variant}{comma}{name}"));
+        row.chosen = chosen;
+        row.time = times.of("blend");
+        row.work = Work {
+            bytes: 8.0 * ordered.isects.isect_slots.len() as f64 + 40.0 * visible + 16.0 * pixels as f64,
+            // dy, u, v, the sum of squares, the half, the exponential, the opacity, the clamp, the test; then 1 − α, the test,
+            // α T, three colours and the copy of T.
+            operations: 9.0 * tested + 7.0 * blended,
+        };
+        if background_image {
+            let want = blend(&ordered.splats, &ordered.isects, Background::Image(&behind), 0.5);
+            compare_image(&mut row, &image, &want, image_margin);
+        } else {
+            compare_image(&mut row, &image, &own, image_margin);
+        }
+        if median {
+            let ids = raster.median_ids.download_range(0, pixels)?;
+            let differ: Vec<usize> = (0..pixels).filter(|&p| ids[p] != own.median[p]).collect();
+            let margin = |p: usize| image_margin(&own.margins[p]).min(own.margins[p].median);
+            row.flips(differ.len(), pixels);
+            row.unequal(differ.iter().filter(|&&p| !(margin(p) < NEAR_THRESHOLD)).count() as u64);
+            if chosen {
+                median_depths(bench, scene)?;
+            }
+        }
+        bench.push(row);
+
+        // From scene to image, the last variant being what rendering does.
+        if name.is_empty() {
+            let mut row = bench.row("(render)", variant);
+            row.chosen = chosen;
+            row.time = order_time.zip(times.sum()).map(|(a, b)| a + b);
+            compare_image(&mut row, &image, &twin.blended, Margin::image);
+            bench.push(row);
+        }
+    }
+    Ok(own)
+}
+
+/// Of Gaussians wherever they are, so that some have their greatest response behind the camera.
+fn median_depths(bench: &mut Bench<'_>, scene: &Scene) -> Result<()> {
+    let context = bench.context;
+    let (pixels, count) = (scene.pixels(), scene.params.count as u32);
+    let ids: Vec<u32> = (0..pixels as u32).map(|p| if p % 9 == 4 { NONE } else { noise(p) % count }).collect();
+    let median_ids = Buffer::from_slice(context, "median ids", &ids)?;
+    for (centre, name, at) in [(false, "maximum response", DepthAt::MaximumResponse), (true, "centre", DepthAt::Centre)]
+    {
+        let stage = MedianDepth::new(context, &median_depth_stage::Spec { workgroup_size: WORKGROUP, centre })?;
+        let depths = Buffer::<f32>::zeroed(context, "depths", pixels)?;
+        let times = bench.time(|recorder| {
+            stage.record(
+                recorder,
+                &median_depth_stage::Buffers {
+                    views: &scene.views.views,
+                    geometry: &scene.model.geometry,
+                    median_ids: &median_ids,
+                    depths: &depths,
+                },
+                &median_depth_stage::Push { stride: scene.model.stride, view: 0, depth_first: 0 },
+                pixels as u32,
+            );
+        })?;
+        let mut row = bench.row("median_depth", name);
+        row.chosen = !centre;
+        let want = median_depth(&scene.params, &scene.view, &ids, at);
+        let got = depths.download()?;
+        // At the near plane one side may take the centre instead.
+        let near = |z: f64| (z / NEAR - 1.0).abs() < NEAR_THRESHOLD;
+        let is_near = |p: &usize| !centre && (near(want[*p]) || near(f64::from(got[*p])));
+        row.flips((0..pixels).filter(is_near).count(), pixels);
+        row.numbers((0..pixels).filter(|p| !is_near(p)).map(|p| (got[p], want[p])));
+        row.time = times.of("median_depth");
+        row.work.bytes = 8.0 * pixels as f64 + if centre { 12.0 } else { 40.0 } * f64::from(count).min(pixels as f64);
+        row.work.operations = if centre { 3.0 } else { 60.0 } * pixels as f64;
+        bench.push(row);
+    }
+    Ok(())
+}
+
+/// A smooth gradient that differs by channel; zero where float32 may have decided otherwise, so that the comparison is of the
+/// arithmetic alone.
+pub(super) fn image_grad(blended: &Blended, margin: fn(&Margin) -> f64) -> Vec<[f64; 3]> {
+    let at = |p: usize| [0.0, 1.0, 2.0].map(|c: f64| f64::from((p as f64 * 0.013 + c).sin() as f32));
+    let calm = |p: usize| margin(&blended.margins[p]) > NEAR_THRESHOLD;
+    (0..blended.margins.len()).map(|p| if calm(p) { at(p) } else { [0.0; 3] }).collect()
+}
+
+fn blend_backwards(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    ordered: &Ordered,
+    own: &Blended,
+    variant: &str,
+    chosen: bool,
+) -> Result<()> {
+    let raster = &ordered.raster;
+    let pixels = scene.pixels();
+    let image_grad = image_grad(own, |margin| image_margin(margin).min(margin.clamp));
+    let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
+    raster.image_grad.upload(0, &flat)?;
+    // The device's own image, which the kernel takes what lies behind from.
+    let image: Vec<[f64; 4]> = raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
+    let want = blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad);
+    let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
+    let isects = ordered.isects.isect_slots.len();
+    for (name, full_first) in [("opacity only", scene.model.count()), ("all", 0)] {
+        let times = bench.time(|recorder| {
+            raster.record_blend_backward(recorder, &ordered.grid, &scene.views.frames, full_first);
+        })?;
+        let got = raster.isect_grads().download_range(0, 9 * isects)?;
+        let mut row = bench.row("blend_backward", format!("{variant}, {name}"));
+        let part = |parts: std::ops::Range<usize>| {
+            let (got, want) = (&got, &want);
+            (0..isects).flat_map(move |s| parts.clone().map(move |k| (got[9 * s + k], want[s][k])))
+        };
+        row.gradients(part(5..6));
+        if full_first == 0 {
+            [0..2, 2..5, 6..9].into_iter().for_each(|parts| row.gradients(part(parts)));
+        } else {
+            let rest = (0..9 * isects).filter(|k| k % 9 != 5 && got[*k] != 0.0).count();
+            row.unequal(rest as u64);
+        }
+        row.chosen = chosen;
+        row.time = times.of("blend_backward");
+        let visible = ordered.isects.global_from_rank.len() as f64;
+        row.work = Work {
+            bytes: 44.0 * isects as f64 + 40.0 * visible + 28.0 * pixels as f64,
+            // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g, colour
+            // (3), w (2), w wᵀ (6).
+            operations: 9.0 * tested + if full_first == 0 { 26.0 } else { 14.0 } * blended,
+        };
+        bench.push(row);
+    }
+    Ok(())
+}
+
+/// The device's records by slot.
+pub(super) fn records(ordered: &Ordered) -> Result<Vec<Record>> {
+    let got = ordered.raster.isect_grads().download_range(0, 9 * ordered.isects.isect_slots.len())?;
+    Ok(got.chunks_exact(9).map(|r| std::array::from_fn(|k| f64::from(r[k]))).collect())
+}

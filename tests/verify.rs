@@ -1,0 +1,39 @@
+//! `glint verify` as a library: it passes on the test device, and it can fail.
+
+mod common;
+
+use std::collections::BTreeSet;
+
+use common::Gpu;
+use glint::verify::{BOUNDS, Options, run};
+
+/// Every stage is named after its kernel; the whole of rendering is in brackets.
+#[test]
+fn every_stage_passes() {
+    let gpu = Gpu::new();
+    let report = run(&gpu, &Options { quick: true, perturb: 0.0 }).unwrap();
+    println!("{report}");
+    assert_eq!(report.broken(), 0, "{report}");
+    let seen: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();
+    assert_eq!(seen, BOUNDS.iter().map(|bound| bound.stage).collect());
+    let stages = std::fs::read_dir("src/stages").unwrap();
+    let mut stages: BTreeSet<String> =
+        stages.map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
+    // Not a kernel, and the module itself.
+    stages.retain(|name| !["lift_cluster", "mod"].contains(&name.as_str()));
+    let missing: Vec<_> = stages.iter().filter(|stage| !seen.contains(stage.as_str())).collect();
+    assert!(missing.is_empty(), "not verified: {missing:?}");
+    for row in &report.rows {
+        assert!(row.errors.relative_l2.is_some() || row.errors.unequal.is_some(), "nothing was compared: {row:?}");
+    }
+    assert!(serde_json::to_string(&report).unwrap().contains("\"blend_backward\""));
+}
+
+/// A twin that is off by two thousandths, by one bit, or by two pixels where its results are sets, breaks a bound in every row: none is so wide that it holds anything.
+#[test]
+fn a_fault_in_every_stage_is_seen_in_every_row() {
+    let gpu = Gpu::new();
+    let report = run(&gpu, &Options { quick: true, perturb: 2e-3 }).unwrap();
+    let blind: Vec<_> = report.rows.iter().filter(|row| row.breaches.is_empty()).collect();
+    assert!(blind.is_empty(), "{blind:#?}");
+}
