@@ -62,9 +62,7 @@ fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), validation: false })?;
     check(&context)?;
     let dataset = match &args.dataset {
-        Some(path) => {
-            Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?
-        }
+        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?,
         None => builtin_scene(args.gaussians).dataset(),
     };
     let photos = photos_of(&dataset, Some(Split::Train))?;
@@ -93,8 +91,7 @@ fn run(args: &Args) -> Result<()> {
     let device_ms: f64 = rows.iter().map(|r| r.2).sum();
     let camera = views.cameras[0];
     if args.json {
-        let stages: Vec<_> =
-            rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
+        let stages: Vec<_> = rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.base_count,
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
@@ -142,5 +139,9 @@ fn check(context: &Context) -> Result<()> {
     let differences = image.color.chunks(3).zip(&twin.blended.image);
     let sum: f64 = differences.map(|(a, b)| (0..3).map(|c| (f64::from(a[c]) - b[c]).abs()).sum::<f64>()).sum();
     let mean = sum / image.color.len() as f64;
-    if mean < 1e-5 { Ok(()) } else { Err(Error::Usage(format!("the image is off the twin's by {mean:.1e} on average"))) }
+    if mean < 1e-5 {
+        Ok(())
+    } else {
+        Err(Error::Usage(format!("the image is off the twin's by {mean:.1e} on average")))
+    }
 }
