@@ -749,6 +749,7 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
     let on = |yes: bool| if yes { 5.0 } else { 0.0 };
     // A pixel is 5 / 264 wide at depth 5, the first τ five times that: 0.095.
     let step = 0.08;
+    let of = |yes: bool, near: f32, far: f32| if yes { near } else { far };
     let depth = |field: usize, x: i32, y: i32| match field {
         0 => on((x, y) == (0, 0)),              // one pixel
         1 => on(y == 0 && (0..2).contains(&x)), // two
@@ -756,35 +757,11 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
         3 => on(y == 0),                        // a row
         4 => on(x == y),                        // a diagonal
         5 => on(x * x + y * y >= 4),            // no depth under the centre
-        6 => {
-            if x < 1 {
-                5.0
-            } else {
-                9.0
-            }
-        } // a step beside the centre
+        6 => of(x < 1, 5.0, 9.0),               // a step beside the centre
         7 => 5.0 + step * (x + 20) as f32,      // a stair whose steps single linkage must join
-        8 => {
-            if (x + y) % 2 == 0 {
-                5.0
-            } else {
-                8.0
-            }
-        } // two surfaces, pixel by pixel
-        9 => {
-            if (x, y) == (0, 0) {
-                3.0
-            } else {
-                5.0
-            }
-        } // the heaviest pixel alone before the rest
-        10 => {
-            if x % 4 == 0 && y % 4 == 0 {
-                5.0
-            } else {
-                0.0
-            }
-        } // a sparse grid
+        8 => of((x + y) % 2 == 0, 5.0, 8.0),    // two surfaces, pixel by pixel
+        9 => of((x, y) == (0, 0), 3.0, 5.0),    // the heaviest pixel alone before the rest
+        10 => on(x % 4 == 0 && y % 4 == 0),     // a sparse grid
         _ => 5.0,                               // facing the camera: two equal eigenvalues
     };
     let mut case = fields(6.0, depth);

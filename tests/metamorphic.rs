@@ -72,12 +72,12 @@ fn gradients(p: &Params) -> Vec<f64> {
 fn apart(a: &Params, b: &Params) -> f64 {
     let mut worst = 0.0f64;
     for (x, y, stride, planes) in [
-        (&a.geometry, &b.geometry, a.stride, vec![0..3, 3..6, 6..10, 10..11]),
-        (&a.sh, &b.sh, a.stride, vec![0..a.sh.len() / a.stride.max(1)]),
-        (&a.lobes, &b.lobes, a.lobe_stride, vec![0..3, 3..4, 4..5]),
+        (&a.geometry, &b.geometry, a.stride, &[(0, 3), (3, 6), (6, 10), (10, 11)][..]),
+        (&a.sh, &b.sh, a.stride, &[(0, a.sh.len() / a.stride.max(1))]),
+        (&a.lobes, &b.lobes, a.lobe_stride, &[(0, 3), (3, 4), (4, 5)]),
     ] {
-        for planes in planes {
-            let cells = planes.start * stride..planes.end * stride;
+        for (first, end) in planes {
+            let cells = first * stride..end * stride;
             let (x, y) = (&x[cells.clone()], &y[cells]);
             let size = y.iter().map(|v| v * v).sum::<f64>().sqrt();
             let difference = x.iter().zip(y).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt();
@@ -401,9 +401,9 @@ fn doubling_the_resolution_shows_the_same_picture() {
     let mut worst = 0.0f32;
     for (p, want) in a.image.iter().enumerate() {
         let (x, y) = (p % WIDTH as usize, p / WIDTH as usize);
-        for c in 0..4 {
+        for (c, want) in want.iter().enumerate() {
             let at = |dx: usize, dy: usize| b.image[(2 * y + dy) * 2 * WIDTH as usize + 2 * x + dx][c];
-            worst = worst.max((0.25 * (at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) - want[c]).abs());
+            worst = worst.max((0.25 * (at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) - want).abs());
         }
     }
     let d = apart(&b.gradients, &a.gradients);

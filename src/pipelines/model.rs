@@ -55,7 +55,7 @@ impl Model {
             for i in 0..from.len() {
                 let at = first + i;
                 for c in 0..3 {
-                    geometry[c * stride + at] = (f64::from(from.means[i][c]) - origin[c]) as f32;
+                    geometry[c * stride + at] = moved(from.means[i][c], -origin[c]);
                     geometry[(3 + c) * stride + at] = from.log_scales[i][c];
                 }
                 for c in 0..4 {
@@ -146,10 +146,7 @@ impl Model {
             let range = first..first + count;
             Gaussians {
                 sh_degree: self.sh_degree,
-                means: range
-                    .clone()
-                    .map(|i| [0, 1, 2].map(|p| (f64::from(plane(p, i)) + self.origin[p]) as f32))
-                    .collect(),
+                means: range.clone().map(|i| [0, 1, 2].map(|p| moved(plane(p, i), self.origin[p]))).collect(),
                 log_scales: range.clone().map(|i| [3, 4, 5].map(|p| plane(p, i))).collect(),
                 quats: range.clone().map(|i| [6, 7, 8, 9].map(|p| plane(p, i))).collect(),
                 opacities: range.clone().map(|i| plane(10, i)).collect(),
@@ -171,4 +168,9 @@ impl Model {
         });
         Ok(Scene { base: gaussians(0, n), supplement })
     }
+}
+
+/// The coordinate seen from elsewhere, rounded once; by 0 to the very bits, be it −0 or no number.
+fn moved(coordinate: f32, by: f64) -> f32 {
+    if by == 0.0 { coordinate } else { (f64::from(coordinate) + by) as f32 }
 }
