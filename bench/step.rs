@@ -69,7 +69,7 @@ fn run(args: &Args) -> Result<()> {
     let views = upload_photos(&context, &photos, dataset.background, |_| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
-    let model = Model::upload(&context, &Scene { base, supplement: None }, 0)?;
+    let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, 0)?;
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
     let options =
         BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, seed: 0, extent: dataset.extent() as f32 };

@@ -167,7 +167,7 @@ impl Args {
         };
         let points = points.min(positions.len());
         let base = from_points(&positions[..points], &colors[..points], SH_DEGREE);
-        let model = Model::upload(context, &Scene { base, supplement: None }, 0)?;
+        let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
         let seed = self.seed.into();
         let options = BaseOptions { iterations, sh_degree: SH_DEGREE, seed, extent: dataset.extent() as f32 };
         let bar = Progress::new("training", "steps", iterations.into());

@@ -113,7 +113,7 @@ impl Args {
             let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
             drop(reading);
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
-            let model = Model::upload(context, &Scene { base, supplement: None }, 0)?;
+            let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
             let options = BaseOptions { iterations, sh_degree, seed, extent };
             let training = Progress::new("training", "steps", iterations.into());

@@ -3,7 +3,7 @@
 use super::{
     model::Model,
     render::{RenderOptions, Rendered, Renderer},
-    views::Views,
+    views::{Views, origin_for},
 };
 use crate::{
     Result,
@@ -40,10 +40,12 @@ impl Layers {
     ) -> Result<Self> {
         // The renderer only asks for sizes.
         let mut sizes: Vec<Camera> = cameras.into_iter().copied().collect();
+        let origin = origin_for(&sizes);
         sizes.sort_by_key(|c| (c.width, c.height));
         sizes.dedup_by_key(|c| (c.width, c.height));
-        let model = Model::upload(context, scene, 0)?;
-        let renderer = Renderer::new(context, model.count(), &Views::upload(context, &sizes, &[])?, options)?;
+        let model = Model::upload_around(context, origin, scene, 0)?;
+        let views = Views::upload_around(context, origin, &sizes, &[])?;
+        let renderer = Renderer::new(context, model.count(), &views, options)?;
         Ok(Layers { context: context.clone(), model, renderer })
     }
 
@@ -55,7 +57,7 @@ impl Layers {
             Layer::Base => Model { supplement_count: 0, ..self.model.clone() },
             Layer::Constant => Model { supplement_count: 0, sh_degree: 0, ..self.model.clone() },
         };
-        let views = Views::upload(&self.context, &[*camera], &[])?;
+        let views = Views::upload_around(&self.context, self.model.origin, &[*camera], &[])?;
         self.renderer.render(&model, &views, 0, background)
     }
 }

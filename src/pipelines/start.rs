@@ -4,7 +4,7 @@ use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::views::Views;
+use super::views::{Views, origin_for};
 use crate::{
     Error, Result,
     data::{Dataset, Photo, PointCloud, Split},
@@ -37,7 +37,7 @@ pub fn upload_photos(
         return Err(GpuError::BufferTooLarge { name: "targets".into(), bytes: 4 * pixels, limit }.into());
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-    let mut views = Views::upload(context, &cameras, &[])?;
+    let mut views = Views::upload_around(context, origin_for(&cameras), &cameras, &[])?;
     views.targets = Buffer::new(context, "targets", pixels as usize, Location::Device)?;
     let (mut first, mut done) = (0, 0);
     for some in photos.chunks(rayon::current_num_threads()) {
