@@ -523,9 +523,13 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
     let mut row = bench.row("plane_draw", "");
     // Budgets; the share of pixels with a loss; the share of taken slots.
     let many = if quick { 900 } else { 20_000 };
-    for (round, (budgets, dense, taken)) in
-        (1..).zip([([100, 37], 1.0, 0.0), ([600, 3000], 0.02, 0.1), ([many, 1], 0.5, 0.3)])
-    {
+    for (round, (budgets, dense, taken)) in (1..).zip([
+        ([100, 37], 1.0, 0.0),
+        ([2, 0], 1.0, 0.0),
+        ([600, 3000], 0.02, 0.1),
+        ([50, 60], 0.0, 0.5),
+        ([many, 1], 0.5, 0.3),
+    ]) {
         let slots = (budgets[0] + budgets[1]) as usize;
         let losses: Vec<f32> = (0..pixels)
             .map(|_| if rng.random_bool(dense) { rng.random_range(0.0..1.2f32).powi(3) } else { 0.0 })
