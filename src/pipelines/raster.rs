@@ -41,7 +41,8 @@ impl TileShape {
 
     /// All that subgroups of so many lanes can cover.
     pub fn choices(lanes: u32) -> Vec<Self> {
-        let fits = |&(width, height): &(u32, u32)| lanes % width == 0 && width * height % lanes == 0;
+        let fits =
+            |&(width, height): &(u32, u32)| lanes.is_multiple_of(width) && (width * height).is_multiple_of(lanes);
         let shape = |(width, height)| TileShape { width, height, pixels: width * height / lanes };
         [(8, 8), (8, 16), (16, 16)].into_iter().filter(fits).map(shape).collect()
     }

@@ -282,7 +282,9 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
         })
         .collect();
     let start: Vec<f32> = (0..18 * count)
-        .map(|k| if k / count % 2 == 0 { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) })
+        .map(
+            |k| if (k / count).is_multiple_of(2) { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) },
+        )
         .collect();
     let ages: Vec<u32> = (0..count as u32).map(|i| [0, 1, 5, 80, 1500][i as usize % 5]).collect();
     let plane_ages = Buffer::from_slice(context, "ages", &ages)?;

@@ -493,7 +493,7 @@ fn blends(
             let differ: Vec<usize> = (0..pixels).filter(|&p| ids[p] != own.median[p]).collect();
             let margin = |p: usize| image_margin(&own.margins[p]).min(own.margins[p].median);
             row.flips(differ.len(), pixels);
-            row.unequal(differ.iter().filter(|&&p| !(margin(p) < NEAR_THRESHOLD)).count() as u64);
+            row.unequal(differ.iter().filter(|&&p| margin(p) >= NEAR_THRESHOLD).count() as u64);
             if chosen && scene.model.supplement_count > 0 {
                 median_depths(bench, scene)?;
             }
