@@ -1,1 +1,147 @@
-fn main() {}
+//! Time of one training step, stage by stage, on a dataset or on the built-in scene.
+//!
+//!     cargo bench --bench step -- [DATASET] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--json]
+//!
+//! Before anything is timed, an image of the same kernels is compared with the float64 twin.
+
+use std::{collections::BTreeMap, path::PathBuf, process::ExitCode, time::Instant};
+
+use clap::Parser;
+use glint::{
+    Error, Result,
+    data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
+    gpu::{Context, ContextOptions},
+    pipelines::{
+        model::Model,
+        render::{RenderOptions, Renderer},
+        start::{first_points, photos_of, upload_photos},
+        train::{BaseOptions, train_base},
+        views::Views,
+    },
+    reference::{self, Background, Options, Params, random_camera, random_scene},
+    report::table::{Cell, Column, Table},
+    scene::{Scene, from_points},
+};
+use serde_json::json;
+
+#[derive(Parser)]
+#[command(name = "step", about = "Time of one training step, stage by stage")]
+struct Args {
+    /// Folder or JSON file of a dataset; without, the built-in scene
+    dataset: Option<PathBuf>,
+    /// Gaussians at most
+    #[arg(long, default_value_t = 30_000)]
+    gaussians: usize,
+    #[arg(long, default_value_t = 1600)]
+    max_size: u32,
+    /// Steps timed by the clock, after as many steps of warming up that also shape the scene
+    #[arg(long, default_value_t = 200)]
+    steps: u32,
+    #[arg(long, default_value_t = 3)]
+    sh_degree: u32,
+    #[arg(long)]
+    device: Option<String>,
+    #[arg(long)]
+    json: bool,
+    /// Given by cargo bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::from(e.exit_code())
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<()> {
+    let context = Context::new(&ContextOptions { device: args.device.clone(), validation: false })?;
+    check(&context)?;
+    let dataset = match &args.dataset {
+        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?,
+        None => builtin_scene(args.gaussians).dataset(),
+    };
+    let photos = photos_of(&dataset, Some(Split::Train))?;
+    let views = upload_photos(&context, &photos, dataset.background, |_| ())?;
+    let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
+    let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
+    let model = Model::upload(&context, &Scene { base, supplement: None }, 0)?;
+    // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
+    let options =
+        BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, seed: 0, extent: dataset.extent() as f32 };
+    train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
+    let started = Instant::now();
+    train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
+    let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);
+    let timed = train_base(&context, &model, &views, dataset.background, &options, true, |_| ())?;
+
+    let steps = timed.steps.stages.iter().filter(|s| s.name == "step_done").count().max(1) as f64;
+    let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
+    for stage in &timed.steps.stages {
+        let entry = stages.entry(stage.name).or_default();
+        entry.0 += 1;
+        entry.1 += stage.time.as_secs_f64() * 1e3 / steps;
+    }
+    let mut rows: Vec<_> = stages.into_iter().map(|(name, (calls, ms))| (name, f64::from(calls) / steps, ms)).collect();
+    rows.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let device_ms: f64 = rows.iter().map(|r| r.2).sum();
+    let camera = views.cameras[0];
+    if args.json {
+        let stages: Vec<_> = rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
+        let report = json!({
+            "device": context.info().name, "driver": context.info().driver, "gaussians": model.base_count,
+            "views": views.cameras.len(), "width": camera.width, "height": camera.height,
+            "sh_degree": args.sh_degree, "steps": args.steps, "wall_ms_per_step": wall,
+            "device_ms_per_step": device_ms, "stages": stages,
+        });
+        println!("{report:#}");
+        return Ok(());
+    }
+    println!(
+        "{}: {} Gaussians, SH degree {}, {} views of {}×{} and the like\n{wall:.3} ms per step by the clock over {} steps\n",
+        context.info().name,
+        model.base_count,
+        args.sh_degree,
+        views.cameras.len(),
+        camera.width,
+        camera.height,
+        args.steps
+    );
+    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+    let mut table = Table::new(vec![
+        column("stage", "stage", "", 0),
+        column("calls", "calls", "1/step", 0),
+        column("ms", "device time", "ms/step", 3),
+        column("share", "share", "%", 1),
+    ]);
+    for (name, calls, ms) in rows {
+        table.row(vec![name.into(), Cell::Number(calls), ms.into(), (100.0 * ms / device_ms).into()]);
+    }
+    print!("{table}");
+    Ok(())
+}
+
+/// Fails unless the device's image of a random scene is the twin's: mean difference below 1e-5 (measured: 5e-7).
+fn check(context: &Context) -> Result<()> {
+    let (scene, camera) = (random_scene(1, 2000, 0, 3), random_camera(96, 64));
+    let views = Views::upload(context, &[camera], &[])?;
+    let model = Model::upload(context, &scene, 0)?;
+    let mut renderer = Renderer::new(context, model.count(), &views, RenderOptions::default())?;
+    let image = renderer.render(&model, &views, 0, [0.0; 3])?;
+    let tile = renderer.raster.tile;
+    let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };
+    let view = reference::View::from_camera(&camera).rounded();
+    let twin = reference::render(&Params::from_scene(&scene)?, &view, &options, Background::Color([0.0; 3]));
+    let differences = image.color.chunks(3).zip(&twin.blended.image);
+    let sum: f64 = differences.map(|(a, b)| (0..3).map(|c| (f64::from(a[c]) - b[c]).abs()).sum::<f64>()).sum();
+    let mean = sum / image.color.len() as f64;
+    if mean < 1e-5 {
+        Ok(())
+    } else {
+        Err(Error::Usage(format!("the image is off the twin's by {mean:.1e} on average")))
+    }
+}

@@ -1,15 +1,19 @@
 //! The one error type of the library's surface.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+
+/// Characters of a message about a file. Messages quote files, whose words can be megabytes long.
+const MAX_WHAT: usize = 800;
 
 /// Everything that can go wrong. [`Error::exit_code`] is what the command line returns for it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file's contents are not what they should be. `what` names the field and what was expected.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {}", one_line(&path.to_string_lossy(), usize::MAX), one_line(what, MAX_WHAT))]
     Input { path: PathBuf, what: String },
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", one_line(&path.to_string_lossy(), usize::MAX))]
     Io { path: PathBuf, source: std::io::Error },
     /// An argument or a combination of arguments makes no sense.
     #[error("{0}")]
@@ -37,5 +41,40 @@ impl Error {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Error::Io { .. } | Error::Gpu(_) => 1,
         }
+    }
+}
+
+/// `text` with control characters (which could break the line or move a terminal's cursor) written out as escapes, and
+/// where it is longer than `limit` characters without its middle.
+fn one_line(text: &str, limit: usize) -> String {
+    let escape = |c: char| {
+        let (plain, escaped) = if c.is_control() { (None, Some(c.escape_default())) } else { (Some(c), None) };
+        plain.into_iter().chain(escaped.into_iter().flatten())
+    };
+    let escaped: String = without_middle(text, limit).chars().flat_map(escape).collect();
+    without_middle(&escaped, limit).into_owned()
+}
+
+/// What was expected stands at the end of a message, so that is kept as well as the beginning.
+fn without_middle(text: &str, limit: usize) -> Cow<'_, str> {
+    if text.chars().nth(limit).is_none() {
+        return Cow::Borrowed(text);
+    }
+    let head = text.chars().take(limit / 2);
+    let tail: Vec<char> = text.chars().rev().take(limit / 2).collect();
+    Cow::Owned(head.chain(" … ".chars()).chain(tail.into_iter().rev()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_one_line_whatever_they_quote() {
+        let error = Error::input("a\nb.ply", "the word `\u{1b}[2J\r\n` is not a number");
+        assert_eq!(error.to_string(), "a\\nb.ply: the word `\\u{1b}[2J\\r\\n` is not a number");
+        let long = Error::input("a.ply", format!("`{}` is not a number", "ä\n".repeat(100_000))).to_string();
+        assert!(long.starts_with("a.ply: `ä\\nä") && long.ends_with("` is not a number") && long.contains(" … "));
+        assert_eq!(long.chars().count(), "a.ply: ".len() + MAX_WHAT + " … ".chars().count());
     }
 }

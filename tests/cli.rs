@@ -379,3 +379,61 @@ fn interrupting_leaves_nothing_and_a_closed_pipe_is_no_error() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
 }
+
+#[test]
+fn an_augmentation_can_be_inspected_and_gone_on_with() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
+    let enhance = "enhance data --base base.ply --preset quick --ratio 0.2 --json";
+    let report = work.json(&format!("{enhance} -o first.ply --work kept"));
+    let added = report["supplementary_gaussians"].as_u64().unwrap();
+    assert!(added > 0, "{report}");
+    let scene = read_scene(work.path("first.ply")).unwrap();
+    assert_eq!(scene.supplement.as_ref().unwrap().gaussians.len() as u64, added);
+    assert_eq!(scene.base.len(), 300);
+    // The file's first element is the base as any viewer reads it, with opacities that the joint stage moved.
+    let base = read_scene(work.path("base.ply")).unwrap().base;
+    assert_eq!((&base.means, &base.sh), (&scene.base.means, &scene.base.sh));
+    assert_ne!(base.opacities, scene.base.opacities);
+
+    let tensors = glint::data::read_tensors(work.path("kept/d.lifted.safetensors")).unwrap();
+    for name in ["mean", "log_scale", "quat", "lobe_dir", "lobe_width", "theta_bar", "tau", "cluster_size"] {
+        assert!(tensors.contains_key(name), "{name}");
+    }
+    let tensors = glint::data::read_tensors(work.path("kept/d.plane.safetensors")).unwrap();
+    let names: Vec<&str> = tensors.keys().map(String::as_str).collect();
+    assert_eq!(names, ["angle", "color", "depth", "log_scale", "opacity", "xy"]);
+    assert_eq!(exr(&work.path("kept/d.base.exr")).2.len(), 3);
+    assert_eq!(exr(&work.path("kept/d.depth.exr")).2[0].0, "Z");
+
+    // All views are there: only the joint stage runs again. One is not: its batch is done again. Either way the same file.
+    let first = fs::read(work.path("first.ply")).unwrap();
+    let again = work.json(&format!("{enhance} -o again.ply --work kept"));
+    assert_eq!(again["photos_resumed"], 7);
+    assert_eq!(fs::read(work.path("again.ply")).unwrap(), first);
+    fs::remove_file(work.path("kept/d.lifted.safetensors")).unwrap();
+    let again = work.json(&format!("{enhance} -o again.ply --work kept"));
+    assert_eq!(again["photos_resumed"], 0);
+    assert_eq!(fs::read(work.path("again.ply")).unwrap(), first);
+
+    work.refused(&format!("{enhance} -o x.ply --work kept --seed 5"), &["kept/settings.json", "another --work"]);
+    work.refused("enhance data --base first.ply -o x.ply", &["first.ply", "augmented already"]);
+    work.refused("enhance data --base base.ply -o x.ply --ratio -1", &["--ratio", "0 to 10"]);
+}
+
+#[test]
+fn a_scene_of_another_tool_is_a_base_for_any_dataset() {
+    let splats = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/splats");
+    if !splats.exists() {
+        println!("skipped: {} is not there", splats.display());
+        return;
+    }
+    let work = Work::new();
+    let base = splats.join("inria_sh3_9k.ply");
+    let report =
+        work.json(&format!("enhance data --base {} -o a.ply --preset quick --ratio 0.01 --json", base.display()));
+    assert_eq!(report["base_gaussians"], 9080);
+    assert_eq!(read_scene(work.path("a.ply")).unwrap().base.sh_degree, 3);
+    let broken = splats.join("inria_header_says_100.ply");
+    work.refused(&format!("enhance data --base {} -o x.ply", broken.display()), &["header_says_100", "100"]);
+}

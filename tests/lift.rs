@@ -420,9 +420,11 @@ fn counts_and_points_are_the_twins() {
     let want = points_twin::lift_points(&g);
     let mut same_sets = 0;
     for i in 0..g.len() {
-        // α in float32 errs by the absolute error of the exponent, at most 5.5 and a few roundings, and by exp's own: 1e-5 is ample.
+        // α in float32 errs by the absolute error of the exponent, which is at most 5.5 and a difference of products a few times
+        // as large, and by exp's own (3 + 2|x| ulp is what Vulkan allows: 8e-7 here). 1.3e-5 was seen on an NVIDIA H200, less on
+        // llvmpipe; 4e-5 leaves room for another driver.
         let unsure = match g.footprint(i) {
-            Some(f) => f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 1e-5).count() as u32,
+            Some(f) => f.pixels().filter(|&(x, y)| (f.response(x, y) * 255.0 - 1.0).abs() < 4e-5).count() as u32,
             None => 0,
         };
         assert!(got.counts[i].abs_diff(want.counts[i]) <= unsure, "{i}: {} {}", got.counts[i], want.counts[i]);
@@ -436,7 +438,7 @@ fn counts_and_points_are_the_twins() {
                 // Two products of rounded factors at z ≤ 12.
                 assert!((f64::from(a[c]) - b[c]).abs() < 5e-6, "{i}.{k}: {a:?} {b:?}");
             }
-            assert!((f64::from(a[3]) - b[3]).abs() < 1e-5 * b[3], "{i}.{k}: {a:?} {b:?}");
+            assert!((f64::from(a[3]) - b[3]).abs() < 4e-5 * b[3], "{i}.{k}: {a:?} {b:?}");
         }
         // The heaviest is the first of the device's own greatest weights.
         let top = set.iter().map(|p| p[3]).fold(0.0, f32::max);
@@ -587,4 +589,102 @@ fn broken_input_gives_no_lift_and_no_nan() {
     }
     let made = got.flags.iter().sum::<u32>();
     assert!(made > 20, "{made}");
+}
+
+/// One camera before twelve fields of 40 × 40 pixels, a 2D Gaussian in the middle of each; `depth` says what lies at a pixel
+/// of a field, from its middle.
+fn fields(unit: f32, depth: impl Fn(usize, i32, i32) -> f32) -> Case {
+    let camera = look_at(DVec3::new(0.5, -0.4, -6.0), DVec3::ZERO, 240, 80);
+    let field = |x: u32, y: u32| ((x / 40 + 6 * (y / 40)) as usize, x as i32 % 40 - 20, y as i32 % 40 - 20);
+    let depths: Vec<f32> = (0..240 * 80).map(|p| field(p % 240, p / 240)).map(|(f, x, y)| depth(f, x, y)).collect();
+    let mut plane = vec![0f32; 10 * 12];
+    for f in 0..12 {
+        let (x, y) = (40 * (f % 6) + 20, 40 * (f / 6) + 20);
+        let column = [x as f32 + 0.4, y as f32 + 0.3, 0.2, 0.5, 0.7, 2.0, 1.1, 0.7, 0.4, depths[y * 240 + x]];
+        (0..10).for_each(|p| plane[p * 12 + f] = column[p]);
+    }
+    Case {
+        views: vec![view_of(&camera, 0)],
+        cameras: vec![camera],
+        depths,
+        pixel_firsts: vec![0],
+        plane,
+        stride: 12,
+        plane_views: vec![0; 12],
+        train_views: vec![0],
+        unit,
+    }
+}
+
+#[test]
+fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
+    let context = context();
+    let on = |yes: bool| if yes { 5.0 } else { 0.0 };
+    // A pixel is 5 / 264 wide at depth 5, the first τ five times that: 0.095.
+    let step = 0.08;
+    let depth = |field: usize, x: i32, y: i32| match field {
+        0 => on((x, y) == (0, 0)),              // one pixel
+        1 => on(y == 0 && (0..2).contains(&x)), // two
+        2 => on(y == 0 && (0..3).contains(&x)), // three in a row
+        3 => on(y == 0),                        // a row
+        4 => on(x == y),                        // a diagonal
+        5 => on(x * x + y * y >= 4),            // no depth under the centre
+        6 => {
+            if x < 1 {
+                5.0
+            } else {
+                9.0
+            }
+        } // a step beside the centre
+        7 => 5.0 + step * (x + 20) as f32,      // a stair whose steps single linkage must join
+        8 => {
+            if (x + y) % 2 == 0 {
+                5.0
+            } else {
+                8.0
+            }
+        } // two surfaces, pixel by pixel
+        9 => {
+            if (x, y) == (0, 0) {
+                3.0
+            } else {
+                5.0
+            }
+        } // the heaviest pixel alone before the rest
+        10 => {
+            if x % 4 == 0 && y % 4 == 0 {
+                5.0
+            } else {
+                0.0
+            }
+        } // a sparse grid
+        _ => 5.0,                               // facing the camera: two equal eigenvalues
+    };
+    let mut case = fields(6.0, depth);
+    // A circle, so that the last field's are equal.
+    (case.plane[6 * 12 + 11], case.plane[7 * 12 + 11]) = (1.0, 1.0);
+    let made = assert_lifts_are_the_twins(&context, &case, false, 4e-6);
+    let got = lift_on_device(&context, &case, 0);
+    println!("groups {:?} of {:?} points, τ {:?}", got.clusters.sizes, got.counts, got.clusters.taus);
+    let sizes = &got.clusters.sizes;
+    assert_eq!((sizes[0], sizes[1], sizes[2]), (0, 0, 3));
+    assert!(made == 10 && got.counts[0] == 1 && got.counts[1] == 2);
+    // Rows and diagonals have no width: their two lesser axes are at the floor.
+    for f in [2, 3, 4] {
+        let [_, b, c] = got.lifts[f].log_scale;
+        assert!((b - c).abs() < 1e-3, "{f}");
+    }
+    assert!(got.lifts[6].mean[2] < 0.0 && sizes[6] < got.counts[6], "the nearer side of the step");
+    assert_eq!(sizes[7], got.counts[7], "the chain is one");
+    // The two surfaces are joined or not as a whole; the lone pixel in front has fewer than three.
+    assert!(sizes[8] < got.counts[8] && sizes[9] == got.counts[9] - 1, "{sizes:?}");
+
+    // Q near zero: no length of its own, points in one place, so that all eigenvalues are the floor's 0.
+    let nothing = fields(0.0, |f, x, y| if f < 6 { on(y == 0 && x >= 0 && x < f as i32) } else { 5.0 });
+    let got = lift_on_device(&context, &nothing, 0);
+    for lift in &got.lifts {
+        let words: &[f32] = bytemuck::cast_slice(std::slice::from_ref(lift));
+        assert!(words[..words.len() - 1].iter().all(|v| v.is_finite()), "{lift:?}");
+    }
+    assert!(got.flags[..3].iter().all(|&f| f == 0), "{:?}", got.flags);
 }

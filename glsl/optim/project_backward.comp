@@ -52,7 +52,11 @@ const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
 const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
 
 // The change that one Adam step makes; m and v are adjacent planes of a moment buffer.
+// A gradient is cut off where its square, times 1/(1 - BETA2), would leave float32: v would stay infinite for ever. The step is at most
+// (1 - BETA1) / sqrt((1 - BETA2) (1 - BETA1^2 / BETA2)) = 7.3 rates whatever the gradients (Cauchy and Schwarz).
+const float GRADIENT_MAX = 1e17;
 float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
     m = mix(g, m, BETA1);
     v = mix(g * g, v, BETA2);
     return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
@@ -99,33 +103,66 @@ void step_lobe(uint p, uint i, float g, float rate, float lo, float hi) {
 bool finite(float x) { return !isnan(x) && !isinf(x); }
 bool finite(vec3 x) { return finite(x.x) && finite(x.y) && finite(x.z); }
 
+const uint RECORD = 9;
+const uint MANY = 256;
+const uint UNROLL = 4;
+
+void add_slot(uint slot, inout float sums[RECORD]) {
+    [[unroll]] for (uint r = 0; r < RECORD; ++r) {
+        if (!OPACITY_ONLY || r == 5) sums[r] += isect_grads[slot * RECORD + r];
+    }
+}
+
 void main() {
     uint i = push.first + thread_index();
-    if (i >= push.first + push.count) return;
+    bool live = i < push.first + push.count;
     if (!GRADIENTS && status[STATUS_OVERFLOW] != 0) return;
 
-    // Sums over the view's intersections.
-    float w_u = 0.0, w_v = 0.0, ww_uu = 0.0, ww_uv = 0.0, ww_vv = 0.0, d_opacity = 0.0;
-    vec3 d_rgb = vec3(0.0);
-    uint tiles = tile_counts[i];
-    for (uint slot = tiles == 0 ? 0 : first_slot[i], end = slot + tiles; slot < end; ++slot) {
-        uint at = 9 * slot;
-        d_opacity += isect_grads[at + 5];
-        if (!OPACITY_ONLY) {
-            w_u += isect_grads[at];
-            w_v += isect_grads[at + 1];
-            ww_uu += isect_grads[at + 2];
-            ww_uv += isect_grads[at + 3];
-            ww_vv += isect_grads[at + 4];
-            d_rgb += vec3(isect_grads[at + 6], isect_grads[at + 7], isect_grads[at + 8]);
+    // Sums over the view's intersections. Of a Gaussian with more than MANY the whole subgroup sums, so that one which fills the
+    // screen holds nobody up; UNROLL slots at a time, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them
+    // together: 8 lanes that each fill an image of 3840 x 2160 (129,600 tiles of 8 x 8) need 32,400.
+    float record[RECORD];
+    [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
+    uint tiles = live ? tile_counts[i] : 0, slots = tiles == 0 ? 0 : first_slot[i];
+    if (tiles <= MANY) {
+        for (uint slot = slots; slot < slots + tiles; ++slot) add_slot(slot, record);
+    }
+    for (uvec4 left = subgroupBallot(tiles > MANY); any(notEqual(left, uvec4(0)));) {
+        uint lane = subgroupBallotFindLSB(left);
+        left[lane / 32] &= ~(1u << (lane % 32));
+        uint begin = subgroupShuffle(slots, lane), end = begin + subgroupShuffle(tiles, lane);
+        // Compensated (Kahan 1965): 16,200 equal terms drift by 2e-4 of their plain sum.
+        precise float part[RECORD], lost[RECORD];
+        [[unroll]] for (uint r = 0; r < RECORD; ++r) part[r] = lost[r] = 0.0;
+        for (uint first = begin; first < end; first += UNROLL * gl_SubgroupSize) {
+            float few[RECORD];
+            [[unroll]] for (uint r = 0; r < RECORD; ++r) few[r] = 0.0;
+            [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
+                uint slot = first + k * gl_SubgroupSize + gl_SubgroupInvocationID;
+                if (slot < end) add_slot(slot, few);
+            }
+            [[unroll]] for (uint r = 0; r < RECORD; ++r) {
+                precise float term = few[r] - lost[r];
+                precise float sum = part[r] + term;
+                lost[r] = (sum - part[r]) - term;
+                part[r] = sum;
+            }
+        }
+        [[unroll]] for (uint r = 0; r < RECORD; ++r) {
+            if (OPACITY_ONLY && r != 5) continue;
+            float total = subgroupAdd(part[r]);
+            if (gl_SubgroupInvocationID == lane) record[r] = total;
         }
     }
+    if (!live) return;
+    float w_u = record[0], w_v = record[1], ww_uu = record[2], ww_uv = record[3], ww_vv = record[4], d_opacity = record[5];
+    vec3 d_rgb = vec3(record[6], record[7], record[8]);
     // Blended: some derivative of this view's loss is not zero.
     bool blended = d_opacity != 0.0 || any(notEqual(d_rgb, vec3(0.0)));
     if (SPARSE && !blended) return;
 
     View view = views[push.view];
-    float opacity = sigmoid(plane(OPACITY, i));
+    float logit = plane(OPACITY, i), opacity = sigmoid(logit);
     vec3 d_mean = vec3(0.0), d_log_scale = vec3(0.0), d_colour = vec3(0.0), d_direction = vec3(0.0);
     vec4 d_quat = vec4(0.0);
     float d_logit = 0.0, d_width = 0.0, d_sharpness = 0.0;
@@ -134,8 +171,11 @@ void main() {
     if (blended) {
         vec3 p = to_camera(view, mean);
         vec4 q = vec4(plane(QUAT, i), plane3(QUAT + 1, i));
-        float norm = length(q);
-        q /= norm;
+        float norm = to_unit(q);
+        if (!OPACITY_ONLY && !GRADIENTS && wants_unit(norm)) {
+            for (uint c = 0; c < 4; ++c) geometry[(QUAT + c) * push.stride + i] = q[c];
+            norm = 1.0;
+        }
         float factor = 1.0, compensation = 1.0;
         float range = length(mean - view.eye);
         to_mean = (mean - view.eye) / range;
@@ -149,16 +189,21 @@ void main() {
             Lobe lobe = eval_lobe(direction, width, lobes[LOBE_SHARPNESS * s + j], -to_mean);
             factor = lobe.factor;
             if (factor > 0.0) {
+                if (!OPACITY_ONLY && !GRADIENTS && wants_unit(lobe.direction_length)) {
+                    for (uint c = 0; c < 3; ++c) lobes[(LOBE_DIRECTION + c) * s + j] = lobe.axis[c];
+                    lobe.direction_length = 1.0;
+                }
                 float d_factor = d_opacity * opacity * compensation;
                 float common_part = d_factor * factor * lobe.exponent;
                 d_sharpness = 2.0 * common_part * lobe.log_cos;
                 d_width = common_part * tan(0.5 * lobe.psi) * lobe.psi / width;
                 float turn = common_part / width * lobe.tan_over_sin;
-                d_direction = turn * (lobe.v - lobe.cos_theta * lobe.axis) / length(direction);
+                d_direction = turn * (lobe.v - lobe.cos_theta * lobe.axis) / lobe.direction_length;
                 d_mean -= turn * (lobe.axis - lobe.cos_theta * lobe.v) / range;
             }
         }
-        d_logit = d_opacity * factor * compensation * opacity * (1.0 - opacity);
+        // 1 - sigmoid(x) as sigmoid(-x): from a logit of 17 on the difference is 0 in float32.
+        d_logit = d_opacity * factor * compensation * opacity * sigmoid(-logit);
 
         if (!OPACITY_ONLY) {
             // Colour, clamped at 0 in the forward pass.
@@ -172,27 +217,39 @@ void main() {
             for (uint k = 1; k < coefficients; ++k) d_to_mean += dot(d_colour, sh_at(k, i)) * sh_basis_gradient(to_mean, k);
             d_mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
 
-            // Centre and covariance: d/dSigma2D = L^T (sum g w w^T) L / 2, d/dcentre = L^T sum g w.
-            float c = e.c + DILATION, a = e.a + DILATION;
-            float l22 = inversesqrt(c), l11 = sqrt(c / e.det), l12 = -e.b * l22 * inversesqrt(e.det);
-            float du = l11 * w_u, dv = l12 * w_u + l22 * w_v;
-            float t1 = ww_uu * l12 + ww_uv * l22, t2 = ww_uv * l12 + ww_vv * l22;
-            float g11 = 0.5 * l11 * l11 * ww_uu, g12 = 0.5 * l11 * t1, g22 = 0.5 * (l12 * t1 + l22 * t2);
+            // Centre and covariance: d/dSigma2D = L^T W L / 2 with W = sum g w w^T, d/dcentre = L^T sum g w. With N = L M (rows n1,
+            // n2, of order 1) d/dM = L^T W N, and all that follows is written in N and L J W (rows j1, j2), not in M: a
+            // needle's rows of M are long and nearly parallel, and their combinations would cancel.
+            // n1 = l11 m1 + l12 m2 = (c m1 - b m2) / sqrt(c det), and m2 x (m1 x m2) = (m2.m2) m1 - b m2.
+            float c = e.c + DILATION, root_c = inversesqrt(c), root_det = inversesqrt(e.det);
+            float l22 = root_c, l11 = sqrt(c / e.det), l12 = -e.b * root_c * root_det;
+            vec3 n1 = (cross(e.m2, e.n) + DILATION * e.m1) * root_c * root_det, n2 = root_c * e.m2;
+            vec3 k1 = ww_uu * n1 + ww_uv * n2, k2 = ww_uv * n1 + ww_vv * n2;
+            vec3 j1 = l11 * e.jw1 + l12 * e.jw2, j2 = l22 * e.jw2;
+            // Component k of both rows of M is proportional to the k-th scale.
+            d_log_scale = k1 * n1 + k2 * n2;
+            // M = J W R S. d_axes[column][row]
+            mat3 d_axes = outerProduct(j1, e.scale * k1) + outerProduct(j2, e.scale * k2);
+            // J W's rows are fx/z (row_x - tx row_z) and fy/z (row_y - ty row_z), tx and ty clamped.
+            vec3 along = e.scale * (view.row_z.xyz * e.axes);
+            float a1 = dot(along, k1), a2 = dot(along, k2);
+            vec2 d_t = vec2(l11 * a1, l12 * a1 + l22 * a2);
             if (COMPENSATE && e.det0 > 0.0) {
-                float d_comp = 0.5 * d_opacity * opacity * factor * compensation;
-                g11 += d_comp * (e.c / e.det0 - c / e.det);
-                g12 -= d_comp * (e.b / e.det0 - e.b / e.det);
-                g22 += d_comp * (e.a / e.det0 - a / e.det);
+                // ln compensation = ln(det0 / det) / 2; det0 = |n|^2, n = cof(S) R^T (jw1 x jw2). 1/det0 - 1/det is
+                // (det - det0) / (det0 det), whose first difference is the dilation's part of det.
+                float gain = d_opacity * opacity * factor * compensation / e.det;
+                float sharp = gain * (DILATION * (e.a + e.c) + DILATION * DILATION), blunt = gain * DILATION;
+                vec3 share = e.n * e.n / e.det0, turn = e.scale.yzx * e.scale.zxy * e.n / e.det0;
+                d_log_scale += sharp * (share.yzx + share.zxy) - blunt * (e.m1 * e.m1 + e.m2 * e.m2);
+                vec3 s1 = blunt * e.scale * e.m1, s2 = blunt * e.scale * e.m2;
+                d_axes += outerProduct(cross(e.jw1, e.jw2), sharp * turn) - outerProduct(e.jw1, s1) - outerProduct(e.jw2, s2);
+                vec3 world = sharp * (e.axes * turn);
+                d_t += vec2(dot(cross(e.jw2, world) - e.axes * s1, view.row_z.xyz),
+                            dot(cross(world, e.jw1) - e.axes * s2, view.row_z.xyz));
             }
-            vec3 d_m1 = 2.0 * (g11 * e.m1 + g12 * e.m2), d_m2 = 2.0 * (g12 * e.m1 + g22 * e.m2);
-            d_log_scale = d_m1 * e.m1 + d_m2 * e.m2;
+            d_t *= -e.inv_z * vec2(view.fx, view.fy);
 
-            // M = J W R S.
-            vec3 s1 = d_m1 * e.scale, s2 = d_m2 * e.scale;
-            mat3 d_axes = mat3(s1.x * e.jw1 + s2.x * e.jw2, s1.y * e.jw1 + s2.y * e.jw2, s1.z * e.jw1 + s2.z * e.jw2);
-            vec3 d_jw1 = e.axes * s1, d_jw2 = e.axes * s2;
             float w = q.x, x = q.y, y = q.z, z = q.w;
-            // d_axes[column][row]
             vec4 d_unit = 2.0 * vec4(
                 z * (d_axes[0][1] - d_axes[1][0]) + y * (d_axes[2][0] - d_axes[0][2]) + x * (d_axes[1][2] - d_axes[2][1]),
                 y * (d_axes[1][0] + d_axes[0][1]) + z * (d_axes[2][0] + d_axes[0][2]) + w * (d_axes[1][2] - d_axes[2][1]) -
@@ -203,23 +260,14 @@ void main() {
                     2.0 * z * (d_axes[0][0] + d_axes[1][1]));
             d_quat = (d_unit - q * dot(q, d_unit)) / norm;
 
-            // J's rows are fx/z (1, 0, -tx) and fy/z (0, 1, -ty), tx and ty clamped.
-            vec2 dj1 = vec2(dot(d_jw1, view.row_x.xyz), dot(d_jw1, view.row_z.xyz));
-            vec2 dj2 = vec2(dot(d_jw2, view.row_y.xyz), dot(d_jw2, view.row_z.xyz));
-            float d_inv_z = view.fx * (dj1.x - e.t.x * dj1.y) + view.fy * (dj2.x - e.t.y * dj2.y);
-            d_inv_z += du * view.fx * p.x + dv * view.fy * p.y;
-            vec3 d_p = vec3(du * view.fx * e.inv_z, dv * view.fy * e.inv_z, 0.0);
-            if (abs(p.x * e.inv_z) < view.limit_x) {
-                float d_tx = -view.fx * e.inv_z * dj1.y;
-                d_p.x += d_tx * e.inv_z;
-                d_inv_z += d_tx * p.x;
-            }
-            if (abs(p.y * e.inv_z) < view.limit_y) {
-                float d_ty = -view.fy * e.inv_z * dj2.y;
-                d_p.y += d_ty * e.inv_z;
-                d_inv_z += d_ty * p.y;
-            }
-            d_p.z = -e.inv_z * e.inv_z * d_inv_z;
+            // Nearer by a factor is larger by it, in every direction: the part of z is minus that of all log scales.
+            float du = l11 * w_u, dv = l12 * w_u + l22 * w_v;
+            vec2 d_xy = vec2(du * view.fx, dv * view.fy);
+            vec3 d_p = vec3(d_xy, -dot(d_xy, p.xy) * e.inv_z - (d_log_scale.x + d_log_scale.y + d_log_scale.z));
+            vec2 seen = abs(p.xy * e.inv_z);
+            if (seen.x < view.limit_x) d_p += d_t.x * vec3(1.0, 0.0, -e.t.x);
+            if (seen.y < view.limit_y) d_p += d_t.y * vec3(0.0, 1.0, -e.t.y);
+            d_p *= e.inv_z;
             d_mean += d_p.x * view.row_x.xyz + d_p.y * view.row_y.xyz + d_p.z * view.row_z.xyz;
         }
     }

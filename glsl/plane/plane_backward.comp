@@ -33,10 +33,9 @@ layout(set = 0, binding = 9, scalar) buffer PlaneMoments { float plane_moments[]
 
 const float RATE_CENTRE = 0.001; // times the mean of width and height
 const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
-const float SCALE_MAX = 50.0;          // px
-const float SCALE_MAX_RELATIVE = 0.01; // of width + height
 const float BETA1 = 0.9, EPSILON = 1e-15;
 const float BETA2 = 0.999, LOG_BETA1 = -0.105360515657826, LOG_BETA2 = -0.00100050033358353;
+const float GRADIENT_MAX = 1e17; // its square, with the correction of 1000, is within float32
 const float PI = 3.14159265358979;
 
 float at(uint p, uint i) { return plane[p * push.stride + i]; }
@@ -52,6 +51,7 @@ void step_plane(uint p, uint i, float g, float rate, float c1, float c2, float l
         plane_moments[first] = g;
         return;
     }
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
     float m = mix(g, plane_moments[first], BETA1), v = mix(g * g, plane_moments[second], BETA2);
     plane_moments[first] = m;
     plane_moments[second] = v;
@@ -90,7 +90,8 @@ void main() {
     g[COLOUR] = d_rgb.r;
     g[COLOUR + 1] = d_rgb.g;
     g[COLOUR + 2] = d_rgb.b;
-    g[LOGIT] = d_opacity * e.compensation * sigma * (1.0 - sigma);
+    // 1 - sigmoid(x) as sigmoid(-x): from a logit of 17 on the difference is 0 in float32.
+    g[LOGIT] = d_opacity * e.compensation * sigma / (1.0 + exp(at(LOGIT, i)));
     // d/dSigma2D = L^T W L / 2 with W = sum g w w^T. Along the axes p, q of S = v1 p p^T + v2 q q^T this is
     // d/dv1 = (Lp)^T W (Lp) / 2, and turning p into q by d angle gives (v1 - v2) (Lp)^T W (Lq).
     vec2 p = vec2(e.l11 * e.cosine + e.l12 * e.sine, e.l22 * e.sine);
@@ -112,7 +113,7 @@ void main() {
     float c1 = one_minus_exp(float(age) * LOG_BETA1), c2 = one_minus_exp(float(age) * LOG_BETA2);
     float width = float(frame.width), height = float(frame.height), huge = 1e30;
     float rate_centre = RATE_CENTRE * 0.5 * (width + height);
-    float log_scale_max = log(min(SCALE_MAX, SCALE_MAX_RELATIVE * (width + height)));
+    float log_scale_max = log(scale_max(frame.width, frame.height));
     step_plane(CENTRE, i, g[CENTRE], rate_centre, c1, c2, 0.0, width);
     step_plane(CENTRE + 1, i, g[CENTRE + 1], rate_centre, c1, c2, 0.0, height);
     for (uint c = 0; c < 3; ++c) step_plane(COLOUR + c, i, g[COLOUR + c], RATE_COLOUR, c1, c2, 0.0, 1.0);

@@ -38,11 +38,13 @@ layout(set = 0, binding = 10, scalar) writeonly buffer PlaneMoments { float plan
 
 const float LOSS_MIN = 1e-18, LOSS_MAX = 1e18;
 const float FIRST_OPACITY_LOGIT = -3.89182029811063; // of 0.02
-const float FIRST_SCALE = 0.005;                     // of the shorter side
-const float SCALE_MAX = 50.0;                        // px
 // The key's bits in three digits, the highest first: of 11, 11 and 10 bits.
 const uint BINS = 2048, PASSES = 3;
 const uint SHIFT[PASSES] = uint[](21, 10, 0), BITS[PASSES] = uint[](11, 11, 10);
+
+// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together: 3840 x 2160 pixels gone through five
+// times by 256 threads would be 162,000, four at a time they are 40,500.
+const uint UNROLL = 4;
 
 shared uint bins[BINS];
 shared uvec2 subgroup_sums[gl_WorkGroupSize.x / 8]; // a subgroup has 8 lanes or more
@@ -113,11 +115,13 @@ void main() {
     for (uint pass = 0; pass < PASSES && wanted > 0; ++pass) {
         for (uint b = gl_LocalInvocationIndex; b < BINS; b += gl_WorkGroupSize.x) bins[b] = 0;
         barrier();
-        for (uint p = gl_LocalInvocationIndex; p < pixels; p += gl_WorkGroupSize.x) {
-            uint key = key_of(frame, quota.view, p);
-            // Two shifts: the first pass has no higher digits and a shift by 32 is not defined.
-            if (key != NONE && key >> SHIFT[pass] >> BITS[pass] == threshold) {
-                atomicAdd(bins[key >> SHIFT[pass] & ((1u << BITS[pass]) - 1)], 1);
+        for (uint first = gl_LocalInvocationIndex; first < pixels; first += UNROLL * gl_WorkGroupSize.x) {
+            [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
+                uint p = first + k * gl_WorkGroupSize.x, key = p < pixels ? key_of(frame, quota.view, p) : NONE;
+                // Two shifts: the first pass has no higher digits and a shift by 32 is not defined.
+                if (key != NONE && key >> SHIFT[pass] >> BITS[pass] == threshold) {
+                    atomicAdd(bins[key >> SHIFT[pass] & ((1u << BITS[pass]) - 1)], 1);
+                }
             }
         }
         barrier();
@@ -146,26 +150,29 @@ void main() {
     if (wanted > 0) {
         uint ties = wanted - below; // pixels with the threshold's own key that are drawn
         uvec2 range = segment(pixels), taken = uvec2(0);
-        for (uint p = range.x + lane; p < range.y; p += gl_SubgroupSize) {
-            uint key = key_of(frame, quota.view, p);
-            taken += uvec2(key < threshold, key == threshold);
+        for (uint first = range.x + lane; first < range.y; first += UNROLL * gl_SubgroupSize) {
+            [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
+                uint p = first + k * gl_SubgroupSize, key = p < range.y ? key_of(frame, quota.view, p) : NONE;
+                taken += uvec2(key < threshold, key == threshold);
+            }
         }
         uvec2 next = scan(taken).xy;
-        for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
-            uint p = first + lane, key = p < range.y ? key_of(frame, quota.view, p) : NONE;
-            uvec4 less = subgroupBallot(key < threshold), equal = subgroupBallot(key == threshold);
-            uint rank_less = next.x + subgroupBallotExclusiveBitCount(less);
-            uint rank_equal = next.y + subgroupBallotExclusiveBitCount(equal);
-            if (key < threshold || (key == threshold && rank_equal < ties)) {
-                drawn_pixels[quota.first + rank_less + min(rank_equal, ties)] = p;
+        for (uint first = range.x; first < range.y; first += UNROLL * gl_SubgroupSize) {
+            [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
+                uint p = first + k * gl_SubgroupSize + lane, key = p < range.y ? key_of(frame, quota.view, p) : NONE;
+                uvec4 less = subgroupBallot(key < threshold), equal = subgroupBallot(key == threshold);
+                uint rank_less = next.x + subgroupBallotExclusiveBitCount(less);
+                uint rank_equal = next.y + subgroupBallotExclusiveBitCount(equal);
+                if (key < threshold || (key == threshold && rank_equal < ties)) {
+                    drawn_pixels[quota.first + rank_less + min(rank_equal, ties)] = p;
+                }
+                next += uvec2(subgroupBallotBitCount(less), subgroupBallotBitCount(equal));
             }
-            next += uvec2(subgroupBallotBitCount(less), subgroupBallotBitCount(equal));
         }
         memoryBarrierBuffer();
         barrier();
 
-        float shorter = float(min(frame.width, frame.height));
-        float log_scale = log(min(FIRST_SCALE * shorter, SCALE_MAX));
+        float log_scale = log(first_scale(frame.width, frame.height));
         uint rank = empty.x;
         for (uint first = slots.x; first < slots.y; first += gl_SubgroupSize) {
             uint s = first + lane, i = quota.first + s;

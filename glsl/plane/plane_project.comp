@@ -43,6 +43,8 @@ void main() {
 
     Frame frame = frames[f];
     vec2 centre = vec2(at(CENTRE, i), at(CENTRE + 1, i));
+    // Steps keep centres in the image; what is not a number has no pixel.
+    if (!(centre.x >= 0.0 && centre.y >= 0.0 && centre.x <= float(frame.width) && centre.y <= float(frame.height))) return;
     uvec2 pixel = uvec2(clamp(centre, vec2(0.0), vec2(frame.width, frame.height) - 0.5));
     float z = depths[frame.image_first + pixel.y * frame.width + pixel.x];
     if (!(z > 0.0)) z = 0.0;
@@ -68,6 +70,7 @@ void main() {
     s.r = at(COLOUR, i);
     s.g = at(COLOUR + 1, i);
     s.b = at(COLOUR + 2, i);
+    if (isnan(s.r + s.g + s.b) || isinf(s.r + s.g + s.b)) return;
     s.z = z;
     splats[i] = s;
     depth_keys[i] = z > 0.0 ? floatBitsToUint(z) : FARTHEST;

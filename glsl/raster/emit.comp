@@ -4,7 +4,7 @@
 // One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
 // Gaussian filling the screen does not hold its neighbours up.
 // global_from_rank, splats, rank_first_slot -> isect_tiles, global_from_slot (by slot), first_slot (by Gaussian index)
-// Limits: what would lie beyond `capacity` is not written; `dispatch_args` has raised the overflow flag by then.
+// Limits: llvmpipe: images of up to 3840 x 2160, see UNROLL. What would lie beyond `capacity` is not written; `dispatch_args` has raised the overflow flag by then.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
@@ -33,12 +33,19 @@ layout(set = 0, binding = 7, scalar) writeonly buffer GlobalFromSlot { uint glob
 layout(set = 0, binding = 8, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
 
 const int BIG = 8;
+// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
+// 3840 x 2160 (270 rows of 480 tiles, 34 rows to a lane) would make 130,560 with one slot an iteration.
+const uint UNROLL = 4;
 
 void put(uint global, uint frame, ivec2 span, int row, uint slot) {
     uint row_first = frame * push.tiles_per_frame + uint(row) * push.tiles_x;
-    for (int x = span.x; x <= span.y && slot < push.capacity; ++x, ++slot) {
-        isect_tiles[slot] = row_first + uint(x);
-        global_from_slot[slot] = global;
+    for (int first = span.x; first <= span.y; first += int(UNROLL), slot += UNROLL) {
+        [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
+            if (first + int(k) <= span.y && slot + k < push.capacity) {
+                isect_tiles[slot + k] = row_first + uint(first) + k;
+                global_from_slot[slot + k] = global;
+            }
+        }
     }
 }
 

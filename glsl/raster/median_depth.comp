@@ -9,6 +9,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
+#include "../shared/unit.glsl"
 
 layout(constant_id = 1) const bool CENTRE = false; // take the z of the Gaussian's centre instead
 
@@ -49,10 +50,11 @@ void main() {
             vec3 ray = slope.x * view.row_x.xyz + slope.y * view.row_y.xyz + view.row_z.xyz;
             vec3 log_scale = plane3(LOG_SCALE, i);
             vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
-            vec4 q = normalize(vec4(plane(QUAT, i), plane3(QUAT + 1, i)));
+            vec4 q = vec4(plane(QUAT, i), plane3(QUAT + 1, i));
+            to_unit(q); // no median Gaussian is without a rotation: it was projected
             vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
             float best = -dot(o, d) / dot(d, d);
-            if (best > 0.2) z = best;
+            if (best > NEAR && best <= FLOAT_MAX) z = best;
         }
     }
     depths[push.depth_first + pixel] = z;

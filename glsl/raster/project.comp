@@ -54,7 +54,7 @@ void main() {
     View view = views[push.view];
     vec3 mean = plane3(MEAN, i);
     vec3 p = to_camera(view, mean);
-    if (!(p.z > NEAR)) return;
+    if (!(p.z > NEAR && p.z <= FLOAT_MAX)) return;
 
     float opacity = sigmoid(plane(OPACITY, i));
     if (LOBES && i >= push.lobe_first) {
@@ -66,9 +66,9 @@ void main() {
     if (!(opacity >= ALPHA_MIN)) return;
 
     vec4 q = vec4(plane(QUAT, i), plane3(QUAT + 1, i));
-    float norm = length(q);
-    if (!(norm > 0.0)) return;
-    Projection e = project_covariance(view, p, q / norm, exp(plane3(LOG_SCALE, i)));
+    if (!(to_unit(q) > 0.0)) return;
+    Projection e = project_covariance(view, p, q, exp(plane3(LOG_SCALE, i)));
+    if (!(e.det <= FLOAT_MAX)) return;
     if (COMPENSATE) {
         opacity *= sqrt(e.det0 / e.det);
         if (!(opacity >= ALPHA_MIN)) return;
@@ -90,6 +90,8 @@ void main() {
     sh_basis(normalize(mean - view.eye), push.active_degree, basis);
     vec3 colour = vec3(0.5);
     for (uint k = 0; k < (push.active_degree + 1) * (push.active_degree + 1); ++k) colour += basis[k] * sh_at(k, i);
+    vec3 size = abs(colour);
+    if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return;
     colour = max(colour, vec3(0.0));
     s.r = colour.r;
     s.g = colour.g;

@@ -5,8 +5,8 @@
 // √(det S / det(S + 0.3 I)), and covers the pixels where α = min(0.99, opacity · exp(−½ δᵀ(S + 0.3 I)⁻¹δ)) ≥ 1/255.
 
 #include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
+#include "unit.glsl"  // FLOAT_MAX
 
-const float FLOAT_MAX = 3.402823466e38;
 const float DILATION = 0.3; // px²
 
 struct Footprint {

@@ -1,12 +1,11 @@
 // Projection of one Gaussian (EWA), its colour and its lobe; shared by the forward and the backward pass.
 // Needs: the blocks Geometry and Sh, View, and `push.stride`.
+#include "unit.glsl"
 
 const uint MEAN = 0, LOG_SCALE = 3, QUAT = 6, OPACITY = 10; // planes of `geometry`
 const uint LOBE_DIRECTION = 0, LOBE_WIDTH = 3, LOBE_SHARPNESS = 4; // planes of `lobes`
 const float DILATION = 0.3; // px^2, added to the diagonal of the 2D covariance (3DGS)
-const float NEAR = 0.2;     // scene units
 const float PI = 3.14159265358979;
-
 float plane(uint p, uint i) { return geometry[p * push.stride + i]; }
 vec3 plane3(uint p, uint i) { return vec3(plane(p, i), plane(p + 1, i), plane(p + 2, i)); }
 vec3 sh_at(uint k, uint i) {
@@ -14,6 +13,11 @@ vec3 sh_at(uint k, uint i) {
 }
 
 float sigmoid(float x) { return 1.0 / (1.0 + exp(-x)); }
+
+// The length of a quaternion or lobe direction means nothing, but a step of fixed length turns a short one wildly and a long
+// one not at all. Outside these bounds the vector is made a unit vector before it steps.
+const float LENGTH_MIN = 0.01, LENGTH_MAX = 100.0;
+bool wants_unit(float length_of) { return !(length_of >= LENGTH_MIN && length_of <= LENGTH_MAX); }
 
 // Rotation of a unit quaternion (w, x, y, z); columns are the Gaussian's axes.
 mat3 rotation(vec4 q) {
@@ -31,11 +35,14 @@ struct Projection {
     mat3 axes;       // rotation of the Gaussian
     vec3 scale;
     vec3 m1, m2;     // rows of M = J W R S
+    vec3 n;          // m1 x m2
     float a, b, c;   // M M^T
     float det0, det; // without and with dilation
 };
 
-// Sigma2D = M M^T + 0.3 I. The determinant is |m1 x m2|^2 + 0.3 (a + c) + 0.09, all terms positive.
+// Sigma2D = M M^T + 0.3 I. The determinant is |m1 x m2|^2 + 0.3 (a + c) + 0.09, all terms positive. A
+// needle's m1 and m2 are nearly parallel, yet m1 x m2 does not cancel: in the Gaussian's own axes each of its components is two
+// scales' product times one of jw1 x jw2, whose rows are far from parallel.
 Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     Projection e;
     e.p = p;
@@ -51,8 +58,8 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     e.a = dot(e.m1, e.m1);
     e.b = dot(e.m1, e.m2);
     e.c = dot(e.m2, e.m2);
-    vec3 n = cross(e.m1, e.m2);
-    e.det0 = dot(n, n);
+    e.n = cross(e.m1, e.m2);
+    e.det0 = dot(e.n, e.n);
     e.det = e.det0 + DILATION * (e.a + e.c) + DILATION * DILATION;
     return e;
 }
@@ -113,6 +120,7 @@ struct Lobe {
     float tan_over_sin; // tan(psi/2) / sin(theta), its limit 1/(2 width) at theta = 0
     float cos_theta;
     vec3 axis, v;       // unit lobe direction; unit vector from the Gaussian to the eye
+    float direction_length;
 };
 
 // Method, section 1: ((cos psi + 1)/2)^exp(beta) = cos(psi/2)^(2 exp(beta)), psi = theta/T, 0 from psi = pi on.
@@ -120,20 +128,22 @@ Lobe eval_lobe(vec3 direction, float width, float sharpness, vec3 v) {
     Lobe l;
     l.factor = 0.0;
     l.v = v;
-    float norm = length(direction);
-    l.axis = direction / norm;
+    vec4 axis = vec4(direction, 0.0);
+    l.direction_length = to_unit(axis);
+    l.axis = axis.xyz;
     vec3 normal = cross(l.axis, v);
     l.cos_theta = dot(l.axis, v);
     float sin_theta = length(normal);
     float theta = atan(sin_theta, l.cos_theta);
     l.psi = theta / width;
-    if (!(norm > 0.0 && l.psi >= 0.0 && l.psi < PI)) return l;
+    if (!(l.direction_length > 0.0 && l.psi >= 0.0 && l.psi < PI)) return l;
     float half_psi = 0.5 * l.psi;
     l.exponent = exp(sharpness);
     // Near 0 the logarithm of the cosine is -x^2/2 - x^4/12: exact to 1e-9 below 0.03, where log(cos) keeps no digits.
     float x2 = half_psi * half_psi;
     l.log_cos = half_psi < 0.03 ? -x2 * (0.5 + x2 / 12.0) : log(max(cos(half_psi), 1e-30));
     l.factor = exp(2.0 * l.exponent * l.log_cos);
-    l.tan_over_sin = sin_theta > 1e-4 ? tan(half_psi) / sin_theta : 0.5 / width;
+    // sin(theta) is small at theta near pi too, where a width of 1 still has a value and no such limit.
+    l.tan_over_sin = sin_theta > 1e-4 || l.cos_theta < 0.0 ? tan(half_psi) / sin_theta : 0.5 / width;
     return l;
 }

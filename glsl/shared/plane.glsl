@@ -29,6 +29,15 @@ struct PlaneShape {
 
 const float PLANE_DILATION = 0.3; // px^2, as in 3D
 
+// Standard deviations, px (method, section 3): 0.005 of the shorter side at first, at most 50 and 0.01 of width + height. In
+// images of less than 120 pixels the first would be below the dilation's own sqrt(0.3): compensation makes such a Gaussian
+// invisible at its opacity of 0.02, and it never learns. So it begins at 0.6 px there, and may grow to twice that.
+const float FIRST_SCALE_MIN = 0.6;
+float first_scale(uint width, uint height) { return clamp(0.005 * float(min(width, height)), FIRST_SCALE_MIN, 50.0); }
+float scale_max(uint width, uint height) {
+    return max(min(50.0, 0.01 * (float(width) + float(height))), 2.0 * FIRST_SCALE_MIN);
+}
+
 // S = Rot diag(variance) Rot^T. The eigenvalues of S + 0.3 I are the variances plus 0.3, so its determinant and the
 // compensation are products: nothing cancels, and neither depends on the angle.
 PlaneShape plane_shape(vec2 log_scale, float angle) {

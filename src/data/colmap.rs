@@ -47,17 +47,13 @@ pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<Point
             }
             None => return fail(format!("its camera {} is not in the model", pose.camera)),
         };
-        let quat = DQuat::from_xyzw(pose.quat[1], pose.quat[2], pose.quat[3], pose.quat[0]);
-        // Any length but zero means the same rotation.
-        if !pose.quat.iter().chain(&pose.translation).all(|v| v.is_finite()) || !quat.length_squared().is_normal() {
-            return fail(format!("its pose {:?} {:?} is not finite or has no rotation", pose.quat, pose.translation));
-        }
+        let rotation = pose.rotation().map_err(|what| Error::input(&path, what))?;
         shots.push(Shot {
             path: folder.join(&pose.name),
             name: pose.name,
             listed_in: path.clone(),
             camera,
-            rotation: DMat3::from_quat(quat.normalize()),
+            rotation,
             translation: DVec3::from_array(pose.translation),
             split: None,
         });
@@ -85,14 +81,28 @@ fn is_text(path: &Path) -> bool {
 }
 
 /// What is not read is kept by its model's name, since it matters only if an image uses it.
-type Cameras = HashMap<u32, Result<SourceCamera, String>>;
+pub(super) type Cameras = HashMap<u32, Result<SourceCamera, String>>;
 
-struct Pose {
+pub(super) struct Pose {
     name: String,
     /// World to camera, (w, x, y, z).
     quat: [f64; 4],
     translation: [f64; 3],
     camera: u32,
+}
+
+impl Pose {
+    /// World to camera. Checks the translation too.
+    pub(super) fn rotation(&self) -> Result<DMat3, String> {
+        let [w, x, y, z] = self.quat;
+        let quat = DQuat::from_xyzw(x, y, z, w);
+        // Any length but zero means the same rotation.
+        if !self.quat.iter().chain(&self.translation).all(|v| v.is_finite()) || !quat.length_squared().is_normal() {
+            let Pose { name, quat, translation, .. } = self;
+            return Err(format!("image `{name}`: its pose {quat:?} {translation:?} is not finite or has no rotation"));
+        }
+        Ok(DMat3::from_quat(quat.normalize()))
+    }
 }
 
 /// Names and numbers of parameters by COLMAP's model id (src/colmap/sensor/models.h).
@@ -205,7 +215,7 @@ fn records<'a, T>(
     }
 }
 
-fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
+pub(super) fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
     // Id, model, width, height and three parameters.
     let list = records(bytes, path, "camera", 4 + 4 + 8 + 8 + 3 * 8, |bytes| {
         let (id, model, width, height) = (bytes.u32()?, bytes.u32()?, bytes.u64()?, bytes.u64()?);
@@ -221,7 +231,7 @@ fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
     collect_cameras(list, path)
 }
 
-fn cameras_text(bytes: &[u8], path: &Path) -> Result<Cameras> {
+pub(super) fn cameras_text(bytes: &[u8], path: &Path) -> Result<Cameras> {
     let mut list = Vec::new();
     for (number, line) in lines(bytes, path)?.filter(|(_, line)| is_data(line)) {
         let fail = |what: String| Error::input(path, format!("line {number}: {what}"));
@@ -247,7 +257,7 @@ fn collect_cameras(list: Vec<(u32, Result<SourceCamera, String>)>, path: &Path) 
     Ok(cameras)
 }
 
-fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
+pub(super) fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
     // Id, pose, camera, an empty name's end and the number of its points.
     records(bytes, path, "image", 4 + 7 * 8 + 4 + 1 + 8, |bytes| {
         bytes.u32()?;
@@ -263,7 +273,7 @@ fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
     })
 }
 
-fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
+pub(super) fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
     let mut poses = Vec::new();
     let mut all = lines(bytes, path)?;
     while let Some((number, line)) = all.next() {
@@ -293,7 +303,7 @@ fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
     Ok(poses)
 }
 
-fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+pub(super) fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
     // Id, position, colour, error and the length of its track.
     let points = records(bytes, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |bytes| {
         bytes.u64()?;
@@ -307,7 +317,7 @@ fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
     Ok(PointCloud { positions, colors })
 }
 
-fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+pub(super) fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
     for (number, line) in lines(bytes, path)?.filter(|(_, line)| is_data(line)) {
         let fail = |what: String| Error::input(path, format!("line {number}: {what}"));

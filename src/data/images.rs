@@ -1,8 +1,10 @@
 //! Photos as files: sizes, decoding, alpha, and their way to the size and pinhole camera that training sees.
 
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use super::distortion::Lens;
 use crate::{Error, Result};
@@ -11,6 +13,12 @@ use crate::{Error, Result};
 const MAX_SIDE: u32 = 1 << 15;
 /// 268 megapixels, more than any camera's sensor; 16-bit RGBA of that size decodes to 2 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
+/// No file holds more pixels than this in each of its bytes, so a header that says so is wrong, and is refused before memory is
+/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each.
+const PNG_PIXELS_PER_BYTE: u64 = 1032 * 8;
+/// JPEG: at least a bit for each block of 8 × 8. The most pixels for a block are in a unit of 32 × 32 with two components of
+/// 4 × 1 and 1 × 4 blocks.
+const JPEG_PIXELS_PER_BYTE: u64 = 8 * 32 * 32 / (4 + 4);
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,10 +96,10 @@ fn coverage(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     (0..to).map(span).collect()
 }
 
-fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>> {
-    let at = |source| Error::io(path, source);
+/// `path` is only named in errors, here and below.
+fn reader<R: BufRead + Seek>(input: R, path: &Path) -> Result<ImageReader<R>> {
     // By content: endings lie often enough.
-    let mut reader = ImageReader::open(path).map_err(at)?.with_guessed_format().map_err(at)?;
+    let mut reader = ImageReader::new(input).with_guessed_format().map_err(|source| Error::io(path, source))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_PIXELS * 8);
     reader.limits(limits);
@@ -99,20 +107,37 @@ fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>>
 }
 
 fn decode_error(path: &Path, error: image::ImageError) -> Error {
+    let text = error.to_string();
+    let text = text.trim_end();
     match error {
         image::ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             Error::io(path, source)
         }
-        image::ImageError::Unsupported(_) => Error::input(path, format!("is not a PNG or JPEG image: {error}")),
-        error => Error::input(path, format!("cannot be decoded: {error}")),
+        image::ImageError::Unsupported(_) => Error::input(path, format!("is not a PNG or JPEG image: {text}")),
+        _ => Error::input(path, format!("cannot be decoded: {text}")),
     }
 }
 
 /// Width and height from the file's header.
 pub(super) fn size(path: &Path) -> Result<[u32; 2]> {
-    let (width, height) = reader(path)?.into_dimensions().map_err(|error| decode_error(path, error))?;
-    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || width as u64 * height as u64 > MAX_PIXELS {
+    let at = |source| Error::io(path, source);
+    let file = File::open(path).map_err(at)?;
+    let length = file.metadata().map_err(at)?.len();
+    header(BufReader::new(file), length, path)
+}
+
+/// Width and height from the header of an image of `length` bytes.
+fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 2]> {
+    let reader = reader(input, path)?;
+    let densest = if reader.format() == Some(ImageFormat::Jpeg) { JPEG_PIXELS_PER_BYTE } else { PNG_PIXELS_PER_BYTE };
+    let (width, height) = reader.into_dimensions().map_err(|error| decode_error(path, error))?;
+    let pixels = width as u64 * height as u64;
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         let what = format!("is {width} × {height}; sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels are read");
+        return Err(Error::input(path, what));
+    }
+    if pixels > length.saturating_mul(densest) {
+        let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
     }
     Ok([width, height])
@@ -138,13 +163,34 @@ pub(super) fn load(
     to: [u32; 2],
     background: [f32; 3],
 ) -> Result<Image> {
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
-    let found = size(path)?;
+    let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?;
     if found != expected {
         let [[w, h], [ew, eh]] = [found, expected];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
     }
-    let decoded = reader(path)?.decode().map_err(|error| decode_error(path, error))?;
+    decode(&bytes, path, expected, lens, to, background)
+}
+
+/// Decodes `bytes` as [`load`] does, in the size they say.
+pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
+    let size = header(Cursor::new(bytes), bytes.len() as u64, path)?;
+    decode(bytes, path, size, None, size, [0.0; 3]).map(drop)
+}
+
+fn decode(
+    bytes: &[u8],
+    path: &Path,
+    expected: [u32; 2],
+    lens: Option<&Lens>,
+    to: [u32; 2],
+    background: [f32; 3],
+) -> Result<Image> {
+    if jpeg_is_cut(bytes) {
+        return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
+    }
+    let decoded = reader(Cursor::new(bytes), path)?.decode().map_err(|error| decode_error(path, error))?;
     let [width, height] = expected;
     if [decoded.width(), decoded.height()] != expected {
         return Err(Error::input(path, "its pixels have another size than its header says"));
@@ -160,6 +206,32 @@ pub(super) fn load(
         pixels = pixels.shrink(to[0], to[1]);
     }
     Ok(pixels.quantise())
+}
+
+/// Whether `bytes` begin a JPEG image (ITU T.81, annex B) that never ends. The decoder fills what is missing with grey and says
+/// nothing. Only what follows the first scan's header counts: a thumbnail has an end of its own.
+fn jpeg_is_cut(bytes: &[u8]) -> bool {
+    const END: [u8; 2] = [0xff, 0xd9];
+    if !bytes.starts_with(&[0xff, 0xd8]) {
+        return false;
+    }
+    let mut at = 2;
+    while let Some(&[first, second]) = bytes.get(at..at + 2).and_then(|pair| pair.first_chunk()) {
+        at += match (first, second) {
+            // In coded data a byte 0xff is never followed by 0xd9.
+            (0xff, 0xda) => return !bytes[at..].windows(2).any(|pair| pair == END),
+            (0xff, 0xd9) => return false,
+            // Markers without contents: TEM, RSTn, SOI.
+            (0xff, 0x01 | 0xd0..=0xd8) => 2,
+            (0xff, 0x02..=0xfe) => match bytes.get(at + 2..at + 4).and_then(|length| length.first_chunk()) {
+                Some(&length) => 2 + usize::from(u16::from_be_bytes(length)),
+                None => return true,
+            },
+            // Padding, or what does not belong here.
+            _ => 1,
+        };
+    }
+    true
 }
 
 fn composite(image: DynamicImage, background: [f32; 3]) -> Vec<[f32; 3]> {
@@ -263,6 +335,8 @@ mod tests {
         let checksum = crc(&huge[12..29]).to_be_bytes();
         huge[29..33].copy_from_slice(&checksum);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
+        let cut = &jpeg.get_ref()[..jpeg.get_ref().len() - 2];
+        assert!(fails(cut).contains("without its end"), "{}", fails(cut));
         for whole in [png.into_inner(), jpeg.into_inner()] {
             for at in 0..whole.len() {
                 let mut bytes = whole.clone();

@@ -2,6 +2,7 @@
 
 mod atomic;
 pub mod builtin;
+mod check;
 mod colmap;
 mod dataset;
 mod distortion;
@@ -13,6 +14,7 @@ pub mod tensors;
 mod transforms;
 mod write;
 
+pub use check::FileKind;
 pub use dataset::{Dataset, DatasetKind, DatasetOptions, ImageFile, Photo, PixelSource, Split};
 pub use distortion::{Distortion, Lens};
 pub use images::Image;

@@ -224,7 +224,7 @@ impl Columns {
 }
 
 /// `path` is only named in errors.
-fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     if let Some(kind) = describe_non_splats(&ply) {

@@ -3,6 +3,7 @@
 //! Format: Greg Turk, "The PLY Polygon File Format", 1994, in its three encodings. Numbers are handed out as f64, which
 //! holds every value of every PLY type.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use crate::{Error, Result};
@@ -146,6 +147,8 @@ impl<'a> Ply<'a> {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
+        // Of the elements, and of the properties of the last one: a megabyte of header has a hundred thousand.
+        let (mut names, mut property_names) = (HashSet::new(), HashSet::new());
         let mut at = 0;
         loop {
             let rest = &bytes[at..bytes.len().min(MAX_HEADER)];
@@ -169,9 +172,10 @@ impl<'a> Ply<'a> {
                 ["element", name, rows] => {
                     let rows =
                         rows.parse().map_err(|_| fail(format!("header line `{line}`: the number of rows is bad")))?;
-                    if elements.iter().any(|e| e.name == name) {
+                    if !names.insert(name.to_owned()) {
                         return Err(fail(format!("element `{name}` appears twice in the header")));
                     }
+                    property_names.clear();
                     elements.push(Element { name: name.to_owned(), rows, properties: Vec::new() });
                 }
                 ["property", ref kind @ .., name] => {
@@ -191,7 +195,7 @@ impl<'a> Ply<'a> {
                     let Some(element) = elements.last_mut() else {
                         return Err(fail(format!("header line `{line}`: no element comes before it")));
                     };
-                    if element.properties.iter().any(|p| p.name == name) {
+                    if !property_names.insert(name.to_owned()) {
                         let what = format!("element `{}` has property `{name}` twice", element.name);
                         return Err(fail(what));
                     }

@@ -113,7 +113,8 @@ pub fn read_tensors(path: impl AsRef<Path>) -> Result<BTreeMap<String, Tensor>> 
     parse_tensors(&bytes, path)
 }
 
-fn parse_tensors(bytes: &[u8], path: &Path) -> Result<BTreeMap<String, Tensor>> {
+/// `path` is only named in errors.
+pub(super) fn parse_tensors(bytes: &[u8], path: &Path) -> Result<BTreeMap<String, Tensor>> {
     let file = SafeTensors::deserialize(bytes)
         .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;
     let mut out = BTreeMap::new();

@@ -93,13 +93,12 @@ fn read_file(path: &Path, split: Option<Split>) -> Result<Transforms> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut shots = Vec::with_capacity(file.frames.len());
     for (i, frame) in file.frames.iter().enumerate() {
-        let fail = |what: String| Error::input(path, format!("frame {i} (`{}`): {what}", frame.file_path));
-        let (rotation, translation) = pose(&frame.transform_matrix).map_err(fail)?;
+        let (camera, rotation, translation) = file.view(i, path)?;
         shots.push(Shot {
             name: frame.file_path.clone(),
-            path: find_image(folder, &frame.file_path).map_err(fail)?,
+            path: find_image(folder, &frame.file_path).map_err(|what| frame.fault(i, path, &what))?,
             listed_in: path.to_owned(),
-            camera: source_camera(&frame.camera, &file.camera).map_err(fail)?,
+            camera,
             rotation,
             translation,
             split,
@@ -108,6 +107,28 @@ fn read_file(path: &Path, split: Option<Split>) -> Result<Transforms> {
     let points = file.ply_file_path.map(|name| ply::read_points(folder.join(name))).transpose()?;
     let blender = shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
     Ok(Transforms { shots, points: points.filter(|p| !p.positions.is_empty()), blender })
+}
+
+impl Frame {
+    fn fault(&self, index: usize, path: &Path, what: &str) -> Error {
+        Error::input(path, format!("frame {index} (`{}`): {what}", self.file_path))
+    }
+}
+
+impl File {
+    /// Intrinsics, and rotation and translation from world to camera, of one frame.
+    fn view(&self, index: usize, path: &Path) -> Result<(SourceCamera, DMat3, DVec3)> {
+        let frame = &self.frames[index];
+        let fail = |what: String| frame.fault(index, path, &what);
+        let (rotation, translation) = pose(&frame.transform_matrix).map_err(fail)?;
+        Ok((source_camera(&frame.camera, &self.camera).map_err(fail)?, rotation, translation))
+    }
+}
+
+/// Reads `bytes` and judges every frame as [`read`] does, without looking for its image.
+pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
+    let file = parse(bytes, path)?;
+    (0..file.frames.len()).try_for_each(|i| file.view(i, path).map(drop))
 }
 
 fn parse(bytes: &[u8], path: &Path) -> Result<File> {

@@ -153,13 +153,13 @@ pub fn enhance(
         ..Default::default()
     };
     let count = scene.base.len() as u32;
-    let base = Model::upload(context, scene, 0)?;
+    let base = Model::upload_around(context, views.origin, scene, 0)?;
     let mut renderer = Renderer::new(context, count, views, render)?;
     let losses = base_losses(&mut renderer, &base, views, options.background)?;
     let budgets = budgets(&losses, count, options.ratio);
     let total: u32 = budgets.iter().sum();
     drop(base);
-    let mut model = Model::upload(context, scene, total as usize)?;
+    let mut model = Model::upload_around(context, views.origin, scene, total as usize)?;
     times.base = started.elapsed();
 
     let started = Instant::now();

@@ -1,7 +1,10 @@
 //! A scene on the device: the parameter planes that every stage reads.
 
+use glam::DVec3;
+
+use super::views::Views;
 use crate::{
-    error::Result,
+    error::{Error, Result},
     gpu::{Buffer, Context, GpuError},
     scene::{Gaussians, Lobes, Scene, Supplement},
     stages::types::Lift,
@@ -25,6 +28,8 @@ pub struct Model {
     pub base_count: u32,
     pub supplement_count: u32,
     pub sh_degree: u32,
+    /// Where the device's coordinates begin, in the world: means are relative to it.
+    pub origin: DVec3,
 }
 
 impl Model {
@@ -33,6 +38,11 @@ impl Model {
     /// # Errors
     /// [`GpuError::BufferTooLarge`] where the planes do not fit into one buffer of the device.
     pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self, GpuError> {
+        Self::upload_around(context, DVec3::ZERO, scene, spare)
+    }
+
+    /// In coordinates that count from `origin`, the views' own.
+    pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, spare: usize) -> Result<Self, GpuError> {
         let empty = Supplement::default();
         let supplement = scene.supplement.as_ref().unwrap_or(&empty);
         let (n, m) = (scene.base.len(), supplement.gaussians.len());
@@ -45,7 +55,7 @@ impl Model {
             for i in 0..from.len() {
                 let at = first + i;
                 for c in 0..3 {
-                    geometry[c * stride + at] = from.means[i][c];
+                    geometry[c * stride + at] = (f64::from(from.means[i][c]) - origin[c]) as f32;
                     geometry[(3 + c) * stride + at] = from.log_scales[i][c];
                 }
                 for c in 0..4 {
@@ -75,7 +85,18 @@ impl Model {
             base_count: n as u32,
             supplement_count: m as u32,
             sh_degree: scene.base.sh_degree,
+            origin,
         })
+    }
+
+    /// Fails where `views` count from another origin.
+    pub fn check_origin(&self, views: &Views) -> Result<()> {
+        match self.origin == views.origin {
+            true => Ok(()),
+            false => {
+                Err(Error::Usage(format!("the model counts from {}, the views from {}", self.origin, views.origin)))
+            }
+        }
     }
 
     /// Gaussians in all.
@@ -125,7 +146,10 @@ impl Model {
             let range = first..first + count;
             Gaussians {
                 sh_degree: self.sh_degree,
-                means: range.clone().map(|i| [0, 1, 2].map(|p| plane(p, i))).collect(),
+                means: range
+                    .clone()
+                    .map(|i| [0, 1, 2].map(|p| (f64::from(plane(p, i)) + self.origin[p]) as f32))
+                    .collect(),
                 log_scales: range.clone().map(|i| [3, 4, 5].map(|p| plane(p, i))).collect(),
                 quats: range.clone().map(|i| [6, 7, 8, 9].map(|p| plane(p, i))).collect(),
                 opacities: range.clone().map(|i| plane(10, i)).collect(),

@@ -39,12 +39,17 @@ impl TileShape {
         TileShape { width: 8, height, pixels: 8 * height / lanes }
     }
 
-    /// All that subgroups of so many lanes can cover.
+    /// Tiles of `width` × `height` pixels, where a subgroup of `lanes` lanes can cover them.
+    pub fn new(width: u32, height: u32, lanes: u32) -> Option<Self> {
+        let area = width.checked_mul(height)?;
+        let fits = width > 0 && lanes.is_multiple_of(width) && area > 0 && area.is_multiple_of(lanes);
+        // The pixels of a lane that are not finished are the bits of a word.
+        (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
+    }
+
+    /// The usual ones of those that subgroups of so many lanes can cover.
     pub fn choices(lanes: u32) -> Vec<Self> {
-        let fits =
-            |&(width, height): &(u32, u32)| lanes.is_multiple_of(width) && (width * height).is_multiple_of(lanes);
-        let shape = |(width, height)| TileShape { width, height, pixels: width * height / lanes };
-        [(8, 8), (8, 16), (16, 16)].into_iter().filter(fits).map(shape).collect()
+        [(8, 8), (8, 16), (16, 16)].into_iter().filter_map(|(width, height)| Self::new(width, height, lanes)).collect()
     }
 }
 
@@ -182,7 +187,7 @@ impl Raster {
         Self::with_tile(context, options, TileShape::for_subgroup(context.info().subgroup_size))
     }
 
-    /// With one of [`TileShape::choices`].
+    /// With tiles of a shape that [`TileShape::new`] gave for the device's subgroups.
     pub fn with_tile(context: &Context, options: RasterOptions, tile: TileShape) -> Result<Self, GpuError> {
         let (splats, pixels) = (options.splats.max(1) as usize, options.pixels as usize);
         let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);

@@ -35,6 +35,8 @@ pub struct RenderOptions {
     pub median_threshold: f32,
     /// Gradients will be asked for.
     pub backward: bool,
+    /// What a subgroup covers; `None` is the shape that suits the device. The image does not depend on it.
+    pub tile: Option<TileShape>,
 }
 
 impl Default for RenderOptions {
@@ -45,6 +47,7 @@ impl Default for RenderOptions {
             centre_depth: false,
             median_threshold: MEDIAN_THRESHOLD,
             backward: false,
+            tile: None,
         }
     }
 }
@@ -76,7 +79,7 @@ pub struct Rendered {
 impl Renderer {
     /// For up to `gaussians` Gaussians in any of `views`.
     pub fn new(context: &Context, gaussians: u32, views: &Views, options: RenderOptions) -> Result<Self, GpuError> {
-        let tile = TileShape::for_subgroup(context.info().subgroup_size);
+        let tile = options.tile.unwrap_or_else(|| TileShape::for_subgroup(context.info().subgroup_size));
         let grids = views.cameras.iter().map(|c| Grid::new(tile, 0, 1, c.width, c.height).tiles());
         let raster_options = RasterOptions {
             splats: gaussians,
@@ -100,7 +103,7 @@ impl Renderer {
         };
         let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
         Ok(Renderer {
-            raster: Raster::new(context, raster_options)?,
+            raster: Raster::with_tile(context, raster_options, tile)?,
             options,
             project: [project(false)?, project(true)?],
             median_depth: if options.depth { Some(MedianDepth::new(context, &depth_spec)?) } else { None },
@@ -169,7 +172,11 @@ impl Renderer {
     }
 
     /// Renders one view and leaves it on the device, growing the intersection buffers where they are too small. Waits.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] where model and views have different origins; else what the device lacks.
     pub fn render_on_device(&mut self, model: &Model, views: &Views, view: u32, background: [f32; 3]) -> Result<()> {
+        model.check_origin(views)?;
         loop {
             self.status.upload(0, &[0; STATUS_WORDS])?;
             let mut recorder = self.raster.context().recorder("render")?;

@@ -149,7 +149,8 @@ impl Trainer {
     /// Step t renders view `schedule[t]` and moves what its [`StepPlan`] says. `progress` hears the number of finished steps.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the schedule names a view that is not there or is longer than the trainer was made for.
+    /// [`Error::Usage`] where the schedule names a view that is not there or is longer than the trainer was made for, or where model
+    /// and views have different origins.
     pub fn run(
         &mut self,
         model: &Model,
@@ -162,6 +163,7 @@ impl Trainer {
         if schedule.len() > self.loss.losses.len() || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the trainer".into()));
         }
+        model.check_origin(views)?;
         let Trainer { renderer, loss, learners, done, steps, background, .. } = self;
         let renderer = std::cell::RefCell::new(renderer);
         // Gaussians below the first that learns more than its opacity need no other gradient.

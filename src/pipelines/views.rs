@@ -1,5 +1,7 @@
 //! Cameras, and the photographs they took, on the device.
 
+use glam::DVec3;
+
 use crate::{
     gpu::{Buffer, Context, GpuError},
     scene::Camera,
@@ -17,16 +19,43 @@ pub struct Views {
     pub frames: Buffer<Frame>,
     /// 8-bit RGBA of all photographs; one unused word where there are none.
     pub targets: Buffer<u32>,
+    /// In coordinates that count from `origin`.
     pub cameras: Vec<Camera>,
+    /// Where the device's coordinates begin, in the world. A model must be uploaded around the same.
+    pub origin: DVec3,
+}
+
+/// Distance from the world's origin, in spreads of the cameras, beyond which coordinates are counted from their middle.
+/// Below it float32 keeps 24 − 4 bits of the spread: 1e-6, a thousandth of a pixel.
+const FAR: f64 = 16.0;
+
+/// Where coordinates on the device should begin: the world's origin, or, for scenes far from it (georeferenced ones), the
+/// middle of the cameras. At 1e6 units float32 has steps of 0.06, too coarse for poses and for learning.
+pub fn origin_for(cameras: &[Camera]) -> DVec3 {
+    let eyes: Vec<DVec3> = cameras.iter().map(Camera::eye).filter(|eye| eye.is_finite()).collect();
+    let middle = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
+    let spread = eyes.iter().map(|eye| eye.distance(middle)).fold(0.0, f64::max);
+    if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }
 
 impl Views {
     /// `photographs` are 8-bit RGB, row-major, one for each camera and of its size, or none at all.
     pub fn upload(context: &Context, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self, GpuError> {
+        Self::upload_around(context, DVec3::ZERO, cameras, photographs)
+    }
+
+    /// In coordinates that count from `origin` (world, float64), see [`origin_for`].
+    pub fn upload_around(
+        context: &Context,
+        origin: DVec3,
+        cameras: &[Camera],
+        photographs: &[&[u8]],
+    ) -> Result<Self, GpuError> {
+        let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.around(origin)).collect();
         let mut views = Vec::with_capacity(cameras.len());
         let mut frames = Vec::with_capacity(cameras.len());
         let mut first = 0;
-        for camera in cameras {
+        for camera in &cameras {
             views.push(view(camera, first));
             frames.push(Frame { image_first: 0, target_first: first, width: camera.width, height: camera.height });
             first += camera.pixels();
@@ -39,7 +68,8 @@ impl Views {
             views: Buffer::from_slice(context, "views", &views)?,
             frames: Buffer::from_slice(context, "frames", &frames)?,
             targets: Buffer::from_slice(context, "targets", &targets)?,
-            cameras: cameras.to_vec(),
+            cameras,
+            origin,
         })
     }
 

@@ -5,6 +5,9 @@ pub const BETA1: f64 = 0.9;
 pub const BETA2: f64 = 0.999;
 pub const EPSILON: f64 = 1e-15;
 
+/// A gradient is cut off where its square, times the first correction of 1000, would leave float32.
+pub const GRADIENT_MAX: f64 = 1e17;
+
 /// Range of a lobe's width T (method, section 1).
 pub const WIDTH_RANGE: (f64, f64) = (0.01, 1.0);
 
@@ -13,9 +16,8 @@ pub const WIDTH_RANGE: (f64, f64) = (0.01, 1.0);
 /// At β = 8 the exponent is 2 e^8 ≈ 6e3: the lobe falls to one half within 0.03 T rad, 3e-4 rad for the
 /// narrowest T, an angle that float32 directions (1e-7) still resolve to a thousandth. Just below ψ = π float32 has
 /// cos(ψ/2) ≥ 7e-8, so |2 e^β ln cos(ψ/2)| ≤ 1e5 and exp gives 0, never NaN.
-/// At β = −2 the exponent is 0.27: the factor is above one half over 95 % of the support, a cone with a hard rim. The
-/// gradient is steepest at the rim, f e^β tan(ψ/2) / T ≤ 0.14 · 1.4e7 / 0.01 = 2e8, and its square, which Adam
-/// keeps, is 4e16: float32 ends at 3e38.
+/// At β = −2 the exponent is 0.27: the factor is above 0.3 over 99 % of the support and falls to 0.01 at the last angle that
+/// float32 has inside it; blunter lobes would end in a jump there.
 pub const SHARPNESS_RANGE: (f64, f64) = (-2.0, 8.0);
 
 /// How one plane moves.
@@ -70,7 +72,7 @@ pub fn adam(
                 continue;
             }
             let at = p * stride + i;
-            let g = grads[at];
+            let g = grads[at].clamp(-GRADIENT_MAX, GRADIENT_MAX);
             let m = BETA1 * first_moments[at] + (1.0 - BETA1) * g;
             let v = BETA2 * second_moments[at] + (1.0 - BETA2) * g * g;
             first_moments[at] = m;

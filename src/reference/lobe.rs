@@ -7,6 +7,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::{FLOAT_MAX, FLOAT_MIN};
+
 /// The factor in [0, 1]. 0 when d is 0 (no direction) or anything is NaN.
 pub fn factor(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> f64 {
     match half_angle(direction, width, to_eye) {
@@ -52,7 +54,8 @@ pub fn factor_gradient(direction: DVec3, width: f64, sharpness: f64, to_eye: DVe
 
 /// ψ/2, none outside the support. The angle comes from atan2 since acos loses half its digits near 0.
 fn half_angle(direction: DVec3, width: f64, to_eye: DVec3) -> Option<f64> {
-    if !(direction.dot(direction) > 0.0) {
+    let largest = direction.abs().max_element();
+    if !(FLOAT_MIN..=FLOAT_MAX).contains(&largest) {
         return None;
     }
     let theta = direction.cross(to_eye).length().atan2(direction.dot(to_eye));

@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use super::project::rotation;
-use super::{NEAR, NONE, Params, View};
+use super::{FLOAT_MAX, NEAR, NONE, Params, View};
 
 /// Where on the median Gaussian the depth is taken (method, section 4, ⚖).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,7 +15,8 @@ pub enum DepthAt {
     Centre,
 }
 
-/// Camera z by pixel, scene units; 0 where there is no median Gaussian.
+/// Camera z by pixel, scene units; 0 where there is no median Gaussian. A point that is not in front of the near plane, or is nowhere, falls
+/// back to the centre's z.
 pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -> Vec<f64> {
     let mut depths = vec![0.0; median.len()];
     for (pixel, &global) in median.iter().enumerate() {
@@ -24,14 +25,13 @@ pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -
         }
         let i = global as usize;
         let (column, row) = (pixel % view.width as usize, pixel / view.width as usize);
-        let centre = view.to_camera(params.mean(i)).z;
-        depths[pixel] = match at {
-            DepthAt::Centre => centre,
-            DepthAt::MaximumResponse => {
-                let best = maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
-                if best > NEAR { best } else { centre }
+        depths[pixel] = view.to_camera(params.mean(i)).z;
+        if at == DepthAt::MaximumResponse {
+            let best = maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
+            if best > NEAR && best <= FLOAT_MAX {
+                depths[pixel] = best;
             }
-        };
+        }
     }
     depths
 }

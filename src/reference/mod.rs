@@ -42,6 +42,7 @@ pub mod scan_spine;
 pub mod sort;
 pub mod ssim_backward;
 pub mod ssim_forward;
+pub mod step_done;
 pub mod tile_ranges;
 pub mod tiles;
 
@@ -63,6 +64,10 @@ pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 pub const NEAR: f64 = 0.2;
 /// Variance added to the projected Gaussian, px² (3DGS): no splat is thinner than a pixel.
 pub const DILATION: f64 = 0.3;
+/// Range of float32: its smallest number that is not denormal, its largest that is finite. What a kernel cannot hold is not
+/// visible to the twin either.
+pub const FLOAT_MIN: f64 = f32::MIN_POSITIVE as f64;
+pub const FLOAT_MAX: f64 = f32::MAX as f64;
 /// "No Gaussian" wherever a Gaussian index is expected.
 pub const NONE: u32 = u32::MAX;
 

@@ -18,9 +18,13 @@ pub const RATE_COLOUR: f64 = 0.01;
 pub const RATE_LOGIT: f64 = 0.02;
 pub const RATE_LOG_SCALE: f64 = 0.001;
 pub const RATE_ANGLE: f64 = 0.02;
-/// Largest standard deviation: pixels, and relative to width + height.
-pub const SCALE_MAX: f64 = 50.0;
-pub const SCALE_MAX_RELATIVE: f64 = 0.01;
+/// Least standard deviation of a new Gaussian, pixels; see `glsl/shared/plane.glsl` for why.
+pub const FIRST_SCALE_MIN: f64 = 0.6;
+
+/// Largest standard deviation in an image of that size, pixels.
+pub fn scale_max(width: f64, height: f64) -> f64 {
+    (0.01 * (width + height)).min(50.0).max(2.0 * FIRST_SCALE_MIN)
+}
 
 /// `tile_counts` and `isects` are the forward pass's, `isect_grads` the blend's, by slot.
 pub fn plane_backward(
@@ -54,7 +58,7 @@ pub fn plane_backward(
                 d_r,
                 d_g,
                 d_b,
-                d_opacity * e.compensation * sigma * (1.0 - sigma),
+                d_opacity * e.compensation * sigma * sigmoid(-plane[LOGIT]),
                 e.variance[0] * dot(p, apply(p)) + growth[0],
                 e.variance[1] * dot(q, apply(q)) + growth[1],
                 (e.variance[0] - e.variance[1]) * dot(p, apply(q)),
@@ -75,7 +79,7 @@ pub struct PlaneMoments {
 /// One step of every Gaussian that has a finite gradient.
 pub fn plane_step(planes: &mut [Plane], grads: &[PlaneGrad], moments: &mut [PlaneMoments], width: u32, height: u32) {
     let (width, height) = (width as f64, height as f64);
-    let log_scale_max = SCALE_MAX.min(SCALE_MAX_RELATIVE * (width + height)).ln();
+    let log_scale_max = scale_max(width, height).ln();
     for ((plane, grad), state) in planes.iter_mut().zip(grads).zip(moments) {
         if !grad.iter().all(|g| g.is_finite()) {
             continue;

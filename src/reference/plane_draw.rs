@@ -2,7 +2,7 @@
 //!
 //! One call is one workgroup of the kernel.
 
-use super::plane_backward::SCALE_MAX;
+use super::plane_backward::FIRST_SCALE_MIN;
 use super::plane_project::{COLOUR, LOG_SCALE, LOGIT, Plane};
 
 /// Losses whose square float32 can hold; a pixel with another is never drawn.
@@ -63,7 +63,7 @@ pub fn new_plane(pixel: u32, image: &[[f64; 4]], width: u32, height: u32) -> Pla
         plane[COLOUR + c] = image[pixel as usize][c].clamp(0.0, 1.0);
     }
     plane[LOGIT] = (FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln();
-    let log_scale = (FIRST_SCALE * f64::from(width.min(height))).min(SCALE_MAX).ln();
+    let log_scale = (FIRST_SCALE * f64::from(width.min(height))).clamp(FIRST_SCALE_MIN, 50.0).ln();
     plane[LOG_SCALE] = log_scale;
     plane[LOG_SCALE + 1] = log_scale;
     plane

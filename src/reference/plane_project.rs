@@ -26,6 +26,10 @@ pub fn plane_project(planes: &mut [Plane], depths: &[f64], width: u32, height: u
         kinks: vec![0; planes.len()],
     };
     for (i, plane) in planes.iter_mut().enumerate() {
+        // Steps keep centres in the image; what is not a number has no pixel.
+        if !(plane[0] >= 0.0 && plane[1] >= 0.0 && plane[0] <= width as f64 && plane[1] <= height as f64) {
+            continue;
+        }
         let column = plane[0].clamp(0.0, width as f64 - 0.5) as usize;
         let row = plane[1].clamp(0.0, height as f64 - 0.5) as usize;
         let z = depths[row * width as usize + column];
@@ -43,7 +47,7 @@ pub fn plane_project(planes: &mut [Plane], depths: &[f64], width: u32, height: u
             b: plane[4],
             z: plane[DEPTH],
         };
-        if !(splat.opacity >= ALPHA_MIN) {
+        if !(splat.opacity >= ALPHA_MIN && (splat.r + splat.g + splat.b).is_finite()) {
             continue;
         }
         let mut tiles = 0;

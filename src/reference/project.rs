@@ -5,7 +5,7 @@
 use glam::{DMat3, DVec3};
 
 use super::tiles::{Tiling, for_each_tile};
-use super::{ALPHA_MIN, DILATION, NEAR, Options, Params, Splat, View, harmonics, lobe, sigmoid};
+use super::{ALPHA_MIN, DILATION, FLOAT_MAX, FLOAT_MIN, NEAR, Options, Params, Splat, View, harmonics, lobe, sigmoid};
 
 /// A view's Gaussians, all vectors by Gaussian index.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -51,6 +51,9 @@ fn project_one(params: &Params, view: &View, options: &Options, i: usize) -> Opt
         return None;
     }
     let shade = shade(params, view, options, i);
+    if !shade.iter().all(|c| c.abs() <= FLOAT_MAX) {
+        return None;
+    }
     let [r, g, b] = shade.map(|c| if c > 0.0 { c } else { 0.0 });
     let kinks =
         f.clamped.0 as u8 | (f.clamped.1 as u8) << 1 | (0..3).map(|c| ((shade[c] <= 0.0) as u8) << (2 + c)).sum::<u8>();
@@ -86,6 +89,8 @@ pub(super) struct Footprint {
     /// Rows of M = JWRS, px.
     pub m1: DVec3,
     pub m2: DVec3,
+    /// m1 × m2 = cof(S) Rᵀ(jw1 × jw2): in the Gaussian's own axes no component cancels, be it a needle.
+    pub n: DVec3,
     /// Σ2D = [[a, b], [b, c]] (of which a is only needed through d), its determinant, and the undilated one.
     pub b: f64,
     pub c: f64,
@@ -96,7 +101,7 @@ pub(super) struct Footprint {
 /// None when the Gaussian is not in front of the near plane, has no rotation or no finite footprint.
 pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footprint> {
     let p = view.to_camera(params.mean(i));
-    if !(p.z > NEAR) {
+    if !(p.z > NEAR && p.z <= FLOAT_MAX) {
         return None;
     }
     let rotation = rotation(params.quat(i))?;
@@ -110,21 +115,23 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     let m1 = scale * (rotation.transpose() * jw1);
     let m2 = scale * (rotation.transpose() * jw2);
 
+    let n = m1.cross(m2);
     let b = m1.dot(m2);
     let c = m2.dot(m2) + DILATION;
-    let d0 = m1.cross(m2).length_squared();
+    let d0 = n.length_squared();
     let d = d0 + DILATION * (m1.dot(m1) + m2.dot(m2)) + DILATION * DILATION;
-    if !(d < f64::INFINITY) {
+    if !(d <= FLOAT_MAX) {
         return None;
     }
     let clamped = ((p.x / p.z).abs() > view.limit_x, (p.y / p.z).abs() > view.limit_y);
-    Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, b, c, d, d0 })
+    Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, n, b, c, d, d0 })
 }
 
-/// The rotation of a quaternion (w, x, y, z) of any length; none for length 0 or NaN.
+/// The rotation of a quaternion (w, x, y, z) of any length; none for what float32 holds as 0, denormal, infinite or NaN.
 pub(super) fn rotation(quat: [f64; 4]) -> Option<DMat3> {
+    let largest = quat.iter().fold(0.0, |a: f64, q| a.max(q.abs()));
     let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !(length > 0.0) {
+    if !(length > 0.0 && (FLOAT_MIN..=FLOAT_MAX).contains(&largest)) {
         return None;
     }
     let [w, x, y, z] = quat.map(|q| q / length);

@@ -1,6 +1,6 @@
 //! From gradient records to parameters: sums a Gaussian's records over its slots and goes back through `project`.
 
-use glam::{DMat3, DVec3, DVec4};
+use glam::{DMat3, DVec3, DVec4, Vec3Swizzles};
 
 use super::blend_backward::Record;
 use super::project::{Footprint, compensation, footprint};
@@ -72,51 +72,52 @@ fn geometry_backward(
     out: &mut Params,
 ) -> DVec3 {
     // ∂(−½ δᵀQδ)/∂Σ2D = ½ Qδ (Qδ)ᵀ since ∂Q = −Q ∂Σ Q, and Qδ = Lᵀw: so ∂loss/∂Σ2D = ½ Lᵀ(Σ g wwᵀ)L =: H.
-    // Σ2D = MMᵀ + 0.3 I gives ∂loss/∂M = 2HM = Lᵀ (Σ g wwᵀ) (LM), taken in this order because LM is of order 1.
-    let n1 = splat.l11 * f.m1 + splat.l12 * f.m2;
-    let n2 = splat.l22 * f.m2;
+    // Σ2D = MMᵀ + 0.3 I gives ∂loss/∂M = 2HM = Lᵀ (Σ g wwᵀ) N with N = LM, of order 1; all that follows is written in N and LJW
+    // (rows j1, j2), because a needle's rows of M are long and nearly parallel. n1 = l11 m1 + l12 m2 = (c m1 − b m2)/√(cD).
+    let n1 = (f.m2.cross(f.n) + DILATION * f.m1) / (f.c * f.d).sqrt();
+    let n2 = f.m2 / f.c.sqrt();
     let k1 = record[2] * n1 + record[3] * n2;
     let k2 = record[3] * n1 + record[4] * n2;
-    let mut m1_grad = splat.l11 * k1;
-    let mut m2_grad = splat.l12 * k1 + splat.l22 * k2;
-
-    if options.compensate {
-        // k = √(D0/D): ∂k = ½ k (∂D0/D0 − ∂D/D) with D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09 and D0 = |m1 × m2|², whose
-        // gradients are 2 m2 × (m1 × m2) and 2 (m1 × m2) × m1. The opacity is proportional to k, and k > 0 when visible.
-        let opacity_grad = record[5] * splat.opacity;
-        let cross = f.m1.cross(f.m2);
-        let share = opacity_grad * (1.0 / f.d0 - 1.0 / f.d);
-        let dilation = opacity_grad * DILATION / f.d;
-        m1_grad += share * f.m2.cross(cross) - dilation * f.m1;
-        m2_grad += share * cross.cross(f.m1) - dilation * f.m2;
-    }
-
+    let j1 = splat.l11 * f.jw1 + splat.l12 * f.jw2;
+    let j2 = splat.l22 * f.jw2;
     // Component k of both rows of M is proportional to the k-th scale.
-    let log_scale_grad = m1_grad * f.m1 + m2_grad * f.m2;
+    let mut log_scale_grad = k1 * n1 + k2 * n2;
+    let mut rotation_grad = outer(j1, f.scale * k1) + outer(j2, f.scale * k2);
+    // jw1 = fx/z (row_x − tx row_z), jw2 = fy/z (row_y − ty row_z).
+    let row_z = view.row_z.truncate();
+    let along = f.scale * (f.rotation.transpose() * row_z);
+    let (a1, a2) = (along.dot(k1), along.dot(k2));
+    let (mut tx_grad, mut ty_grad) = (splat.l11 * a1, splat.l12 * a1 + splat.l22 * a2);
+
+    if options.compensate && f.d0 > 0.0 {
+        // ln k = ½ ln(D0/D) with D0 = |n|², n = cof(S) Rᵀ(jw1 × jw2), and D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09;
+        // 1/D0 − 1/D = (D − D0)/(D0 D). The opacity is proportional to k.
+        let gain = record[5] * splat.opacity / f.d;
+        let (sharp, blunt) = (gain * (f.d - f.d0), gain * DILATION);
+        let (share, turn) = (f.n * f.n / f.d0, f.scale.yzx() * f.scale.zxy() * f.n / f.d0);
+        log_scale_grad += sharp * (DVec3::splat(share.element_sum()) - share) - blunt * (f.m1 * f.m1 + f.m2 * f.m2);
+        let (s1, s2) = (blunt * f.scale * f.m1, blunt * f.scale * f.m2);
+        rotation_grad += outer(f.jw1.cross(f.jw2), sharp * turn) - outer(f.jw1, s1) - outer(f.jw2, s2);
+        let world = sharp * (f.rotation * turn);
+        tx_grad += (f.jw2.cross(world) - f.rotation * s1).dot(row_z);
+        ty_grad += (world.cross(f.jw1) - f.rotation * s2).dot(row_z);
+    }
     for axis in 0..3 {
         out.geometry[(3 + axis) * params.stride + i] = log_scale_grad[axis];
     }
-
-    // m1 = S Rᵀ jw1: ∂/∂jw1 = R S m1_grad, ∂/∂R[j][k] = jw1[j] · s_k m1_grad[k].
-    let (s1, s2) = (f.scale * m1_grad, f.scale * m2_grad);
-    let rotation_grad = outer(f.jw1, s1) + outer(f.jw2, s2);
     let quat_grad = quat_backward(params.quat(i), rotation_grad);
     for (k, grad) in quat_grad.into_iter().enumerate() {
         out.geometry[(6 + k) * params.stride + i] = grad;
     }
 
-    // jw1 = fx/z (row_x − tx row_z): proportional to 1/z, and to −row_z in tx, which is x/z unless clamped.
-    let (jw1_grad, jw2_grad) = (f.rotation * s1, f.rotation * s2);
+    // JW is proportional to 1/z: nearer by a factor is larger by it, so the part of z is minus that of all log scales.
     let z = f.p.z;
-    let mut p_grad = DVec3::new(0.0, 0.0, -(f.jw1.dot(jw1_grad) + f.jw2.dot(jw2_grad)) / z);
-    let row_z = view.row_z.truncate();
+    let mut p_grad = DVec3::new(0.0, 0.0, -log_scale_grad.element_sum() / z);
     if !f.clamped.0 {
-        let tx_grad = -view.fx / z * row_z.dot(jw1_grad);
-        p_grad += DVec3::new(tx_grad / z, 0.0, -tx_grad * f.tx / z);
+        p_grad += -view.fx / (z * z) * tx_grad * DVec3::new(1.0, 0.0, -f.tx);
     }
     if !f.clamped.1 {
-        let ty_grad = -view.fy / z * row_z.dot(jw2_grad);
-        p_grad += DVec3::new(0.0, ty_grad / z, -ty_grad * f.ty / z);
+        p_grad += -view.fy / (z * z) * ty_grad * DVec3::new(0.0, 1.0, -f.ty);
     }
 
     // The centre is never clamped.

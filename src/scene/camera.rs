@@ -37,6 +37,11 @@ impl Camera {
         self.rotation.transpose() * (p - self.translation)
     }
 
+    /// The same camera in coordinates that count from `origin`.
+    pub fn around(&self, origin: DVec3) -> Camera {
+        Camera { translation: self.translation + self.rotation * origin, ..*self }
+    }
+
     /// The camera of the same pose for an image of another size.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let (sx, sy) = (width as f64 / self.width as f64, height as f64 / self.height as f64);

@@ -1,0 +1,15 @@
+// The range of float32, and directions of vectors of any length in it.
+const float FLOAT_MIN = 1.17549435e-38; // smallest that is not denormal: devices may flush what is below
+const float FLOAT_MAX = 3.402823466e38;
+
+// Length of a vector and, in its place, its direction: squares of 1e20 or 1e-25 have no float32. The length is not above 0
+// where there is no direction: zero, denormal, infinite, not a number.
+float to_unit(inout vec4 v) {
+    vec4 a = abs(v);
+    float largest = max(max(a.x, a.y), max(a.z, a.w));
+    if (!(largest >= FLOAT_MIN && largest <= FLOAT_MAX)) return 0.0;
+    v /= largest;
+    float length_of = length(v);
+    v /= length_of;
+    return largest * length_of;
+}

@@ -1,0 +1,63 @@
+//! One entry to every file reader that takes bytes instead of a file.
+
+use std::path::Path;
+
+use super::{colmap, images, ply, tensors, transforms};
+use crate::{Error, Result};
+
+/// A kind of file that glint reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// A 3DGS scene, see [`super::read_scene`].
+    PlyScene,
+    /// A point cloud, see [`super::read_points`].
+    PlyPoints,
+    ColmapCamerasBin,
+    ColmapCamerasTxt,
+    ColmapImagesBin,
+    ColmapImagesTxt,
+    ColmapPointsBin,
+    ColmapPointsTxt,
+    TransformsJson,
+    /// A PNG or JPEG photo.
+    Image,
+    Safetensors,
+}
+
+impl FileKind {
+    /// All kinds by name.
+    pub const ALL: [(&str, FileKind); 11] = [
+        ("ply_scene", FileKind::PlyScene),
+        ("ply_points", FileKind::PlyPoints),
+        ("colmap_cameras_bin", FileKind::ColmapCamerasBin),
+        ("colmap_cameras_txt", FileKind::ColmapCamerasTxt),
+        ("colmap_images_bin", FileKind::ColmapImagesBin),
+        ("colmap_images_txt", FileKind::ColmapImagesTxt),
+        ("colmap_points_bin", FileKind::ColmapPointsBin),
+        ("colmap_points_txt", FileKind::ColmapPointsTxt),
+        ("transforms_json", FileKind::TransformsJson),
+        ("image", FileKind::Image),
+        ("safetensors", FileKind::Safetensors),
+    ];
+
+    /// Reads `bytes` as the contents of a file of this kind and says what is wrong with them. Other files that they name are
+    /// not looked for; `path` is only named in errors.
+    pub fn check(self, bytes: &[u8], path: &Path) -> Result<()> {
+        let poses = |poses: Vec<colmap::Pose>| {
+            poses.iter().try_for_each(|pose| pose.rotation().map(drop)).map_err(|what| Error::input(path, what))
+        };
+        match self {
+            FileKind::PlyScene => ply::parse_scene(bytes, path).map(drop),
+            FileKind::PlyPoints => ply::parse_points(bytes, path).map(drop),
+            FileKind::ColmapCamerasBin => colmap::cameras_binary(bytes, path).map(drop),
+            FileKind::ColmapCamerasTxt => colmap::cameras_text(bytes, path).map(drop),
+            FileKind::ColmapImagesBin => poses(colmap::images_binary(bytes, path)?),
+            FileKind::ColmapImagesTxt => poses(colmap::images_text(bytes, path)?),
+            FileKind::ColmapPointsBin => colmap::points_binary(bytes, path).map(drop),
+            FileKind::ColmapPointsTxt => colmap::points_text(bytes, path).map(drop),
+            FileKind::TransformsJson => transforms::check(bytes, path),
+            FileKind::Image => images::check(bytes, path),
+            FileKind::Safetensors => tensors::parse_tensors(bytes, path).map(drop),
+        }
+    }
+}

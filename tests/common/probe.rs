@@ -1,0 +1,364 @@
+//! One view of a scene with its gradients and one Adam step: on the device, and by the float64 twin.
+
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use crate::common::Gpu;
+use glam::{DMat3, DVec3};
+use glint::{
+    gpu::Buffer,
+    pipelines::{
+        model::Model,
+        raster::{TileShape, WORKGROUP},
+        render::{RenderOptions, Renderer},
+        views::{Views, view},
+    },
+    reference::{self, Background, Options, Params},
+    scene::{Camera, Gaussians, Lobes, Scene, Supplement},
+    stages::{
+        project_backward::{self, ProjectBackward},
+        step_done::STATUS_WORDS,
+        types::View,
+    },
+};
+
+pub const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
+
+/// Rates of the step: all different, so that none can stand in for another.
+pub const RATES: [f32; 9] = [1e-4, 5e-3, 1e-3, 2.5e-2, 2.5e-3, 1.25e-4, 1.5e-3, 2e-4, 2e-3];
+
+#[derive(Clone, Copy, Default)]
+pub struct Setup {
+    pub compensate: bool,
+    pub degree: u32,
+    pub tile: Option<TileShape>,
+    pub origin: DVec3,
+}
+
+/// What a view of a scene came to.
+#[derive(Clone)]
+pub struct Shot {
+    pub image: Vec<[f32; 4]>,
+    pub depth: Vec<f32>,
+    pub tile_counts: Vec<u32>,
+    /// In the layout of the twin's.
+    pub gradients: Params,
+    /// After one Adam step.
+    pub stepped: Scene,
+}
+
+impl Shot {
+    /// Every number, as bits: equal only if all is the same.
+    pub fn bits(&self) -> Vec<u64> {
+        let p = &self.gradients;
+        let s = Params::from_scene(&self.stepped).unwrap();
+        let image = self.image.iter().flatten().chain(&self.depth).map(|&x| f64::from(x));
+        let rest = [&p.geometry, &p.sh, &p.lobes, &s.geometry, &s.sh, &s.lobes].into_iter().flatten().copied();
+        image.chain(rest).map(f64::to_bits).chain(self.tile_counts.iter().map(|&t| u64::from(t))).collect()
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.bits().into_iter().all(|b| f64::from_bits(b).is_finite())
+    }
+}
+
+pub struct Probe<'a> {
+    gpu: &'a Gpu,
+    renderer: Renderer,
+    setup: Setup,
+    /// `[plain, with lobes]`, of gradients and of steps.
+    gradients: [ProjectBackward; 2],
+    steps: [ProjectBackward; 2],
+}
+
+impl<'a> Probe<'a> {
+    /// For up to `gaussians` Gaussians and images up to the size of `largest`.
+    pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
+        let views = Views::upload(gpu, &[*largest], &[]).unwrap();
+        let Setup { compensate, tile, .. } = setup;
+        let render = RenderOptions { compensate, depth: true, backward: true, tile, ..Default::default() };
+        let stage = |lobes, gradients| {
+            let spec = project_backward::Spec {
+                workgroup_size: WORKGROUP,
+                compensate,
+                lobes,
+                opacity_only: false,
+                sparse: false,
+                gradients,
+            };
+            ProjectBackward::new(gpu, &spec).unwrap()
+        };
+        Probe {
+            gpu,
+            renderer: Renderer::new(gpu, gaussians, &views, render).unwrap(),
+            setup,
+            gradients: [stage(false, true), stage(true, true)],
+            steps: [stage(false, false), stage(true, false)],
+        }
+    }
+
+    /// Options of the twin that does the same.
+    pub fn options(&self) -> Options {
+        let tile = self.renderer.raster.tile;
+        Options {
+            active_degree: self.setup.degree,
+            compensate: self.setup.compensate,
+            tile_width: tile.width,
+            tile_height: tile.height,
+            median_threshold: 0.5,
+        }
+    }
+
+    pub fn shoot(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]]) -> Shot {
+        self.shoot_within(scene, camera, image_grad, camera)
+    }
+
+    /// `camera` is a crop of `whole`, whose Jacobian is clamped where that of `whole` is.
+    pub fn shoot_within(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]], whole: &Camera) -> Shot {
+        let gpu = self.gpu;
+        let origin = self.setup.origin;
+        let views = Views::upload_around(gpu, origin, &[*camera], &[]).unwrap();
+        let limits = view(whole, 0);
+        let cropped = View { limit_x: limits.limit_x, limit_y: limits.limit_y, ..view(&views.cameras[0], 0) };
+        views.views.upload(0, &[cropped]).unwrap();
+        let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
+        let image = self.renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+        let raster = &self.renderer.raster;
+        let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
+        raster.image_grad.upload(0, &flat).unwrap();
+        let grid = raster.grid(0, 1, camera.width, camera.height);
+        let status = Buffer::<u32>::zeroed(gpu, "status", STATUS_WORDS).unwrap();
+        let mut recorder = gpu.recorder("probe").unwrap();
+        raster.record_blend_backward(&mut recorder, &grid, &views.frames, 0);
+        let n = model.count() as usize;
+        let mut out = Params::zeros(n, model.base_count as usize, model.sh_degree);
+        let parts = [(0, 0, model.base_count), (1, model.base_count, model.supplement_count)];
+        let moments = parts.map(|(_, _, count)| {
+            [11, 3 * model.coefficients(), 5].map(|planes| {
+                [(); 2].map(|()| Buffer::<f32>::zeroed(gpu, "moments", (2 * planes * count) as usize).unwrap())
+            })
+        });
+        for (stages, which) in [(&self.gradients, 0), (&self.steps, 1)] {
+            for (lobes, first, count) in parts {
+                let [rate_mean, rate_log_scale, rate_quat, rate_opacity, rate_dc, rate_sh, .., width, sharpness] =
+                    RATES;
+                if count == 0 {
+                    continue;
+                }
+                stages[lobes].record(
+                    &mut recorder,
+                    &project_backward::Buffers {
+                        views: &views.views,
+                        status: &status,
+                        tile_counts: &raster.tile_counts,
+                        first_slot: &raster.first_slot,
+                        isect_grads: raster.isect_grads(),
+                        geometry: &model.geometry,
+                        sh: &model.sh,
+                        lobes: &model.lobes,
+                        geometry_moments: &moments[lobes][0][which],
+                        sh_moments: &moments[lobes][1][which],
+                        lobe_moments: &moments[lobes][2][which],
+                    },
+                    &project_backward::Push {
+                        first,
+                        count,
+                        stride: model.stride,
+                        moment_stride: count,
+                        lobe_stride: model.lobe_stride,
+                        view: 0,
+                        active_degree: self.setup.degree.min(model.sh_degree),
+                        stored_coefficients: model.coefficients(),
+                        rate_mean,
+                        rate_log_scale,
+                        rate_quat,
+                        rate_opacity,
+                        rate_dc,
+                        rate_sh,
+                        rate_direction: RATES[6],
+                        rate_width: width,
+                        rate_sharpness: sharpness,
+                        // Of the first step: it is the rate itself, whatever the gradient.
+                        first_correction: 10.0,
+                        second_correction: 1000.0,
+                        lobe_first_correction: 10.0,
+                        lobe_second_correction: 1000.0,
+                    },
+                );
+            }
+        }
+        recorder.submit().unwrap().wait().unwrap();
+        for (lobes, first, count) in parts {
+            let (first, count) = (first as usize, count as usize);
+            let arrays = [&mut out.geometry, &mut out.sh, &mut out.lobes];
+            for ((array, buffers), (stride, at)) in arrays.into_iter().zip(&moments[lobes]).zip([
+                (n, first),
+                (n, first),
+                (n - model.base_count as usize, 0),
+            ]) {
+                let got = buffers[0].download().unwrap();
+                if array.is_empty() || (stride != n && lobes == 0) || count == 0 {
+                    continue;
+                }
+                for p in 0..array.len() / stride.max(1) {
+                    for i in 0..count {
+                        array[p * stride + at + i] = f64::from(got[2 * p * count + i]);
+                    }
+                }
+            }
+        }
+        let pixels = image.color.chunks(3).zip(&image.transmittance);
+        Shot {
+            image: pixels.map(|(c, &t)| [c[0], c[1], c[2], t]).collect(),
+            depth: image.depth,
+            tile_counts: raster.tile_counts.download_range(0, n).unwrap(),
+            gradients: out,
+            stepped: model.download().unwrap(),
+        }
+    }
+
+    /// The twin's view of the same, and a gradient of the image: smooth, different in each channel, and 0 where a pixel is
+    /// closer than `calm` (relative) to a threshold and float32 may have decided otherwise.
+    pub fn twin(&self, scene: &Scene, camera: &Camera, calm: f64) -> Twin {
+        let params = Params::from_scene(scene).unwrap();
+        let view = reference::View::from_camera(camera).rounded();
+        let options = self.options();
+        let rendered = reference::render(&params, &view, &options, Background::Color(BACKGROUND.map(f64::from)));
+        let image_grad: Vec<[f64; 3]> = (0..camera.pixels() as usize)
+            .map(|p| match rendered.blended.margins[p].gradient() > calm {
+                true => ripple(p),
+                false => [0.0; 3],
+            })
+            .collect();
+        let gradients = rendered.backward(&params, &view, &options, &image_grad).params;
+        Twin { rendered, gradients, image_grad }
+    }
+}
+
+/// A smooth gradient of the image that differs by channel. Its mean is not 0, lest sums over wide Gaussians cancel and their
+/// error be measured against nothing.
+pub fn ripple(pixel: usize) -> [f64; 3] {
+    [0.0, 1.0, 2.0].map(|c: f64| f64::from((0.5 + (pixel as f64 * 0.013 + c).sin()) as f32))
+}
+
+pub struct Twin {
+    pub rendered: reference::Rendered,
+    pub gradients: Params,
+    pub image_grad: Vec<[f64; 3]>,
+}
+
+/// How far the device is from the twin.
+#[derive(Debug, Default)]
+pub struct Distance {
+    /// Largest difference of a calm pixel, relative to the largest colour where that is above 1.
+    pub image: f64,
+    /// Share of calm pixels.
+    pub calm: f64,
+    /// Relative L2 and cosine of each group of parameters that has a gradient.
+    pub groups: Vec<(&'static str, f64, f64)>,
+}
+
+impl Distance {
+    pub fn worst(&self) -> f64 {
+        self.groups.iter().map(|g| g.1).fold(0.0, f64::max)
+    }
+}
+
+/// Compares image and gradients; pixels are calm where their image gradient is not 0.
+pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
+    let blended = &twin.rendered.blended;
+    let scale = blended.image.iter().flatten().fold(1.0f64, |a, &b| a.max(b));
+    let (mut image, mut calm) = (0.0f64, 0);
+    for (p, want) in blended.image.iter().enumerate() {
+        if twin.image_grad[p] != [0.0; 3] {
+            calm += 1;
+            image = (0..4)
+                .map(|c| (f64::from(shot.image[p][c]) - want[c]).abs() / scale)
+                .fold(image, |a, b| if b >= a || b.is_nan() { b } else { a });
+        }
+    }
+    let mut out = Distance { image, calm: f64::from(calm) / blended.image.len().max(1) as f64, groups: Vec::new() };
+    let (got, want) = (&shot.gradients, &twin.gradients);
+    let planes = want.sh.len() / want.stride.max(1);
+    for (name, a, b, range, stride) in [
+        ("mean", &got.geometry, &want.geometry, 0..3, want.stride),
+        ("log scale", &got.geometry, &want.geometry, 3..6, want.stride),
+        ("quaternion", &got.geometry, &want.geometry, 6..10, want.stride),
+        ("opacity", &got.geometry, &want.geometry, 10..11, want.stride),
+        ("DC", &got.sh, &want.sh, 0..3, want.stride),
+        ("SH", &got.sh, &want.sh, 3..planes.max(3), want.stride),
+        ("lobe direction", &got.lobes, &want.lobes, 0..3, want.lobe_stride),
+        ("lobe width", &got.lobes, &want.lobes, 3..4, want.lobe_stride),
+        ("lobe sharpness", &got.lobes, &want.lobes, 4..5, want.lobe_stride),
+    ] {
+        let cells = range.start * stride..range.end * stride;
+        let pairs: Vec<(f64, f64)> = a[cells.clone()].iter().copied().zip(b[cells].iter().copied()).collect();
+        let norm = |f: fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
+        let (difference, size, other) = (norm(|(g, w)| (g - w).powi(2)), norm(|(_, w)| w * w), norm(|(g, _)| g * g));
+        // What float32 flushes to 0 has no relative error.
+        if size > 1e-35 || other > 1e-35 {
+            let cosine = pairs.iter().map(|(g, w)| g * w).sum::<f64>() / (size * other);
+            out.groups.push((name, difference / size, cosine));
+        }
+    }
+    out
+}
+
+/// One Gaussian, by what it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Blob {
+    pub mean: DVec3,
+    pub scale: [f64; 3],
+    pub quat: [f32; 4],
+    pub logit: f32,
+    pub rgb: [f32; 3],
+}
+
+impl Default for Blob {
+    fn default() -> Self {
+        Blob { mean: DVec3::ZERO, scale: [0.1; 3], quat: [0.9, 0.2, -0.3, 0.4], logit: 0.0, rgb: [0.8, 0.5, 0.2] }
+    }
+}
+
+/// Base Gaussians of degree 0.
+pub fn base(blobs: &[Blob]) -> Gaussians {
+    const DC: f32 = 0.282_094_79;
+    Gaussians {
+        sh_degree: 0,
+        means: blobs.iter().map(|b| b.mean.as_vec3().to_array()).collect(),
+        log_scales: blobs.iter().map(|b| b.scale.map(|s| s.ln() as f32)).collect(),
+        quats: blobs.iter().map(|b| b.quat).collect(),
+        opacities: blobs.iter().map(|b| b.logit).collect(),
+        sh: blobs.iter().map(|b| b.rgb.map(|c| (c - 0.5) / DC)).collect(),
+    }
+}
+
+pub fn scene(blobs: &[Blob]) -> Scene {
+    Scene { base: base(blobs), supplement: None }
+}
+
+/// As supplementary Gaussians, each with a lobe (direction, width, sharpness).
+pub fn with_lobes(plain: &[Blob], lobed: &[(Blob, [f32; 3], f32, f32)]) -> Scene {
+    let lobes = Lobes {
+        directions: lobed.iter().map(|l| l.1).collect(),
+        widths: lobed.iter().map(|l| l.2).collect(),
+        sharpness: lobed.iter().map(|l| l.3).collect(),
+    };
+    let gaussians = base(&lobed.iter().map(|l| l.0).collect::<Vec<_>>());
+    Scene { base: base(plain), supplement: Some(Supplement { gaussians, lobes }) }
+}
+
+/// A turned camera at `eye` with a horizontal field of view of 60°; `unproject` says what it sees where.
+pub fn camera_at(eye: DVec3, width: u32, height: u32) -> Camera {
+    let rotation = DMat3::from_rotation_z(0.3) * DMat3::from_rotation_y(-0.7) * DMat3::from_rotation_x(0.4);
+    let focal = f64::from(width) * 0.866;
+    Camera {
+        width,
+        height,
+        fx: focal,
+        fy: focal * 1.05,
+        cx: f64::from(width) * 0.51,
+        cy: f64::from(height) * 0.48,
+        rotation,
+        translation: -(rotation * eye),
+    }
+}

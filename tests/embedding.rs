@@ -1,0 +1,143 @@
+//! glint inside somebody else's renderer: on the caller's device, and only recording into the caller's command buffer.
+
+mod common;
+
+use ash::{khr, vk};
+use common::Gpu;
+use glint::{
+    gpu::{BorrowedDevice, Buffer, Context, Recorder},
+    pipelines::{
+        model::Model,
+        render::{RenderOptions, Renderer},
+        train::{BaseOptions, train_base},
+        views::Views,
+    },
+    reference::{random_camera, random_scene},
+    scene::Scene,
+    stages::step_done::STATUS_WORDS,
+};
+
+/// An application's own device, made with what `Context::requirements` asks for.
+struct Application {
+    entry: ash::Entry,
+    instance: ash::Instance,
+    physical_device: vk::PhysicalDevice,
+    device: ash::Device,
+    queue_family: u32,
+}
+
+impl Application {
+    fn new() -> Self {
+        unsafe {
+            let entry = ash::Entry::load().unwrap();
+            let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
+            let info = vk::InstanceCreateInfo::default().application_info(&app);
+            let instance = entry.create_instance(&info, None).unwrap();
+            let physical_device = instance.enumerate_physical_devices().unwrap()[0];
+            let families = instance.get_physical_device_queue_family_properties(physical_device);
+            let queue_family =
+                families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).unwrap() as u32;
+            let queues =
+                [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&[1.0])];
+            let extensions = [khr::push_descriptor::NAME.as_ptr()];
+            let mut features =
+                vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
+            let info = vk::DeviceCreateInfo::default()
+                .queue_create_infos(&queues)
+                .enabled_extension_names(&extensions)
+                .push_next(&mut features);
+            let device = instance.create_device(physical_device, &info, None).unwrap();
+            Application { entry, instance, physical_device, device, queue_family }
+        }
+    }
+
+    fn queue(&self) -> vk::Queue {
+        unsafe { self.device.get_device_queue(self.queue_family, 0) }
+    }
+
+    fn lend(&self) -> Context {
+        let borrowed = BorrowedDevice {
+            entry: self.entry.clone(),
+            instance: self.instance.clone(),
+            physical_device: self.physical_device,
+            device: self.device.clone(),
+            queue_family: self.queue_family,
+            queue: self.queue(),
+        };
+        unsafe { Context::borrow(borrowed) }.unwrap()
+    }
+}
+
+impl Drop for Application {
+    fn drop(&mut self) {
+        unsafe {
+            self.device.destroy_device(None);
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+#[test]
+fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders_itself() {
+    let (scene, camera) = (random_scene(7, 500, 100, 2), random_camera(61, 47));
+    let own = {
+        let gpu = Gpu::new();
+        let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+        let model = Model::upload(&gpu, &scene, 0).unwrap();
+        let mut renderer = Renderer::new(&gpu, model.count(), &views, RenderOptions::default()).unwrap();
+        renderer.render(&model, &views, 0, [0.5; 3]).unwrap().color
+    };
+
+    let application = Application::new();
+    let context = application.lend();
+    let views = Views::upload(&context, &[camera], &[]).unwrap();
+    let model = Model::upload(&context, &scene, 0).unwrap();
+    let renderer = Renderer::new(&context, model.count(), &views, RenderOptions::default()).unwrap();
+    let status = Buffer::<u32>::zeroed(&context, "status", STATUS_WORDS).unwrap();
+    let before = context.counters();
+    let device = &application.device;
+    unsafe {
+        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(application.queue_family);
+        let pool = device.create_command_pool(&pool_info, None).unwrap();
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        let commands = device.allocate_command_buffers(&info).unwrap()[0];
+        device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
+        let mut recorder = Recorder::borrow(&context, commands);
+        renderer.record(&mut recorder, &model, &views, 0, 3, [0.5; 3], &status);
+        let kept = recorder.finish();
+        assert!(!kept.is_empty());
+        device.end_command_buffer(commands).unwrap();
+        // Recording neither submitted nor waited; that is the application's.
+        assert_eq!(context.counters(), before);
+        let buffers = [commands];
+        let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        device.queue_submit(application.queue(), &submit, vk::Fence::null()).unwrap();
+        device.queue_wait_idle(application.queue()).unwrap();
+        device.destroy_command_pool(pool, None);
+    }
+    let image = renderer.raster.image.download_range(0, camera.pixels() as usize).unwrap();
+    let recorded: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    assert_eq!(own, recorded);
+    drop((renderer, model, views, status, context));
+}
+
+#[test]
+fn training_neither_submits_nor_waits_for_every_step() {
+    let gpu = Gpu::new();
+    let camera = random_camera(32, 24);
+    let photo = vec![120u8; 3 * 32 * 24];
+    let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
+    let base = random_scene(3, 200, 0, 1).base;
+    let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
+    let train = |iterations| {
+        let before = gpu.counters();
+        let options = BaseOptions { iterations, sh_degree: 1, seed: 0, extent: 1.0 };
+        train_base(&gpu, &model, &views, [0.0; 3], &options, false, |_| ()).unwrap();
+        let after = gpu.counters();
+        (after.submissions - before.submissions, after.waits - before.waits)
+    };
+    // What is submitted before the loop does not depend on its length; within, 16 steps share a submission.
+    let (short, long) = (train(16), train(16 + 320));
+    assert_eq!(long.0 - short.0, 320 / 16);
+    assert!(long.1 <= short.1 + 320 / 16, "{long:?} after {short:?}");
+}

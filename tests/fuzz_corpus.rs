@@ -1,0 +1,166 @@
+//! Replays `fuzz/corpus`: files that are odd, damaged, or once broke a reader (see tools/fuzz). Whatever the bytes, a reader
+//! does not panic, says what is wrong in one line that names the file, takes no longer than a moment, and no more memory
+//! than the file's size accounts for.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    cell::Cell,
+    fs,
+    panic::catch_unwind,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use glint::data::FileKind;
+
+/// Counts the bytes that a thread holds, so that tests beside it do not disturb.
+struct Counting;
+
+thread_local! {
+    static HELD: Cell<isize> = const { Cell::new(0) };
+    static PEAK: Cell<isize> = const { Cell::new(0) };
+}
+
+fn count(bytes: isize) {
+    // Gone while a thread ends, when nothing is measured any more.
+    let _ = HELD.try_with(|held| {
+        held.set(held.get() + bytes);
+        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(held.get())));
+    });
+}
+
+// SAFETY: every call is passed on to the system's allocator as it came; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Where a block moves, both are held for a moment.
+        count(size as isize);
+        let moved = unsafe { System.realloc(pointer, layout, size) };
+        count(-(layout.size() as isize));
+        moved
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// What the result's arrays, held old and new while they grow, take at most for each byte of a file. A camera line of 10 bytes
+/// becomes an entry of 160 in a list and another in a map (40 measured); JSON that nobody asked for (`0,`) is kept as 32 bytes a
+/// value (25 measured); the narrowest row of a point cloud, 3 bytes, becomes 15.
+const BYTES_PER_BYTE: usize = 64;
+/// A message, a header's names, a decoder's tables and windows.
+const FIXED_BYTES: usize = 64 << 10;
+/// A pixel of 16-bit RGBA is decoded to 8 bytes, becomes 16 as floats, 12 over the background and 3 in the end. The files
+/// here are of few pixels, or promise more than they hold.
+const IMAGE_BYTES: usize = 1 << 20;
+/// Hundreds of times what any takes; the machine may be busy.
+const MOMENT: Duration = Duration::from_secs(2);
+
+/// The error's text if there was one.
+#[track_caller]
+fn replay(kind: FileKind, name: &str, bytes: &[u8]) -> Option<String> {
+    let path = Path::new(name);
+    let before = HELD.get();
+    PEAK.set(before);
+    let begin = Instant::now();
+    let result = catch_unwind(|| kind.check(bytes, path).map_err(|error| error.to_string()));
+    let (took, peak) = (begin.elapsed(), (PEAK.get() - before) as usize);
+    let message = result.unwrap_or_else(|_| panic!("{name}: the reader panicked")).err();
+    let image = if kind == FileKind::Image { IMAGE_BYTES } else { 0 };
+    let allowed = BYTES_PER_BYTE * bytes.len() + FIXED_BYTES + image;
+    eprintln!("{name}: {} bytes, {peak} held, {took:.1?}: {}", bytes.len(), message.as_deref().unwrap_or("sound"));
+    assert!(peak <= allowed, "{name}: {peak} bytes of memory for {} of file; {allowed} are allowed", bytes.len());
+    assert!(took < MOMENT, "{name}: {took:?}");
+    if let Some(message) = &message {
+        assert!(message.contains(name), "{name} is not in: {message}");
+        assert!(!message.contains(char::is_control), "control characters: {message:?}");
+        assert!(message.chars().count() < name.len() + 900, "{name}: a message of {} bytes", message.len());
+    }
+    message
+}
+
+#[test]
+fn no_file_of_the_corpus_breaks_its_reader() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    let mut folders: Vec<String> =
+        fs::read_dir(&corpus).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut kinds = FileKind::ALL.map(|(name, _)| name.to_owned());
+    folders.sort();
+    kinds.sort();
+    assert_eq!(folders, kinds, "every kind of file has a folder");
+    for (folder, kind) in FileKind::ALL {
+        let target = corpus.with_file_name("targets").join(format!("{folder}.rs"));
+        assert!(target.is_file(), "{} is not there", target.display());
+        let (mut sound, mut files) = (0, 0);
+        for entry in fs::read_dir(corpus.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = format!("{folder}/{}", path.file_name().unwrap().display());
+            sound += replay(kind, &name, &fs::read(path).unwrap()).is_none() as usize;
+            files += 1;
+        }
+        assert!(sound > 0 && sound < files, "{folder}: {sound} of {files} files are sound; both sorts are wanted");
+    }
+}
+
+/// What only hurts when it is long: a megabyte of the same.
+#[test]
+fn long_files_take_no_longer_than_their_length() {
+    let lines = |begin: &str, line: &dyn Fn(usize) -> String, end: &str| {
+        let mut text = begin.to_owned();
+        for i in 0.. {
+            let line = line(i);
+            if text.len() + line.len() + end.len() > 1_000_000 {
+                break;
+            }
+            text += &line;
+        }
+        text + end
+    };
+    let ply = "ply\nformat ascii 1.0\n";
+    let vertex = format!("{ply}element vertex 1\n");
+    let cases = [
+        ("properties.ply", FileKind::PlyScene, lines(&vertex, &|i| format!("property int p{i}\n"), "end_header\n")),
+        ("elements.ply", FileKind::PlyScene, lines(ply, &|i| format!("element e{i} 0\n"), "end_header\n")),
+        ("words.ply", FileKind::PlyScene, lines(ply, &|_| "a ".into(), "\nend_header\n")),
+        ("one_line.ply", FileKind::PlyPoints, lines(ply, &|_| "elephant".into(), "\nend_header\n")),
+        ("rest.ply", FileKind::PlyScene, lines(&vertex, &|i| format!("property int f_rest_{i}\n"), "end_header\n")),
+        ("long_word.txt", FileKind::ColmapCamerasTxt, lines("1 PINHOLE ", &|_| "x".into(), "\n")),
+        ("cameras.txt", FileKind::ColmapCamerasTxt, lines("", &|i| format!("{i} FOV 1 1\n"), "")),
+        ("images.txt", FileKind::ColmapImagesTxt, lines("", &|_| "1 1 0 0 0 0 0 0 1 a\n\n".into(), "")),
+        ("points.txt", FileKind::ColmapPointsTxt, lines("", &|_| "1 1 0 0 0 0 0\n".into(), "")),
+        (
+            "frames.json",
+            FileKind::TransformsJson,
+            lines("{\"frames\":[", &|_| "{\"file_path\":\"\",\"transform_matrix\":[]},".into(), "0]}"),
+        ),
+        (
+            "rows.json",
+            FileKind::TransformsJson,
+            lines("{\"frames\":[{\"transform_matrix\":[", &|_| "[],".into(), "[]]}]}"),
+        ),
+        ("strangers.json", FileKind::TransformsJson, lines("{\"frames\":[],\"x\":[", &|_| "0,".into(), "0]}")),
+        ("nests.json", FileKind::TransformsJson, lines("{\"frames\":", &|_| "[".into(), "")),
+    ];
+    for (name, kind, text) in cases {
+        replay(kind, name, text.as_bytes());
+    }
+    let tensors: Vec<String> =
+        (0..8_000).map(|i| format!("\"t{i}\":{{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]}}")).collect();
+    let header = format!("{{{}}}", tensors.join(","));
+    let bytes = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes()].concat();
+    assert_eq!(replay(FileKind::Safetensors, "tensors", &bytes), None);
+}

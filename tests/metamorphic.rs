@@ -1,0 +1,455 @@
+//! Changes of scene and camera whose effect on image and gradients is known without any twin.
+//!
+//! Subgroup sizes: run with LP_NATIVE_VECTOR_WIDTH=512 as well (llvmpipe: 16 lanes instead of 8); the tests ask nothing of it.
+
+mod common;
+#[path = "common/probe.rs"]
+mod probe;
+
+use common::Gpu;
+use glam::{DMat3, DQuat, DVec3, EulerRot};
+use glint::{
+    pipelines::raster::TileShape,
+    reference::{Params, random_camera, random_scene},
+    scene::{Camera, Gaussians, Scene},
+};
+use probe::{Blob, Probe, Setup, Shot, base, ripple};
+
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+/// Of spherical harmonics. Rotating the world would turn their coefficients too; there it is 0.
+const DEGREE: u32 = 2;
+
+fn ripples(camera: &Camera) -> Vec<[f64; 3]> {
+    (0..camera.pixels() as usize).map(ripple).collect()
+}
+
+fn setup() -> Setup {
+    Setup { degree: DEGREE, ..Default::default() }
+}
+
+/// Picks Gaussians: new i is old `from[i]`.
+fn pick(g: &Gaussians, from: &[usize]) -> Gaussians {
+    let k = g.sh_coefficients();
+    Gaussians {
+        sh_degree: g.sh_degree,
+        means: from.iter().map(|&i| g.means[i]).collect(),
+        log_scales: from.iter().map(|&i| g.log_scales[i]).collect(),
+        quats: from.iter().map(|&i| g.quats[i]).collect(),
+        opacities: from.iter().map(|&i| g.opacities[i]).collect(),
+        sh: from.iter().flat_map(|&i| g.sh[i * k..(i + 1) * k].to_vec()).collect(),
+    }
+}
+
+fn pick_scene(scene: &Scene, base: &[usize], extra: &[usize]) -> Scene {
+    let mut out = Scene { base: pick(&scene.base, base), supplement: scene.supplement.clone() };
+    if let (Some(to), Some(from)) = (&mut out.supplement, &scene.supplement) {
+        to.gaussians = pick(&from.gaussians, extra);
+        to.lobes.directions = extra.iter().map(|&i| from.lobes.directions[i]).collect();
+        to.lobes.widths = extra.iter().map(|&i| from.lobes.widths[i]).collect();
+        to.lobes.sharpness = extra.iter().map(|&i| from.lobes.sharpness[i]).collect();
+    }
+    out
+}
+
+/// Gradients of Gaussian i by parameter: geometry, then SH, then lobe.
+fn gradient_of(p: &Params, i: usize) -> Vec<f64> {
+    let planes = |a: &[f64], stride: usize, i: usize| {
+        (0..a.len() / stride.max(1)).map(|q| a[q * stride + i]).collect::<Vec<_>>()
+    };
+    let mut all = [planes(&p.geometry, p.stride, i), planes(&p.sh, p.stride, i)].concat();
+    if i >= p.lobe_first {
+        all.extend(planes(&p.lobes, p.lobe_stride, i - p.lobe_first));
+    }
+    all
+}
+
+fn gradients(p: &Params) -> Vec<f64> {
+    [&p.geometry[..], &p.sh, &p.lobes].concat()
+}
+
+/// Relative L2 of each of the groups of planes that have a unit of their own: mean, log scale, quaternion, opacity, SH, direction, width, sharpness.
+fn apart(a: &Params, b: &Params) -> f64 {
+    let mut worst = 0.0f64;
+    for (x, y, stride, planes) in [
+        (&a.geometry, &b.geometry, a.stride, vec![0..3, 3..6, 6..10, 10..11]),
+        (&a.sh, &b.sh, a.stride, vec![0..a.sh.len() / a.stride.max(1)]),
+        (&a.lobes, &b.lobes, a.lobe_stride, vec![0..3, 3..4, 4..5]),
+    ] {
+        for planes in planes {
+            let cells = planes.start * stride..planes.end * stride;
+            let (x, y) = (&x[cells.clone()], &y[cells]);
+            let size = y.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let difference = x.iter().zip(y).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt();
+            assert!(difference.is_finite());
+            if size > 0.0 {
+                worst = worst.max(difference / size);
+            }
+        }
+    }
+    worst
+}
+
+/// Share of pixels that differ by more than `tolerance`, and the largest difference of the others.
+fn images_apart(a: &Shot, b: &Shot, tolerance: f64) -> (f64, f64) {
+    let (mut beyond, mut worst) = (0, 0.0f64);
+    for (x, y) in a.image.iter().zip(&b.image) {
+        let d = x.iter().zip(y).map(|(u, v)| f64::from((u - v).abs())).fold(0.0, f64::max);
+        if d > tolerance { beyond += 1 } else { worst = worst.max(d) }
+    }
+    (f64::from(beyond) / a.image.len() as f64, worst)
+}
+
+/// Without ties in depth the order of blending is the same, so is every bit; only slots lie elsewhere.
+#[test]
+fn the_order_in_which_gaussians_are_stored_changes_nothing() {
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let scene = random_scene(21, 700, 200, DEGREE);
+    let shuffle = |n: usize, step: usize| (0..n).map(|i| (i * step + 11) % n).collect::<Vec<_>>();
+    let (base, extra) = (shuffle(700, 33), shuffle(200, 77));
+    let mut probe = Probe::new(&gpu, 900, &camera, setup());
+    let before = probe.shoot(&scene, &camera, &ripples(&camera));
+    let after = probe.shoot(&pick_scene(&scene, &base, &extra), &camera, &ripples(&camera));
+    assert_eq!(before.image, after.image);
+    assert_eq!(before.depth, after.depth);
+    for (i, &from) in base.iter().chain(&extra).enumerate() {
+        let from = if i < 700 { from } else { 700 + from };
+        assert_eq!(gradient_of(&after.gradients, i), gradient_of(&before.gradients, from), "Gaussian {i}");
+    }
+}
+
+/// Behind the camera, beside the image, too thin to see, behind two walls of α = 0.99 each: all is the same to the last bit.
+#[test]
+fn hidden_and_unseen_gaussians_change_nothing() {
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let mut scene = random_scene(22, 400, 100, 0);
+    scene.supplement = None;
+    let wall = |z: f64| Blob {
+        mean: camera.unproject(48.0, 36.0, z),
+        scale: [1e4, 1e4, 1e4],
+        logit: 9.0,
+        ..Default::default()
+    };
+    let walls = base(&[wall(13.0), wall(13.1), wall(13.2)]);
+    let thing = Blob { scale: [0.3; 3], logit: 3.0, ..Default::default() };
+    let unseen = base(&[
+        Blob { mean: camera.unproject(48.0, 36.0, -3.0), ..thing },
+        Blob { mean: camera.unproject(4000.0, 36.0, 3.0), ..thing },
+        Blob { mean: camera.unproject(48.0, -2000.0, 3.0), ..thing },
+        Blob { mean: camera.unproject(48.0, 36.0, 3.0), logit: -7.0, ..thing },
+        Blob { mean: camera.unproject(48.0, 36.0, 14.0), scale: [5.0; 3], ..thing },
+        Blob { mean: camera.unproject(20.0, 30.0, 20.0), scale: [50.0; 3], ..thing },
+    ]);
+    let join = |parts: &[&Gaussians]| {
+        let mut all = Gaussians::default();
+        for p in parts {
+            all.means.extend(&p.means);
+            all.log_scales.extend(&p.log_scales);
+            all.quats.extend(&p.quats);
+            all.opacities.extend(&p.opacities);
+            all.sh.extend(&p.sh);
+        }
+        Scene { base: all, supplement: None }
+    };
+    let mut probe = Probe::new(&gpu, 512, &camera, Setup::default());
+    let bare = probe.shoot(&join(&[&scene.base, &walls]), &camera, &ripples(&camera));
+    let full = probe.shoot(&join(&[&scene.base, &walls, &unseen]), &camera, &ripples(&camera));
+    // The walls do stop every pixel, and what is behind them is in its tiles.
+    assert!(bare.image.iter().all(|p| p[3] < 0.02) && full.tile_counts[407] > 0 && full.tile_counts[408] > 0);
+    assert_eq!(bare.image, full.image);
+    assert_eq!(bare.depth, full.depth);
+    for i in 0..403 {
+        assert_eq!(gradient_of(&bare.gradients, i), gradient_of(&full.gradients, i), "Gaussian {i}");
+    }
+    for i in 403..409 {
+        assert!(gradient_of(&full.gradients, i).iter().all(|&g| g == 0.0), "Gaussian {i}");
+    }
+}
+
+/// Every pixel is its own, and the gradient of a sum the sum of gradients.
+#[test]
+fn crops_are_the_image_and_their_gradients_add_up() {
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let scene = random_scene(23, 600, 200, DEGREE);
+    let mut probe = Probe::new(&gpu, 800, &camera, setup());
+    let grad = ripples(&camera);
+    let whole = probe.shoot(&scene, &camera, &grad);
+    let mut sum = whole.gradients.zeros_like();
+    let (mut seen, mut beyond) = (0, 0);
+    for (x, y, w, h) in [(0, 0, 40, 32), (40, 0, 56, 32), (0, 32, 33, 40), (33, 32, 63, 40)] {
+        // The Jacobian is clamped at 1.3 times the field of view of the image that is rendered, here of the whole.
+        let crop = Camera { width: w, height: h, cx: camera.cx - f64::from(x), cy: camera.cy - f64::from(y), ..camera };
+        let part: Vec<[f64; 3]> = (0..h)
+            .flat_map(|r| (0..w).map(move |c| (r, c)))
+            .map(|(r, c)| grad[((y + r) * WIDTH + x + c) as usize])
+            .collect();
+        let shot = probe.shoot_within(&scene, &crop, &part, &camera);
+        for r in 0..h {
+            for c in 0..w {
+                let (a, b) = (shot.image[(r * w + c) as usize], whole.image[((y + r) * WIDTH + x + c) as usize]);
+                seen += 1;
+                // x − cx is rounded at another place: 1e-6 px of centre, 1e-5 of colour, or an α that meets its threshold.
+                beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
+            }
+        }
+        for (to, from) in [
+            (&mut sum.geometry, &shot.gradients.geometry),
+            (&mut sum.sh, &shot.gradients.sh),
+            (&mut sum.lobes, &shot.gradients.lobes),
+        ] {
+            to.iter_mut().zip(from).for_each(|(s, g)| *s += g);
+        }
+    }
+    let d = apart(&sum, &whole.gradients);
+    println!("crops: {beyond} of {seen} pixels differ, gradients by {d:.1e}");
+    // A pixel in a hundred may meet a threshold; α = 1/255 given or not is 4e-3 of a pixel's gradients, hence 1e-3 of all.
+    assert!(seen == WIDTH * HEIGHT && beyond < seen / 100 && d < 1e-3);
+}
+
+/// The image to the last bit; gradients up to the order in which tiles are summed.
+#[test]
+fn the_shape_of_tiles_changes_nothing() {
+    let gpu = Gpu::new();
+    let lanes = gpu.info().subgroup_size;
+    let camera = random_camera(WIDTH, HEIGHT);
+    let scene = random_scene(24, 900, 300, DEGREE);
+    let mut shots: Vec<(TileShape, Shot)> = Vec::new();
+    for (w, h) in [(8, 8), (8, 16), (4, 16), (2, 32), (1, 64), (8, 4), (8, 1), (16, 8), (16, 16), (32, 4)] {
+        let Some(tile) = TileShape::new(w, h, lanes) else { continue };
+        let mut probe = Probe::new(&gpu, 1200, &camera, Setup { tile: Some(tile), ..setup() });
+        shots.push((tile, probe.shoot(&scene, &camera, &ripples(&camera))));
+    }
+    assert!(shots.len() >= 5, "{lanes} lanes");
+    let (first, want) = &shots[0];
+    for (tile, shot) in &shots[1..] {
+        assert!(shot.image == want.image && shot.depth == want.depth, "{tile:?} against {first:?}");
+        // Some hundred terms in another order: 1e-6 of their size, of which a tenth may be left in the sum.
+        let d = apart(&shot.gradients, &want.gradients);
+        println!("{tile:?}: gradients differ by {d:.1e}");
+        assert!(d < 2e-5, "{tile:?}: {d}");
+    }
+    // What a subgroup cannot cover is refused.
+    for (w, h) in [(0, 8), (8, 0), (3, 8), (5, 5), (128, 1), (8, 8 * lanes), (u32::MAX, u32::MAX)] {
+        assert_eq!(TileShape::new(w, h, lanes), None, "{w} × {h}");
+    }
+}
+
+/// Needles half a pixel wide that begin 3e5 px beside the image: their spans have 0.1 px of rounding, and must hold every pixel that
+/// the blend takes, whatever the tiles.
+#[test]
+fn needles_from_far_away_have_all_their_tiles() {
+    let gpu = Gpu::new();
+    let lanes = gpu.info().subgroup_size;
+    let camera = random_camera(WIDTH, HEIGHT);
+    let blobs: Vec<Blob> = (0..120)
+        .map(|i| {
+            let angle = 0.05236 * f64::from(i) + 0.01;
+            let (x, y) = (f64::from(i * 37 % 96), f64::from(i * 29 % 72));
+            let reach = 3e5;
+            let mean = camera.unproject(x + reach * angle.cos(), y + reach * angle.sin(), 4.0);
+            let along = camera.unproject(x, y, 4.0) - mean;
+            let q = DQuat::from_rotation_arc(DVec3::X, along.normalize());
+            // Across the image where the ellipse is nearly as wide as at its middle.
+            let scale = [along.length(), 1e-4, 1e-4];
+            Blob { mean, scale, quat: [q.w, q.x, q.y, q.z].map(|v| v as f32), logit: 1.0, ..Default::default() }
+        })
+        .collect();
+    let scene = Scene { base: base(&blobs), supplement: None };
+    let shots: Vec<Shot> = [(8, 8), (8, 16), (4, 16), (2, 32), (1, 64), (8, 1)]
+        .into_iter()
+        .filter_map(|(w, h)| TileShape::new(w, h, lanes))
+        .map(|tile| {
+            let mut probe = Probe::new(&gpu, 128, &camera, Setup { tile: Some(tile), ..Default::default() });
+            probe.shoot(&scene, &camera, &ripples(&camera))
+        })
+        .collect();
+    assert!(shots.len() >= 4 && shots[0].tile_counts.iter().filter(|&&t| t > 0).count() > 60);
+    for shot in &shots[1..] {
+        let off = shot.image.iter().zip(&shots[0].image).filter(|(a, b)| a != b).count();
+        assert!(off == 0, "{off} pixels differ");
+    }
+}
+
+/// World and camera moved, turned and scaled together: p ↦ s (Q p + t).
+struct Similarity {
+    turn: DQuat,
+    shift: DVec3,
+    scale: f64,
+}
+
+impl Similarity {
+    fn camera(&self, c: &Camera) -> Camera {
+        let rotation = c.rotation * DMat3::from_quat(self.turn).transpose();
+        let eye = self.scale * (self.turn * c.eye() + self.shift);
+        Camera { rotation, translation: -(rotation * eye), ..*c }
+    }
+
+    fn scene(&self, scene: &Scene) -> Scene {
+        let mut out = scene.clone();
+        let supplement = out.supplement.as_mut().unwrap();
+        for d in &mut supplement.lobes.directions {
+            *d = (self.turn * DVec3::from_array(d.map(f64::from))).as_vec3().to_array();
+        }
+        for g in [&mut out.base, &mut supplement.gaussians] {
+            for m in &mut g.means {
+                let moved = self.scale * (self.turn * DVec3::from_array(m.map(f64::from)) + self.shift);
+                *m = moved.as_vec3().to_array();
+            }
+            for q in &mut g.quats {
+                let [w, x, y, z] = q.map(f64::from);
+                let turned = self.turn * DQuat::from_xyzw(x, y, z, w);
+                *q = [turned.w, turned.x, turned.y, turned.z].map(|v| v as f32);
+            }
+            g.log_scales.iter_mut().flatten().for_each(|s| *s += self.scale.ln() as f32);
+        }
+        out
+    }
+
+    /// Gradients of the moved scene as those of the first: covectors turn with Q and shrink with s.
+    fn back(&self, p: &Params) -> Params {
+        let mut out = p.clone();
+        let back = self.turn.inverse();
+        for i in 0..p.count {
+            let m = self.scale * (back * p.mean(i));
+            (0..3).for_each(|k| out.geometry[k * p.stride + i] = m[k]);
+            // Left multiplication by a unit quaternion is a rotation of the four components.
+            let [w, x, y, z] = p.quat(i);
+            let q = back * DQuat::from_xyzw(x, y, z, w);
+            [q.w, q.x, q.y, q.z].into_iter().enumerate().for_each(|(k, v)| out.geometry[(6 + k) * p.stride + i] = v);
+            if let Some((d, ..)) = p.lobe(i) {
+                let d = back * d;
+                (0..3).for_each(|k| out.lobes[k * p.lobe_stride + i - p.lobe_first] = d[k]);
+            }
+        }
+        out
+    }
+}
+
+#[test]
+fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alike() {
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let mut scene = random_scene(25, 500, 150, 0);
+    // The near plane is at 0.2 units whatever the scale: nothing may be near it.
+    let near = |g: &Gaussians| {
+        (0..g.len())
+            .filter(|&i| {
+                let z = camera.project(DVec3::from_array(g.means[i].map(f64::from))).2;
+                !(0.0..1.0).contains(&z)
+            })
+            .collect::<Vec<_>>()
+    };
+    scene = pick_scene(&scene, &near(&scene.base), &near(&scene.supplement.as_ref().unwrap().gaussians));
+    let mut probe = Probe::new(&gpu, 650, &camera, Setup::default());
+    let none = Similarity { turn: DQuat::IDENTITY, shift: DVec3::ZERO, scale: 1.0 };
+    let turn = DQuat::from_euler(EulerRot::XYZ, 0.7, -1.9, 2.6);
+    let cases = [
+        ("moved by 50", Similarity { shift: DVec3::new(30.0, -40.0, 5.0), ..none }, 1.0),
+        ("turned", Similarity { turn, ..none }, 1.0),
+        ("twice as large", Similarity { scale: 2.0, ..none }, 1.0),
+        ("400 times as large", Similarity { scale: 400.0, ..none }, 1.0),
+        ("0.3 times as large", Similarity { scale: 0.3, ..none }, 1.0),
+        ("all three", Similarity { turn, shift: DVec3::new(5.0, 9.0, -7.0), scale: 7.0 }, 1.0),
+    ];
+    let want = probe.shoot(&scene, &camera, &ripples(&camera));
+    for (what, similarity, _) in cases {
+        let got = probe.shoot(&similarity.scene(&scene), &similarity.camera(&camera), &ripples(&camera));
+        // Means of size 50 are rounded to 4e-6, at depths from 1 and 83 px of focal length 2e-4 px: 1e-4 of colour.
+        let (share, worst) = images_apart(&got, &want, 5e-4);
+        let d = apart(&similarity.back(&got.gradients), &want.gradients);
+        println!("{what}: {share:.4} of the pixels meet a threshold, others by {worst:.1e}, gradients by {d:.1e}");
+        assert!(share < 0.01 && d < 5e-3, "{what}");
+    }
+}
+
+/// Twice the pixels in each direction, twice the focal length: a pixel of the small image lies among four of the large one. The
+/// dilation of 0.3 px² is in pixels, so Gaussians must be wide: then their mean is the pixel, to second order.
+#[test]
+fn doubling_the_resolution_shows_the_same_picture() {
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let double = camera.resized(2 * WIDTH, 2 * HEIGHT);
+    let blobs: Vec<_> = (0..40)
+        .map(|i| {
+            let (x, y) = (f64::from(i * 37 % 96), f64::from(i * 29 % 72));
+            let z = 2.0 + 0.2 * f64::from(i);
+            // 12 px and more: 0.3 px² is 0.1 % of the variance.
+            let s = 14.0 * z / camera.fx;
+            Blob {
+                mean: camera.unproject(x, y, z),
+                scale: [s, 1.3 * s, 0.9 * s],
+                logit: -1.0,
+                rgb: [0.3, x as f32 / 96.0, y as f32 / 72.0],
+                ..Default::default()
+            }
+        })
+        .collect();
+    let scene = Scene { base: base(&blobs), supplement: None };
+    let mut small = Probe::new(&gpu, 64, &camera, Setup::default());
+    let mut large = Probe::new(&gpu, 64, &double, Setup::default());
+    let grad = ripples(&camera);
+    let fine: Vec<[f64; 3]> = (0..double.pixels() as usize)
+        .map(|p| {
+            let (x, y) = (p % (2 * WIDTH as usize), p / (2 * WIDTH as usize));
+            grad[y / 2 * WIDTH as usize + x / 2].map(|g| 0.25 * g)
+        })
+        .collect();
+    let (a, b) = (small.shoot(&scene, &camera, &grad), large.shoot(&scene, &double, &fine));
+    let mut worst = 0.0f32;
+    for (p, want) in a.image.iter().enumerate() {
+        let (x, y) = (p % WIDTH as usize, p / WIDTH as usize);
+        for c in 0..4 {
+            let at = |dx: usize, dy: usize| b.image[(2 * y + dy) * 2 * WIDTH as usize + 2 * x + dx][c];
+            worst = worst.max((0.25 * (at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) - want[c]).abs());
+        }
+    }
+    let d = apart(&b.gradients, &a.gradients);
+    println!("twice the resolution: image by {worst:.1e}, gradients by {d:.1e}");
+    // An α of 1/255 ends at another half pixel: 4e-3; the dilation is 0.3 of 196 px² against 0.3 of 784.
+    assert!(worst < 5e-3 && d < 1e-2);
+}
+
+/// Where a child process puts what it found.
+const CHILD: &str = "GLINT_METAMORPHIC_CHILD";
+
+/// Run by `the_size_of_subgroups_changes_nothing` in processes of their own.
+#[test]
+fn child() {
+    let Some(path) = std::env::var_os(CHILD) else { return };
+    let gpu = Gpu::new();
+    let camera = random_camera(WIDTH, HEIGHT);
+    let mut probe = Probe::new(&gpu, 1200, &camera, setup());
+    let shot = probe.shoot(&random_scene(24, 900, 300, DEGREE), &camera, &ripples(&camera));
+    let image = shot.image.iter().flatten().chain(&shot.depth).map(|&x| f64::from(x));
+    let all: Vec<f64> =
+        std::iter::once(f64::from(gpu.info().subgroup_size)).chain(image).chain(gradients(&shot.gradients)).collect();
+    std::fs::write(path, bytemuck::cast_slice(&all)).unwrap();
+}
+
+/// llvmpipe's subgroups are as wide as its vectors, which the environment sets; other drivers do twice the same.
+#[test]
+fn the_size_of_subgroups_changes_nothing() {
+    let folder = std::env::temp_dir().join(format!("glint-metamorphic-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let [a, b] = ["256", "512"].map(|width| {
+        let path = folder.join(width);
+        let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+        let status = child.args(["--exact", "child"]).env(CHILD, &path).env("LP_NATIVE_VECTOR_WIDTH", width).output();
+        assert!(status.unwrap().status.success());
+        bytemuck::pod_collect_to_vec::<u8, f64>(&std::fs::read(path).unwrap())
+    });
+    std::fs::remove_dir_all(&folder).unwrap();
+    let pixels = 1 + 5 * (WIDTH * HEIGHT) as usize;
+    println!("{} and {} lanes", a[0], b[0]);
+    assert_eq!(a.len(), b.len());
+    // A pixel is one lane's own work whatever the subgroup.
+    assert!(a[1..pixels] == b[1..pixels]);
+    let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+    let size = norm(&mut a[pixels..].iter().copied());
+    let difference = norm(&mut a[pixels..].iter().zip(&b[pixels..]).map(|(x, y)| x - y));
+    println!("gradients differ by {:.1e}", difference / size);
+    assert!(difference < 2e-5 * size);
+}
