@@ -3,6 +3,7 @@
 use glam::DVec3;
 use glint::{
     gpu::{Buffer, Context, ContextOptions},
+    pipelines::views::view,
     reference::{
         lift_append as append_twin, lift_cluster as cluster_twin, lift_pca as pca_twin,
         lift_points::{self as points_twin, LiftPoints},
@@ -15,7 +16,7 @@ use glint::{
         lift_points::{self, LiftPoints as LiftPointsStage},
         types,
     },
-    verify::lift::{Case, covariance},
+    verify::lift::{Case, covariance, look_at},
 };
 use rand::{Rng, RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -604,7 +605,7 @@ fn fields(unit: f32, depth: impl Fn(usize, i32, i32) -> f32) -> Case {
         (0..10).for_each(|p| plane[p * 12 + f] = column[p]);
     }
     Case {
-        views: vec![view_of(&camera, 0)],
+        views: vec![view(&camera, 0)],
         cameras: vec![camera],
         depths,
         pixel_firsts: vec![0],
