@@ -1,15 +1,13 @@
 //! Inverse splatting on the device against its float64 twins.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use glint::{
     gpu::{Buffer, Context, ContextOptions},
+    pipelines::views::view,
     reference::{
-        lift_append as append_twin, lift_cluster as cluster_twin,
-        lift_count::PlaneGaussians,
-        lift_pca as pca_twin,
+        lift_append as append_twin, lift_cluster as cluster_twin, lift_pca as pca_twin,
         lift_points::{self as points_twin, LiftPoints},
     },
-    scene::Camera,
     stages::{
         lift_append::{self, LiftAppend},
         lift_cluster::{self, LiftCluster},
@@ -18,6 +16,7 @@ use glint::{
         lift_points::{self, LiftPoints as LiftPointsStage},
         types,
     },
+    verify::lift::{Case, covariance, look_at},
 };
 use rand::{Rng, RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -242,113 +241,6 @@ fn sets_that_cannot_be_clustered_have_size_zero() {
 
 // --- the whole of inverse splatting ---
 
-struct Case {
-    cameras: Vec<Camera>,
-    views: Vec<types::View>,
-    depths: Vec<f32>,
-    pixel_firsts: Vec<usize>,
-    plane: Vec<f32>,
-    stride: usize,
-    plane_views: Vec<u32>,
-    train_views: Vec<u32>,
-    unit: f32,
-}
-
-/// All numbers rounded to float32, so that device and twin see the same camera.
-fn look_at(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
-    let single = |v: f64| f64::from(v as f32);
-    let z = (target - eye).normalize();
-    let x = DVec3::Y.cross(z).normalize();
-    let rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
-    let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(single));
-    let translation = DVec3::from((-(rotation * eye)).to_array().map(single));
-    let f = single(width as f64 * 1.1);
-    let (cx, cy) = (width as f64 / 2.0, height as f64 / 2.0);
-    Camera { width, height, fx: f, fy: f, cx, cy, rotation, translation }
-}
-
-fn view_of(camera: &Camera, pixel_first: usize) -> types::View {
-    let row = |k: usize| {
-        let r = camera.rotation.row(k);
-        [r.x as f32, r.y as f32, r.z as f32, camera.translation[k] as f32]
-    };
-    types::View {
-        row_x: row(0),
-        row_y: row(1),
-        row_z: row(2),
-        eye: camera.eye().to_array().map(|v| v as f32),
-        fx: camera.fx as f32,
-        fy: camera.fy as f32,
-        cx: camera.cx as f32,
-        cy: camera.cy as f32,
-        limit_x: (0.65 * camera.width as f64 / camera.fx) as f32,
-        limit_y: (0.65 * camera.height as f64 / camera.fy) as f32,
-        width: camera.width,
-        height: camera.height,
-        pixel_first: pixel_first as u32,
-    }
-}
-
-/// Cameras around a ball before a wall; 2D Gaussians everywhere, some at the ball's edge, some in holes of the depth map,
-/// some beyond the image's border, some slots empty.
-fn case(seed: u64, count: usize, centre: DVec3) -> Case {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let cameras: Vec<_> = (0..5)
-        .map(|i| {
-            let angle = 0.25 * i as f64 - 0.5;
-            let eye = centre + DVec3::new(6.0 * angle.sin(), -0.7, -6.0 * angle.cos());
-            look_at(eye, centre, 120 + 16 * i, 96)
-        })
-        .collect();
-    let mut depths = Vec::new();
-    let mut pixel_firsts = Vec::new();
-    for camera in &cameras {
-        pixel_firsts.push(depths.len());
-        let eye = camera.eye() - centre;
-        for y in 0..camera.height {
-            for x in 0..camera.width {
-                let ray = camera.unproject(x as f64 + 0.5, y as f64 + 0.5, 1.0) - camera.eye();
-                // Ball of radius 1.5 at the centre, wall 4 behind it.
-                let (a, b, c) = (ray.length_squared(), eye.dot(ray), eye.length_squared() - 2.25);
-                let hit = b * b - a * c;
-                let z = if hit > 0.0 { (-b - hit.sqrt()) / a } else { (4.0 - eye.z) / ray.z };
-                let hole = (x / 8 + y / 8).is_multiple_of(9);
-                depths.push(if hole || z <= 0.0 { 0.0 } else { z as f32 });
-            }
-        }
-    }
-    let mut plane = vec![0f32; 10 * count];
-    let mut plane_views = Vec::new();
-    for i in 0..count {
-        let v = rng.random_range(0..cameras.len());
-        let camera = &cameras[v];
-        let x = rng.random_range(-3.0..camera.width as f32 + 3.0);
-        let y = rng.random_range(-3.0..camera.height as f32 + 3.0);
-        let inside = x >= 0.0 && y >= 0.0 && x < camera.width as f32 && y < camera.height as f32;
-        let at = pixel_firsts[v] + y as usize * camera.width as usize + x as usize;
-        let mut column = vec![x, y];
-        column.extend((2..5).map(|_| rng.random_range(0.0..1.0f32)));
-        column.push(rng.random_range(-4.0..5.0));
-        column.extend([rng.random_range(-1.0..2.3), rng.random_range(-1.0..2.3), rng.random_range(-4.0..4.0)]);
-        column.push(if inside { depths[at] } else { 0.0 });
-        for (p, value) in column.into_iter().enumerate() {
-            plane[p * count + i] = value;
-        }
-        plane_views.push(if i % 13 == 5 { glint::reference::NONE } else { v as u32 });
-    }
-    Case {
-        views: cameras.iter().zip(&pixel_firsts).map(|(c, &first)| view_of(c, first)).collect(),
-        cameras,
-        depths,
-        pixel_firsts,
-        plane,
-        stride: count,
-        plane_views,
-        train_views: vec![0, 2, 3, 4],
-        unit: 6.0,
-    }
-}
-
 struct OnDevice {
     counts: Vec<u32>,
     firsts: Vec<u32>,
@@ -519,24 +411,12 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
     }
 }
 
-/// What the twins read: the case, with `plane` and `depths` in float64.
-fn gaussians<'a>(case: &'a Case, plane: &'a [f64], depths: &'a [f64]) -> PlaneGaussians<'a> {
-    PlaneGaussians {
-        plane,
-        stride: case.stride,
-        plane_views: &case.plane_views,
-        views: &case.cameras,
-        pixel_firsts: &case.pixel_firsts,
-        depths,
-    }
-}
-
 #[test]
 fn counts_and_points_are_the_twins() {
     let context = context();
-    let case = case(11, 400, DVec3::ZERO);
+    let case = Case::new(11, 400, DVec3::ZERO);
     let (plane, depths) = (wide(&case.plane), wide(&case.depths));
-    let g = gaussians(&case, &plane, &depths);
+    let g = case.gaussians(&plane, &depths);
     let got = lift_on_device(&context, &case, 0);
     let want = points_twin::lift_points(&g);
     let mut same_sets = 0;
@@ -572,18 +452,11 @@ fn counts_and_points_are_the_twins() {
     assert!(got.counts.iter().filter(|&&c| c > 0).count() > 200);
 }
 
-fn covariance(quat: [f64; 4], log_scale: [f64; 3]) -> [f64; 9] {
-    let [w, x, y, z] = quat;
-    let r = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-    let scaled = r * DMat3::from_diagonal(DVec3::from(log_scale.map(|l| (2.0 * l).exp())));
-    (scaled * r.transpose()).to_cols_array()
-}
-
 /// Clustering and PCA of the device's own points, so that a pixel at the edge of 1/255 does not matter. Returns how many lifts
 /// were made.
 fn assert_lifts_are_the_twins(context: &Context, case: &Case, plain_weights: bool, position_error: f64) -> usize {
     let (plane, depths) = (wide(&case.plane), wide(&case.depths));
-    let g = gaussians(case, &plane, &depths);
+    let g = case.gaussians(&plane, &depths);
     let got = lift_on_device(context, case, u32::from(plain_weights));
     let points = LiftPoints {
         counts: got.counts.clone(),
@@ -680,7 +553,7 @@ fn lifts_are_the_twins() {
     let context = context();
     for (seed, plain_weights) in [(21, false), (22, true)] {
         // Coordinates up to 6, a dozen roundings of 3e-7 each.
-        let made = assert_lifts_are_the_twins(&context, &case(seed, 300, DVec3::ZERO), plain_weights, 4e-6);
+        let made = assert_lifts_are_the_twins(&context, &Case::new(seed, 300, DVec3::ZERO), plain_weights, 4e-6);
         assert!(made > 150, "{made}");
     }
 }
@@ -688,14 +561,15 @@ fn lifts_are_the_twins() {
 #[test]
 fn a_scene_far_from_its_origin_is_lifted_as_well() {
     // At 1000 a float32 is off by 3e-5, the eye too; the shape must not be touched by it.
-    let made = assert_lifts_are_the_twins(&context(), &case(23, 100, DVec3::new(1000.0, -500.0, 700.0)), false, 2e-4);
+    let made =
+        assert_lifts_are_the_twins(&context(), &Case::new(23, 100, DVec3::new(1000.0, -500.0, 700.0)), false, 2e-4);
     assert!(made > 50, "{made}");
 }
 
 #[test]
 fn broken_input_gives_no_lift_and_no_nan() {
     let context = context();
-    let mut case = case(31, 200, DVec3::ZERO);
+    let mut case = Case::new(31, 200, DVec3::ZERO);
     let mut rng = ChaCha8Rng::seed_from_u64(31);
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38, -1e38, 0.0];
     for i in 0..200 {
@@ -731,7 +605,7 @@ fn fields(unit: f32, depth: impl Fn(usize, i32, i32) -> f32) -> Case {
         (0..10).for_each(|p| plane[p * 12 + f] = column[p]);
     }
     Case {
-        views: vec![view_of(&camera, 0)],
+        views: vec![view(&camera, 0)],
         cameras: vec![camera],
         depths,
         pixel_firsts: vec![0],

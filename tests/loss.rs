@@ -9,56 +9,11 @@ use glint::{
         ssim_forward::{self, SsimForward, partials_len, tile_sums_len, tiles_for, tiles_per_frame},
         types::{Frame, Loss},
     },
+    verify::loss::Batch,
 };
 
 fn context() -> Context {
     Context::new(&ContextOptions::default()).unwrap()
-}
-
-fn noise(i: usize) -> f32 {
-    let x = (i as u32 ^ i as u32 >> 16).wrapping_mul(0x7feb_352d);
-    ((x ^ x >> 15).wrapping_mul(0x846c_a68b) >> 8) as f32 / 16_777_216.0
-}
-
-/// Frames behind one another in one image buffer, their targets in another order with a gap.
-struct Batch {
-    frames: Vec<Frame>,
-    image: Vec<[f32; 4]>,
-    targets: Vec<u32>,
-}
-
-impl Batch {
-    /// Gradients, edges, noise, flat bright places (where float32 variances cancel most), colours above 1.
-    fn new(sizes: &[(u32, u32)]) -> Self {
-        let pixels = |&(width, height): &(u32, u32)| width * height;
-        let mut batch = Batch { frames: vec![], image: vec![], targets: vec![0; 7] };
-        for size in sizes {
-            let image_first = batch.image.len() as u32;
-            batch.frames.push(Frame { image_first, target_first: 0, width: size.0, height: size.1 });
-            for i in 0..pixels(size) as usize {
-                let (x, y) = ((i % size.0 as usize) as f32, (i / size.0 as usize) as f32);
-                let flat = if x > 40.0 { 0.98 } else { 0.6 * (0.3 * x).sin() * (0.2 * y).cos() + 0.61 };
-                let edge = if (x - y).abs() < 9.0 { 0.9 } else { 0.1 };
-                batch.image.push([flat, edge + 0.1 * noise(i), 0.013 * y, noise(i + 5)]);
-            }
-        }
-        for frame in batch.frames.iter_mut().rev() {
-            frame.target_first = batch.targets.len() as u32;
-            for i in 0..pixels(&(frame.width, frame.height)) as usize {
-                let rgb = batch.image[frame.image_first as usize + i];
-                let byte = |c: usize| ((rgb[c] + 0.1 * noise(3 * i + c) - 0.05).clamp(0.0, 1.0) * 255.0) as u32;
-                batch.targets.push(byte(0) | byte(1) << 8 | byte(2) << 16 | 0x8000_0000);
-            }
-        }
-        batch
-    }
-
-    fn pixels(&self, frame: &Frame) -> (Vec<[f64; 4]>, &[u32]) {
-        let pixels = (frame.width * frame.height) as usize;
-        let image = &self.image[frame.image_first as usize..][..pixels];
-        let targets = &self.targets[frame.target_first as usize..][..pixels];
-        (image.iter().map(|p| p.map(f64::from)).collect(), targets)
-    }
 }
 
 /// The buffers of a batch on the GPU. What the kernels do not write is NaN.

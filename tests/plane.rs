@@ -1,4 +1,4 @@
-//! The kernels of the 2D stage against their twins, and the stage as a whole.
+//! The 2D stage from splats to steps, and as a whole; its kernels one by one are `glint verify`'s.
 
 mod common;
 
@@ -7,7 +7,7 @@ use glint::{
     gpu::{Buffer, Location},
     pipelines::{
         model::Model,
-        plane::{PLANES, PlaneStage, Schedule, base_losses, budgets},
+        plane::{PlaneStage, Schedule, base_losses, budgets},
         raster::{Raster, RasterOptions, WORKGROUP},
         render::{RenderOptions, Renderer},
         views::Views,
@@ -17,9 +17,8 @@ use glint::{
         blend::blend,
         blend_backward::blend_backward,
         plane_backward::{PlaneMoments, plane_backward, plane_step},
-        plane_draw::{Draw, draw_size, key, new_plane, plane_draw},
-        plane_project::{Plane, plane_project},
-        plane_prune::{covered, plane_prune},
+        plane_project::plane_project,
+        plane_prune::covered,
         plane_tiles::{WINDOW_RADIUS, plane_tiles},
         tiles::Tiling,
     },
@@ -27,74 +26,19 @@ use glint::{
     stages::{
         self,
         plane_backward::PlaneBackward,
-        plane_draw::PlaneDraw,
         plane_project::PlaneProject,
         plane_prune::PlanePrune,
         plane_tiles::PlaneTiles,
         ssim_forward,
-        types::{Frame, PlaneState, Quota},
+        types::{Frame, PlaneState},
     },
+    verify::plane::{SMALL_FRAMES, Scattered, pixels_of},
 };
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt;
 
 const NONE: u32 = u32::MAX;
-/// Two frames of different sizes, neither of whole tiles.
-const FRAMES: [Frame; 2] = [
-    Frame { image_first: 0, target_first: 0, width: 61, height: 43 },
-    Frame { image_first: 61 * 43, target_first: 61 * 43, width: 50, height: 70 },
-];
+const FRAMES: [Frame; 2] = SMALL_FRAMES;
 const PIXELS: usize = 61 * 43 + 50 * 70;
-
-/// Random 2D Gaussians on slots of two frames in turns; every seventh slot is empty.
-struct Scattered {
-    planes: Vec<Plane>,
-    frames: Vec<u32>,
-    depths: Vec<f32>,
-}
-
-impl Scattered {
-    fn new(seed: u64, count: usize) -> (Self, ChaCha8Rng) {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let frames: Vec<u32> = (0..count).map(|i| if i % 7 == 3 { NONE } else { (i / 2 % 2) as u32 }).collect();
-        let planes = frames
-            .iter()
-            .map(|&f| {
-                let frame = FRAMES[f.min(1) as usize];
-                let mut plane = [0.0; 10];
-                // Rounded to float32, so that both sides begin with the same.
-                let mut set = |p: usize, x: f64| plane[p] = f64::from(x as f32);
-                set(0, rng.random_range(0.0..frame.width as f64));
-                set(1, rng.random_range(0.0..frame.height as f64));
-                (2..5).for_each(|c| set(c, rng.random_range(0.0..1.0)));
-                set(5, rng.random_range(-5.0..3.0));
-                set(6, rng.random_range(-1.0..2.3));
-                set(7, rng.random_range(-1.0..2.3));
-                set(8, rng.random_range(-1.5..1.5));
-                plane
-            })
-            .collect();
-        let depths = (0..PIXELS).map(|_| if rng.random_bool(0.1) { 0.0 } else { rng.random_range(1.0..9.0) }).collect();
-        (Scattered { planes, frames, depths }, rng)
-    }
-
-    /// Plane-major, as the device has it.
-    fn columns(&self) -> Vec<f32> {
-        let n = self.planes.len();
-        (0..PLANES * n).map(|k| self.planes[k % n][k / n] as f32).collect()
-    }
-
-    /// The Gaussians of a frame and their slots.
-    fn of_frame(&self, f: u32) -> (Vec<Plane>, Vec<usize>) {
-        let slots: Vec<usize> = (0..self.planes.len()).filter(|&i| self.frames[i] == f).collect();
-        (slots.iter().map(|&i| self.planes[i]).collect(), slots)
-    }
-}
-
-fn pixels_of<T>(all: &[T], f: usize) -> &[T] {
-    let first = FRAMES[f].image_first as usize;
-    &all[first..first + (FRAMES[f].width * FRAMES[f].height) as usize]
-}
 
 fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
     let error = (f64::from(got) - expected).abs();
@@ -105,7 +49,7 @@ fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
 fn splats_images_gradients_and_steps_are_the_twins() {
     let gpu = Gpu::new();
     let count = 120;
-    let (scene, mut rng) = Scattered::new(3, count);
+    let (scene, mut rng) = Scattered::new(&FRAMES, 3, count);
     let options = RasterOptions {
         splats: count as u32,
         pixels: PIXELS as u32,
@@ -181,7 +125,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
     let (mut visible, mut listed, mut listed_twin) = (0, 0, 0);
     for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
         let (mut planes, slots) = scene.of_frame(f as u32);
-        let projected = plane_project(&mut planes, pixels_of(&depths64, f), width, height, &options);
+        let projected = plane_project(&mut planes, pixels_of(&depths64, &FRAMES[f]), width, height, &options);
         for (j, &i) in slots.iter().enumerate() {
             if (keys[i] == NONE) != (projected.tile_counts[j] == 0) {
                 // An ellipse between pixel centres: the two list tiles with margins of their own.
@@ -214,11 +158,12 @@ fn splats_images_gradients_and_steps_are_the_twins() {
             assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
         }
         let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(width, height, &options));
-        let behind: Vec<[f64; 3]> = pixels_of(&backdrop, f).iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
+        let behind: Vec<[f64; 3]> =
+            pixels_of(&backdrop, &FRAMES[f]).iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
         let blended = blend(&projected.splats, &isects, Background::Image(&behind), 0.0);
         let mut grads = vec![[0.0; 3]; behind.len()];
         let mut unsure = 0;
-        for (pixel, (got, expected)) in pixels_of(&image, f).iter().zip(&blended.image).enumerate() {
+        for (pixel, (got, expected)) in pixels_of(&image, &FRAMES[f]).iter().zip(&blended.image).enumerate() {
             // Float32 may decide otherwise within its own error of a threshold; those pixels pull at nothing below. The order
             // is not in doubt: depths are the map's own, and equal ones go by index.
             let margin = blended.margins[pixel];
@@ -311,7 +256,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
 fn waiting_views_and_overflow_leave_everything_alone() {
     let gpu = Gpu::new();
     let count = 40;
-    let (scene, _) = Scattered::new(8, count);
+    let (scene, _) = Scattered::new(&FRAMES, 8, count);
     let frames = Buffer::from_slice(&gpu, "frames", &FRAMES).unwrap();
     let prune = PlanePrune::new(&gpu, &stages::plane_prune::Spec { workgroup_size: WORKGROUP }).unwrap();
     let plane = Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap();
@@ -331,147 +276,6 @@ fn waiting_views_and_overflow_leave_everything_alone() {
         prune.record(&mut recorder, &buffers, &push);
         recorder.submit().unwrap().wait().unwrap();
         assert_eq!(plane_frames.download().unwrap(), scene.frames);
-    }
-}
-
-#[test]
-fn the_same_are_pruned() {
-    let gpu = Gpu::new();
-    let count = 500;
-    let (mut scene, mut rng) = Scattered::new(4, count);
-    for plane in &mut scene.planes {
-        plane[5] = f64::from(rng.random_range(-7.0..0.0f32));
-        plane[6] = f64::from(rng.random_range(-1.5..1.0f32));
-    }
-    scene.planes[1][0] = f64::NAN;
-    scene.planes[2][5] = f64::NAN;
-    let frames = Buffer::from_slice(&gpu, "frames", &FRAMES).unwrap();
-    let plane = Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap();
-    let plane_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
-    let states = Buffer::from_slice(&gpu, "states", &[PlaneState { count: 0, stepping: 1 }; 2]).unwrap();
-    let status = Buffer::<u32>::zeroed(&gpu, "status", 2).unwrap();
-    let prune = PlanePrune::new(&gpu, &stages::plane_prune::Spec { workgroup_size: WORKGROUP }).unwrap();
-    let mut recorder = gpu.recorder("prune").unwrap();
-    let buffers = stages::plane_prune::Buffers {
-        status: &status,
-        frames: &frames,
-        plane_states: &states,
-        plane: &plane,
-        plane_frames: &plane_frames,
-    };
-    prune.record(&mut recorder, &buffers, &stages::plane_prune::Push { count: count as u32, stride: count as u32 });
-    recorder.submit().unwrap().wait().unwrap();
-    let left = plane_frames.download().unwrap();
-    let (mut kept, mut dropped) = (0, 0);
-    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
-        let (planes, slots) = scene.of_frame(f as u32);
-        let keep = plane_prune(&planes, width, height);
-        for (j, &i) in slots.iter().enumerate() {
-            // A pixel within float32's error of 1/255, or an opacity of 0.005, may go either way.
-            let moved = |by: f64| {
-                let mut plane = planes[j];
-                plane[5] += by;
-                plane_prune(&[plane], width, height)[0]
-            };
-            if moved(1e-4) == moved(-1e-4) {
-                assert_eq!(left[i] != NONE, keep[j], "{:?} covers {}", planes[j], covered(&planes[j], width, height));
-                *(if keep[j] { &mut kept } else { &mut dropped }) += 1;
-            }
-        }
-    }
-    assert!(kept > 100 && dropped > 100, "{kept} kept, {dropped} dropped");
-}
-
-#[test]
-fn drawn_pixels_are_the_twins_and_fill_empty_slots_in_order() {
-    let gpu = Gpu::new();
-    let mut rng = ChaCha8Rng::seed_from_u64(9);
-    let draw = PlaneDraw::new(&gpu, &stages::plane_draw::Spec { workgroup_size: 256 }).unwrap();
-    let frames = Buffer::from_slice(&gpu, "frames", &FRAMES).unwrap();
-    let image: Vec<[f32; 4]> = (0..PIXELS).map(|_| [0; 4].map(|_| rng.random_range(-0.2..1.2))).collect();
-    let images = Buffer::from_slice(&gpu, "image", &image).unwrap();
-    // Budgets; the share of pixels with a loss; the share of taken slots.
-    let cases = [
-        ([100, 37], 1.0, 0.0),
-        ([900, 1], 0.5, 0.3),
-        ([2, 0], 1.0, 0.0),
-        ([600, 3000], 0.02, 0.1),
-        ([50, 60], 0.0, 0.5),
-    ];
-    for (round, (budgets, dense, taken)) in (1..).zip(cases) {
-        let slots = (budgets[0] + budgets[1]) as usize;
-        let losses: Vec<f32> = (0..PIXELS)
-            .map(|_| if rng.random_bool(dense) { rng.random_range(0.0..1.2f32).powi(3) } else { 0.0 })
-            .collect();
-        let before: Vec<u32> = (0..slots)
-            .map(|i| if rng.random_bool(taken) { u32::from(i >= budgets[0] as usize) } else { NONE })
-            .collect();
-        let quotas = [
-            Quota { view: 11, first: 0, budget: budgets[0] },
-            Quota { view: 12, first: budgets[0], budget: budgets[1] },
-        ];
-        let stride = slots.max(1);
-        let plane_frames = Buffer::from_slice(&gpu, "plane frames", &before).unwrap();
-        let loss_map = Buffer::from_slice(&gpu, "loss map", &losses).unwrap();
-        let states = Buffer::<PlaneState>::zeroed(&gpu, "states", 2).unwrap();
-        let plane = Buffer::<f32>::zeroed(&gpu, "plane", PLANES * stride).unwrap();
-        let ages = Buffer::from_slice(&gpu, "ages", &vec![7u32; stride]).unwrap();
-        let moments = Buffer::from_slice(&gpu, "moments", &vec![1f32; 18 * stride]).unwrap();
-        let buffers = stages::plane_draw::Buffers {
-            status: &Buffer::<u32>::zeroed(&gpu, "status", 2).unwrap(),
-            frames: &frames,
-            quotas: &Buffer::from_slice(&gpu, "quotas", &quotas).unwrap(),
-            loss_map: &loss_map,
-            image: &images,
-            drawn_pixels: &Buffer::new(&gpu, "drawn pixels", stride, Location::Device).unwrap(),
-            plane_states: &states,
-            plane_frames: &plane_frames,
-            plane: &plane,
-            plane_ages: &ages,
-            plane_moments: &moments,
-        };
-        let push = stages::plane_draw::Push { frame_count: 2, stride: stride as u32, round, seed: 5 };
-        let mut recorder = gpu.recorder("draw").unwrap();
-        draw.record(&mut recorder, &buffers, &push);
-        recorder.submit().unwrap().wait().unwrap();
-        let (after, state) = (plane_frames.download().unwrap(), states.download().unwrap());
-        let (columns, moments, ages) =
-            (plane.download().unwrap(), moments.download().unwrap(), ages.download().unwrap());
-        for f in 0..2 {
-            let (first, budget) = (quotas[f].first as usize, budgets[f] as usize);
-            let (width, height) = (FRAMES[f].width, FRAMES[f].height);
-            let which = Draw { seed: 5, view: quotas[f].view, round };
-            let losses: Vec<f64> = pixels_of(&losses, f).iter().map(|&l| f64::from(l)).collect();
-            let empty: Vec<usize> = (first..first + budget).filter(|&i| before[i] == NONE).collect();
-            let wanted = empty.len().min(draw_size(budgets[f]) as usize);
-            let twin = plane_draw(which, &losses, wanted);
-            let image: Vec<[f64; 4]> = pixels_of(&image, f).iter().map(|p| p.map(f64::from)).collect();
-
-            let drawn: Vec<u32> = empty[..twin.len()]
-                .iter()
-                .map(|&i| (columns[stride + i] - 0.5) as u32 * width + (columns[i] - 0.5) as u32)
-                .collect();
-            assert!(drawn.is_sorted_by(|a, b| a < b), "round {round}, frame {f}: {drawn:?}");
-            // Float32 may order two keys otherwise that are within its error of each other, at the last place only.
-            let last = twin.iter().filter_map(|&p| key(which, p, losses[p as usize])).fold(0.0, f64::max);
-            for &p in drawn.iter().filter(|p| !twin.contains(p)).chain(twin.iter().filter(|p| !drawn.contains(p))) {
-                let key = key(which, p, losses[p as usize]).expect("a pixel without a loss was drawn");
-                assert!((key / last - 1.0).abs() < 1e-5, "{key} for {last}");
-            }
-            for (&i, &p) in empty.iter().zip(&drawn) {
-                assert_eq!((after[i], ages[i]), (f as u32, 0));
-                let expected = new_plane(p, &image, width, height);
-                (0..PLANES).for_each(|k| close(columns[k * stride + i], expected[k], 1e-6, "new plane"));
-                assert!((0..18).all(|m| moments[m * stride + i] == 0.0));
-            }
-            // All other slots are as they were.
-            let written = &empty[..twin.len()];
-            for i in (first..first + budget).filter(|i| !written.contains(i)) {
-                assert_eq!((after[i], ages[i], moments[i]), (before[i], 7, 1.0));
-            }
-            let count = (budget - empty.len() + twin.len()) as u32;
-            assert_eq!(state[f], PlaneState { count, stepping: u32::from(count < budgets[f]) });
-        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! `glint verify` as a library: it passes on the test device, and it can fail.
+//! `glint verify`: it passes on the test device, and it can fail.
 
 mod common;
 
@@ -36,4 +36,28 @@ fn a_fault_in_every_stage_is_seen_in_every_row() {
     let report = run(&gpu, &Options { quick: true, perturb: 2e-3 }).unwrap();
     let blind: Vec<_> = report.rows.iter().filter(|row| row.breaches.is_empty()).collect();
     assert!(blind.is_empty(), "{blind:#?}");
+}
+
+#[test]
+fn the_command_says_the_same() {
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
+        command.arg("verify").args(arguments).output().unwrap()
+    };
+    let explained = run(&["--explain"]);
+    let text = String::from_utf8(explained.stdout).unwrap();
+    assert!(explained.status.success() && BOUNDS.iter().all(|bound| text.contains(bound.reason)));
+
+    let folder = tempfile::tempdir().unwrap();
+    let plot = folder.path().join("verify.svg");
+    let judged = run(&["--quick", "--json", "--plot", plot.to_str().unwrap()]);
+    assert_eq!(judged.status.code(), Some(0), "{}", String::from_utf8_lossy(&judged.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let svg = std::fs::read_to_string(&plot).unwrap();
+    for row in json["rows"].as_array().unwrap() {
+        assert_eq!(row["breaches"], serde_json::json!([]));
+        assert!(row["time"].is_null() || svg.contains(row["stage"].as_str().unwrap()));
+    }
+    let nowhere = run(&["--quick", "--plot", "/no/such/folder/verify.svg"]);
+    assert_eq!(nowhere.status.code(), Some(2), "before minutes of work");
 }

@@ -311,10 +311,10 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     let agreed: Vec<usize> = same.iter().copied().filter(|&i| got_heaviest[i] == want.heaviest[i]).collect();
     row.numbers(agreed.iter().map(|&i| (got_starts[i], want.start_taus[i])));
     let set = |i: usize| &got_points[firsts[i] as usize..][..counts[i] as usize];
-    for i in 0..count {
+    for (i, &heaviest) in got_heaviest.iter().enumerate() {
         // The heaviest is the first of the device's own greatest weights.
         let top = set(i).iter().map(|p| p[3]).fold(0.0, f32::max);
-        row.unequal(u64::from(set(i).iter().position(|p| p[3] == top).unwrap_or(0) as u32 != got_heaviest[i]));
+        row.unequal(u64::from(set(i).iter().position(|p| p[3] == top).unwrap_or(0) as u32 != heaviest));
     }
     row.flips(same.len() - agreed.len(), same.len());
     row.time = times.of("lift_points");

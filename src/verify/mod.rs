@@ -224,7 +224,7 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "Gradients are summed in a fixed order, there are no atomic sums: deterministic is the only mode."
+            "Gradients are summed in a fixed order, there are no atomic float sums: deterministic is the only mode."
         )?;
         writeln!(
             f,

@@ -282,7 +282,9 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
         })
         .collect();
     let start: Vec<f32> = (0..18 * count)
-        .map(|k| if k / count % 2 == 0 { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) })
+        .map(
+            |k| if (k / count).is_multiple_of(2) { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) },
+        )
         .collect();
     let ages: Vec<u32> = (0..count as u32).map(|i| [0, 1, 5, 80, 1500][i as usize % 5]).collect();
     let plane_ages = Buffer::from_slice(context, "ages", &ages)?;
@@ -523,9 +525,13 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
     let mut row = bench.row("plane_draw", "");
     // Budgets; the share of pixels with a loss; the share of taken slots.
     let many = if quick { 900 } else { 20_000 };
-    for (round, (budgets, dense, taken)) in
-        (1..).zip([([100, 37], 1.0, 0.0), ([600, 3000], 0.02, 0.1), ([many, 1], 0.5, 0.3)])
-    {
+    for (round, (budgets, dense, taken)) in (1..).zip([
+        ([100, 37], 1.0, 0.0),
+        ([2, 0], 1.0, 0.0),
+        ([600, 3000], 0.02, 0.1),
+        ([50, 60], 0.0, 0.5),
+        ([many, 1], 0.5, 0.3),
+    ]) {
         let slots = (budgets[0] + budgets[1]) as usize;
         let losses: Vec<f32> = (0..pixels)
             .map(|_| if rng.random_bool(dense) { rng.random_range(0.0..1.2f32).powi(3) } else { 0.0 })

@@ -41,7 +41,10 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
         let d = &report.device;
         let mut chart = ChartBuilder::on(&area)
             .margin(20)
-            .caption(format!("{}, subgroups of {}", d.name, d.subgroup_size), ("sans-serif", 20))
+            .caption(
+                format!("{}, subgroups of {} (blue: what the engine takes, red: broken)", d.name, d.subgroup_size),
+                ("sans-serif", 20),
+            )
             .x_label_area_size(45)
             .y_label_area_size(80)
             .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;

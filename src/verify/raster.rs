@@ -102,7 +102,13 @@ impl Scene {
     /// "8×8, lobes, compensated".
     fn variant(&self, tile: TileShape, compensate: bool) -> String {
         let lobes = if self.model.supplement_count > 0 { ", lobes" } else { "" };
-        format!("{tile}{lobes}{}", if compensate { ", compensated" } else { "" })
+        format!("{tile}{lobes}{}", self.suffix(compensate))
+    }
+
+    /// ", compensated, degree 1".
+    pub fn suffix(&self, compensate: bool) -> String {
+        let degree = if self.degree < 3 { format!(", degree {}", self.degree) } else { String::new() };
+        format!("{}{degree}", if compensate { ", compensated" } else { "" })
     }
 }
 
@@ -487,8 +493,8 @@ fn blends(
             let differ: Vec<usize> = (0..pixels).filter(|&p| ids[p] != own.median[p]).collect();
             let margin = |p: usize| image_margin(&own.margins[p]).min(own.margins[p].median);
             row.flips(differ.len(), pixels);
-            row.unequal(differ.iter().filter(|&&p| !(margin(p) < NEAR_THRESHOLD)).count() as u64);
-            if chosen {
+            row.unequal(differ.iter().filter(|&&p| margin(p) >= NEAR_THRESHOLD).count() as u64);
+            if chosen && scene.model.supplement_count > 0 {
                 median_depths(bench, scene)?;
             }
         }
@@ -578,6 +584,12 @@ fn blend_backwards(
         })?;
         let got = raster.isect_grads().download_range(0, 9 * isects)?;
         let mut row = bench.row("blend_backward", format!("{variant}, {name}"));
+        // Sums in a fixed order: another run gives the same bits.
+        let mut recorder = bench.context.recorder("again")?;
+        raster.record_blend_backward(&mut recorder, &ordered.grid, &scene.views.frames, full_first);
+        recorder.submit()?.wait()?;
+        let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|v| v.to_bits()).collect() };
+        row.words(&bits(&raster.isect_grads().download_range(0, 9 * isects)?), &bits(&got));
         let part = |parts: std::ops::Range<usize>| {
             let (got, want) = (&got, &want);
             (0..isects).flat_map(move |s| parts.clone().map(move |k| (got[9 * s + k], want[s][k])))

@@ -33,19 +33,19 @@ pub(super) fn cases(
     twin: &reference::Rendered,
     options: &Options,
 ) -> Result<()> {
-    let compensated = if options.compensate { ", compensated" } else { "" };
+    let suffix = scene.suffix(options.compensate);
     let parts = parts(scene);
     let isect_grads = records(ordered)?;
     let Ordered { splats, tile_counts, isects, .. } = ordered;
     let want = project_backward(&scene.params, &scene.view, options, splats, tile_counts, isects, &isect_grads);
-    let mut whole = bench.row("(render backward)", format!("all{compensated}"));
+    let mut whole = bench.row("(render backward)", format!("all{suffix}"));
     whole.chosen = !options.compensate;
     for part in &parts {
         for (opacity_only, name) in [(true, "opacity only"), (false, "all")] {
             if opacity_only && part.lobes {
                 continue;
             }
-            let mut row = bench.row("project_backward", format!("{}, {name}{compensated}", part.name));
+            let mut row = bench.row("project_backward", format!("{}, {name}{suffix}", part.name));
             row.chosen = !options.compensate;
             let run = Run { scene, ordered, part, compensate: options.compensate, opacity_only, mode: Mode::Gradients };
             let (moments, time) = run.gradients(bench)?;
@@ -64,7 +64,9 @@ pub(super) fn cases(
                 }
             }
         }
-        steps_done(bench)?;
+        if scene.model.supplement_count > 0 {
+            steps_done(bench)?;
+        }
     }
 
     // From scene to gradients, against a twin that shares nothing with the device but the scene.
@@ -342,7 +344,7 @@ fn step(
         (false, true) => "step, sparse",
         (false, false) => "step",
     };
-    let mut row = bench.row("project_backward", format!("{}, {name}", part.name));
+    let mut row = bench.row("project_backward", format!("{}, {name}{}", part.name, scene.suffix(false)));
     let free = PlaneRate::free(f64::from(RATE));
     let rate = f64::from(RATE);
     let strides = [model.stride as usize, model.stride as usize, lobe_stride];
