@@ -23,7 +23,7 @@ pub const FIRST_SCALE_MIN: f64 = 0.6;
 
 /// Largest standard deviation in an image of that size, pixels.
 pub fn scale_max(width: f64, height: f64) -> f64 {
-    (0.01 * (width + height)).min(50.0).max(2.0 * FIRST_SCALE_MIN)
+    (0.01 * (width + height)).clamp(2.0 * FIRST_SCALE_MIN, 50.0)
 }
 
 /// `tile_counts` and `isects` are the forward pass's, `isect_grads` the blend's, by slot.
