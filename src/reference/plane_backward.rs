@@ -206,7 +206,7 @@ mod tests {
         grad[4] = 1.0;
         plane_step(&mut planes, &[grad, [f64::NAN; 9]], &mut moments, 40, 10);
         assert_eq!((planes[1], moments[1]), (start, PlaneMoments::default()));
-        let expected = [20.025, 10.0, 0.51, 1.0, 0.0, 0.02, 0.5f64.ln(), 0.5f64.ln(), 1.59 - PI, 0.0];
+        let expected = [20.025, 10.0, 0.51, 1.0, 0.0, 0.02, 0.001, 1.2f64.ln(), 1.59 - PI, 0.0];
         for (x, e) in planes[0].iter().zip(expected) {
             assert!((x - e).abs() < 1e-8, "{x} for {e}");
         }

@@ -2,10 +2,12 @@
 //!
 //! Layout, one column per panel and the ground truth as the last:
 //!
-//!     base          augmented     ground truth     labels
-//!     image         image         image            the crop framed
-//!     crop          crop          crop             magnified, if asked for
-//!     |error|       |error|       colour bar
+//! ```text
+//! base          augmented     ground truth     labels
+//! image         image         image            the crop framed
+//! crop          crop          crop             magnified, if asked for
+//! |error|       |error|       colour bar
+//! ```
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
