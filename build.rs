@@ -71,7 +71,39 @@ fn main() {
     let code = format!(
         "/// Structs that kernels share with the host, in scalar block layout.\npub mod types {{\n{types}}}\n{kernels}"
     );
-    fs::write(out.join("kernels.rs"), code).unwrap();
+    fs::write(out.join("kernels.rs"), code + &constants()).unwrap();
+}
+
+/// Every `const uint|float NAME = number;` of glsl/shared/, a module for each file, so that the host writes none of them again.
+fn constants() -> String {
+    let mut files: Vec<_> = fs::read_dir("glsl/shared").unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let mut code = String::from("/// Plain constants of `glsl/shared/`, by file.\npub mod constants {\n");
+    for path in files {
+        let text = fs::read_to_string(&path).unwrap();
+        let list: Vec<_> = text.lines().filter_map(constant).collect();
+        if !list.is_empty() {
+            let module = path.file_stem().unwrap().to_str().unwrap();
+            writeln!(code, "pub mod {module} {{\n{}\n}}", list.join("\n")).unwrap();
+        }
+    }
+    code + "}\n"
+}
+
+fn constant(line: &str) -> Option<String> {
+    let (declaration, comment) = line.split_once(';')?;
+    let (left, value) = declaration.strip_prefix("const ")?.split_once(" = ")?;
+    let (ty, name) = left.split_once(' ')?;
+    let value = value.trim_end_matches('u');
+    let ty = match ty {
+        "uint" => "u32",
+        "float" => "f32",
+        _ => return None,
+    };
+    let plain = value.starts_with(|c: char| c.is_ascii_digit())
+        && value.chars().all(|c| c.is_ascii_hexdigit() || ".ex-+".contains(c));
+    let doc = comment.trim().trim_start_matches('/').trim();
+    plain.then(|| format!("#[doc = {doc:?}] pub const {name}: {ty} = {value};"))
 }
 
 fn collect(dir: &Path, into: &mut Vec<PathBuf>) {

@@ -418,7 +418,6 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
 
     work.refused(&format!("{enhance} -o x.ply --work kept --seed 5"), &["kept/settings.json", "another --work"]);
     work.refused("enhance data --base first.ply -o x.ply", &["first.ply", "augmented already"]);
-    work.refused("enhance data --base base.ply -o x.ply --ratio -1", &["--ratio", "0 to 10"]);
 }
 
 #[test]

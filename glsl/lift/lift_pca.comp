@@ -44,8 +44,6 @@ layout(push_constant, scalar) uniform Push {
     float unit;       // the scene's own length, scene units
 };
 
-const float PI = 3.14159265358979;
-const float SH_C0 = 0.28209479177387814; // 1/(2√π)
 const float EIGENVALUE_MIN = 1e-7;       // unit²
 const uint SWEEPS = 8;                   // Jacobi on 3×3 converges quadratically: 4 reach float32, 6 float64, two to spare
 

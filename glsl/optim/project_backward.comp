@@ -103,7 +103,6 @@ void step_lobe(uint p, uint i, float g, float rate, float lo, float hi) {
 bool finite(float x) { return !isnan(x) && !isinf(x); }
 bool finite(vec3 x) { return finite(x.x) && finite(x.y) && finite(x.z); }
 
-const uint RECORD = 9;
 const uint MANY = 256;
 const uint UNROLL = 4;
 

@@ -36,7 +36,6 @@ const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_
 const float BETA1 = 0.9, EPSILON = 1e-15;
 const float BETA2 = 0.999, LOG_BETA1 = -0.105360515657826, LOG_BETA2 = -0.00100050033358353;
 const float GRADIENT_MAX = 1e17; // its square, with the correction of 1000, is within float32
-const float PI = 3.14159265358979;
 
 float at(uint p, uint i) { return plane[p * push.stride + i]; }
 
@@ -75,7 +74,7 @@ void main() {
     float d_opacity = 0.0;
     uint tiles = tile_counts[i];
     for (uint slot = tiles == 0 ? 0 : first_slot[i], end = slot + tiles; slot < end; ++slot) {
-        uint r = 9 * slot;
+        uint r = RECORD * slot;
         w += vec2(isect_grads[r], isect_grads[r + 1]);
         ww += vec3(isect_grads[r + 2], isect_grads[r + 3], isect_grads[r + 4]);
         d_opacity += isect_grads[r + 5];
@@ -99,7 +98,7 @@ void main() {
     vec2 wp = vec2(ww.x * p.x + ww.y * p.y, ww.y * p.x + ww.z * p.y);
     vec2 wq = vec2(ww.x * q.x + ww.y * q.y, ww.y * q.x + ww.z * q.y);
     // The compensation is a product of sqrt(v / (v + 0.3)): its logarithm grows by 0.3 / (v + 0.3) with each log scale.
-    vec2 growth = d_opacity * sigma * e.compensation * PLANE_DILATION / (e.variance + PLANE_DILATION);
+    vec2 growth = d_opacity * sigma * e.compensation * DILATION / (e.variance + DILATION);
     g[LOG_SCALE] = e.variance.x * dot(p, wp) + growth.x;
     g[LOG_SCALE + 1] = e.variance.y * dot(q, wq) + growth.y;
     g[ANGLE] = (e.variance.x - e.variance.y) * dot(p, wq);

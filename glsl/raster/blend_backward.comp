@@ -29,7 +29,6 @@ layout(set = 0, binding = 5, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer IsectGrads { float isect_grads[]; };
 
-const uint RECORD = 9;
 
 void main() {
     uint index = subgroup_index();

@@ -9,7 +9,7 @@
 
 layout(local_size_x_id = 0) in;
 
-const uint NONE = 0xFFFFFFFFu;
+#include "constants.glsl"
 
 // Dispatches of more than 65,535 groups are folded into two dimensions: linear group and thread index.
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }

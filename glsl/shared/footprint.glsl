@@ -7,7 +7,6 @@
 #include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
 #include "unit.glsl"  // FLOAT_MAX
 
-const float DILATION = 0.3; // px²
 
 struct Footprint {
     vec2 centre;

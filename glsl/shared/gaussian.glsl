@@ -4,8 +4,6 @@
 
 const uint MEAN = 0, LOG_SCALE = 3, QUAT = 6, OPACITY = 10; // planes of `geometry`
 const uint LOBE_DIRECTION = 0, LOBE_WIDTH = 3, LOBE_SHARPNESS = 4; // planes of `lobes`
-const float DILATION = 0.3; // px^2, added to the diagonal of the 2D covariance (3DGS)
-const float PI = 3.14159265358979;
 float plane(uint p, uint i) { return geometry[p * push.stride + i]; }
 vec3 plane3(uint p, uint i) { return vec3(plane(p, i), plane(p + 1, i), plane(p + 2, i)); }
 vec3 sh_at(uint k, uint i) {
@@ -67,7 +65,7 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
 // Real spherical harmonics with 3DGS's signs; `d` is a unit vector. Basis functions up to `degree`.
 void sh_basis(vec3 d, uint degree, out float basis[16]) {
     float x = d.x, y = d.y, z = d.z;
-    basis[0] = 0.28209479177387814;
+    basis[0] = SH_C0;
     if (degree < 1) return;
     basis[1] = -0.4886025119029199 * y;
     basis[2] = 0.4886025119029199 * z;

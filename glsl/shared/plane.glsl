@@ -27,7 +27,6 @@ struct PlaneShape {
     float compensation;  // sqrt(det S / det(S + 0.3 I))
 };
 
-const float PLANE_DILATION = 0.3; // px^2, as in 3D
 
 // Standard deviations, px (method, section 3): 0.005 of the shorter side at first, at most 50 and 0.01 of width + height. In
 // images of less than 120 pixels the first would be below the dilation's own sqrt(0.3): compensation makes such a Gaussian
@@ -45,7 +44,7 @@ PlaneShape plane_shape(vec2 log_scale, float angle) {
     e.variance = exp(2.0 * log_scale);
     e.cosine = cos(angle);
     e.sine = sin(angle);
-    vec2 dilated = e.variance + PLANE_DILATION;
+    vec2 dilated = e.variance + DILATION;
     float det = dilated.x * dilated.y;
     float b = e.cosine * e.sine * (e.variance.x - e.variance.y);
     float c = e.sine * e.sine * dilated.x + e.cosine * e.cosine * dilated.y;

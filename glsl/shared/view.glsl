@@ -8,8 +8,6 @@ struct View {
     uint pixel_first;      // first pixel of this view in buffers that pack all views
 };
 
-const float NEAR = 0.2; // scene units (3DGS): what is not beyond it is not seen
-
 vec3 to_camera(View view, vec3 p) {
     return vec3(dot(view.row_x.xyz, p), dot(view.row_y.xyz, p), dot(view.row_z.xyz, p)) +
            vec3(view.row_x.w, view.row_y.w, view.row_z.w);

@@ -18,6 +18,7 @@ use crate::{
     scene::Camera,
     stages::{
         dispatch_args::{self, DispatchArgs},
+        kernels,
         loss_sum::{self, LossSum},
         plane_backward::{self, PlaneBackward},
         plane_draw::{self, PlaneDraw},
@@ -36,7 +37,7 @@ pub const PLANES: usize = 10;
 /// Planes that are learned; each has two moments.
 const LEARNED: usize = 9;
 /// An entry of `plane_frames`: no Gaussian here.
-pub const EMPTY: u32 = u32::MAX;
+pub const EMPTY: u32 = kernels::constants::constants::NONE;
 /// Pixels of a batch. A pixel needs 88 bytes of working memory, so this is 1.5 GB; 26 views of 800 × 800.
 const BATCH_PIXELS: u64 = 1 << 24;
 /// Intersections to begin with for each slot, and at least. New Gaussians have σ = 0.005 of the shorter side and touch

@@ -11,6 +11,7 @@ use crate::{
         blend_backward::{self, BlendBackward},
         dispatch_args::{self, DispatchArgs},
         emit::{self, Emit},
+        kernels,
         radix_upsweep::{block_counts_len, digit_totals_len},
         scan_reduce::{block_sums_len, items_per_group},
         step_done::OVERFLOW,
@@ -20,7 +21,7 @@ use crate::{
 };
 
 /// Floats of a gradient record, see ARCHITECTURE.md.
-pub const RECORD: usize = 9;
+pub const RECORD: usize = kernels::constants::constants::RECORD as usize;
 
 /// How a subgroup covers a tile; see `glsl/shared/tile.glsl` for what must hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

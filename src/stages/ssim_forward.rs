@@ -7,10 +7,7 @@ pub use super::kernels::ssim_forward::{Buffers, Kernel, Push, Spec};
 
 /// Weight of 1 − SSIM in the loss; |x − y| has the rest (Kerbl et al. 2023).
 pub const SSIM_WEIGHT: f32 = 0.2;
-/// Pixels of a tile's side; the kernels are laid out for it.
-pub const TILE: u32 = 32;
-/// Threads for a tile; the kernels are laid out for it.
-pub const WORKGROUP: u32 = 128;
+pub use super::kernels::constants::ssim::{TILE, WORKGROUP};
 
 /// Tiles of a frame. Tile t is column t mod ⌈width / [`TILE`]⌉; its number among all is frame × tiles_per_frame + t.
 pub fn tiles_for(frame: &Frame) -> u32 {
