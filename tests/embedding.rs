@@ -139,5 +139,6 @@ fn training_neither_submits_nor_waits_for_every_step() {
     // What is submitted before the loop does not depend on its length; within, 16 steps share a submission.
     let (short, long) = (train(16), train(16 + 320));
     assert_eq!(long.0 - short.0, 320 / 16);
-    assert!(long.1 <= short.1 + 320 / 16, "{long:?} after {short:?}");
+    // A submission is waited for once at most, and not at all where it is done by then: how often is the machine's affair.
+    assert!(long.1 <= long.0, "{long:?} after {short:?}");
 }
