@@ -1,6 +1,7 @@
 //! What an augmentation leaves behind for inspection and to go on from: per view its 2D Gaussians and their lifts as
 //! safetensors, the base's render and depth as EXR.
 //!
+//! Means count from where the run's coordinates begin: the world's origin unless the scene is far from it (`views::origin_for`).
 //! `settings.json` holds everything that the results depend on. A folder of other settings is refused, not mixed.
 
 use std::{
