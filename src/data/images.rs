@@ -190,7 +190,12 @@ fn decode(
     if jpeg_is_cut(bytes) {
         return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
     }
-    let decoded = reader(Cursor::new(bytes), path)?.decode().map_err(|error| decode_error(path, error))?;
+    let reader = reader(Cursor::new(bytes), path)?;
+    // A damaged JPEG can overflow arithmetic of the decoder (zune-jpeg 0.5.15, `receive_extend`; found by fuzzing), which panics
+    // where overflow is checked, as in debug builds. The reader is gone afterwards, so nothing half-done is seen.
+    let decoded = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| reader.decode()))
+        .map_err(|_| Error::input(path, "cannot be decoded: the image is damaged"))?
+        .map_err(|error| decode_error(path, error))?;
     let [width, height] = expected;
     if [decoded.width(), decoded.height()] != expected {
         return Err(Error::input(path, "its pixels have another size than its header says"));
