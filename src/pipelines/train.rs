@@ -106,7 +106,6 @@ impl Learner {
 
 /// Everything that a training loop needs, made once.
 pub struct Trainer {
-    context: Context,
     renderer: Renderer,
     loss: Photometric,
     learners: Vec<Learner>,
@@ -136,7 +135,6 @@ impl Trainer {
         let frames: Vec<_> = views.frames.download()?;
         let render = RenderOptions { backward: true, ..Default::default() };
         Ok(Trainer {
-            context: context.clone(),
             renderer: Renderer::new(context, model.count(), views, render)?,
             loss: Photometric::new(context, 1, tiles_per_frame(&frames), max_steps as usize)?,
             learners: parts.iter().map(|&p| Learner::new(context, model, p)).collect::<Result<_, _>>()?,
@@ -164,7 +162,7 @@ impl Trainer {
             return Err(Error::Usage("the schedule does not fit the trainer".into()));
         }
         model.check_origin(views)?;
-        let Trainer { renderer, loss, learners, done, steps, background, .. } = self;
+        let Trainer { renderer, loss, learners, done, steps, background } = self;
         let renderer = std::cell::RefCell::new(renderer);
         // Gaussians below the first that learns more than its opacity need no other gradient.
         let frozen = learners.iter().filter(|l| l.part.opacity_only).map(|l| l.part.first + l.part.count).max();
@@ -199,10 +197,6 @@ impl Trainer {
         )?;
         let losses = self.loss.losses.mapped().iter().take(schedule.len()).map(|l| l.total).collect();
         Ok(TrainReport { steps: report, losses })
-    }
-
-    pub fn context(&self) -> &Context {
-        &self.context
     }
 }
 
