@@ -13,6 +13,7 @@ use glint::{
     gpu::{Context, ContextOptions},
     pipelines::{
         model::Model,
+        raster::Reduction,
         render::{RenderOptions, Renderer},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
@@ -71,8 +72,13 @@ fn run(args: &Args) -> Result<()> {
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
     let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, 0)?;
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
-    let options =
-        BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, seed: 0, extent: dataset.extent() as f32 };
+    let options = BaseOptions {
+        iterations: args.steps,
+        sh_degree: args.sh_degree,
+        seed: 0,
+        extent: dataset.extent() as f32,
+        reduction: Reduction::Auto,
+    };
     train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
     let started = Instant::now();
     train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;

@@ -9,7 +9,7 @@ use glint::{
         enhance::{EnhanceOptions, enhance},
         model::Model,
         plane::Schedule,
-        raster::WORKGROUP,
+        raster::{Reduction, WORKGROUP},
         train::{BaseOptions, train_base},
         views::Views,
     },
@@ -25,7 +25,8 @@ fn bits(scene: &Scene) -> Vec<u64> {
 
 fn trained(gpu: &Gpu, views: &Views, start: &Scene, background: [f32; 3]) -> (Vec<u64>, Vec<u32>, Scene) {
     let model = Model::upload(gpu, start, 0).unwrap();
-    let options = BaseOptions { iterations: 60, sh_degree: 2, seed: 3, extent: 3.0 };
+    let options =
+        BaseOptions { iterations: 60, sh_degree: 2, seed: 3, extent: 3.0, reduction: Reduction::Deterministic };
     let report = train_base(gpu, &model, views, background, &options, false, |_| ()).unwrap();
     let scene = model.download().unwrap();
     (bits(&scene), report.losses.iter().map(|l| l.to_bits()).collect(), scene)
@@ -49,6 +50,7 @@ fn training_and_augmentation_give_the_same_bits_twice() {
             options.schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 3 };
             options.steps_per_view = 4;
             options.ratio = 0.2;
+            options.reduction = Reduction::Deterministic;
             let enhanced = enhance(&gpu, &base, &views, &options, |_| (), |_| Ok(None), |_| Ok(())).unwrap();
             assert!(enhanced.lifted > 10, "{} of {} were lifted", enhanced.lifted, enhanced.refined);
             let joined = enhanced.join.unwrap().losses.iter().map(|l| l.to_bits()).collect::<Vec<_>>();

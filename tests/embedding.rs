@@ -8,6 +8,7 @@ use glint::{
     gpu::{BorrowedDevice, Buffer, Context, Recorder},
     pipelines::{
         model::Model,
+        raster::Reduction,
         render::{RenderOptions, Renderer},
         train::{BaseOptions, train_base},
         views::Views,
@@ -63,6 +64,7 @@ impl Application {
             device: self.device.clone(),
             queue_family: self.queue_family,
             queue: self.queue(),
+            float_atomics: false,
         };
         unsafe { Context::borrow(borrowed) }.unwrap()
     }
@@ -131,7 +133,7 @@ fn training_neither_submits_nor_waits_for_every_step() {
     let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
     let train = |iterations| {
         let before = gpu.counters();
-        let options = BaseOptions { iterations, sh_degree: 1, seed: 0, extent: 1.0 };
+        let options = BaseOptions { iterations, sh_degree: 1, seed: 0, extent: 1.0, reduction: Reduction::Auto };
         train_base(&gpu, &model, &views, [0.0; 3], &options, false, |_| ()).unwrap();
         let after = gpu.counters();
         (after.submissions - before.submissions, after.waits - before.waits)

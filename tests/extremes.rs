@@ -10,7 +10,7 @@ use glint::{
     gpu::Buffer,
     pipelines::{
         model::Model,
-        raster::{Raster, RasterOptions, WORKGROUP},
+        raster::{Raster, RasterOptions, Reduction, WORKGROUP},
         render::Renderer,
         train::{BaseOptions, train_base},
         views::Views,
@@ -802,7 +802,7 @@ fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, 
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
     let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
-    let options = BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0 };
+    let options = BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0, reduction: Reduction::Auto };
     let report = train_base(gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
     assert!(report.losses.iter().all(|l| l.is_finite()));
     let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
@@ -972,6 +972,7 @@ impl<'a> Flat<'a> {
             background_image: false,
             median: false,
             backward: true,
+            reduction: Reduction::Auto,
         };
         let raster = Raster::new(gpu, options).unwrap();
         let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);
@@ -1034,12 +1035,12 @@ impl<'a> Flat<'a> {
                 plane_states: &states,
                 tile_counts: &raster.tile_counts,
                 first_slot: &raster.first_slot,
-                isect_grads: raster.isect_grads(),
+                records: &raster.records,
                 plane: &plane,
                 plane_ages: &ages,
                 plane_moments: moments,
             };
-            stage.record(&mut recorder, &buffers, &plane_backward::Push { count: n, stride: n });
+            stage.record(&mut recorder, &buffers, &plane_backward::Push { count: n, stride: n, by_gaussian: 0 });
         }
         recorder.submit().unwrap().wait().unwrap();
         let gradients = moments[0].download().unwrap();

@@ -8,7 +8,7 @@ use glint::{
     pipelines::{
         model::Model,
         plane::{PlaneStage, Schedule, base_losses, budgets},
-        raster::{Raster, RasterOptions, WORKGROUP},
+        raster::{Raster, RasterOptions, Reduction, WORKGROUP},
         render::{RenderOptions, Renderer},
         views::Views,
     },
@@ -59,6 +59,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
         background_image: true,
         median: false,
         backward: true,
+        reduction: Reduction::Auto,
     };
     let raster = Raster::new(&gpu, options).unwrap();
     let tile = raster.tile;
@@ -203,12 +204,12 @@ fn splats_images_gradients_and_steps_are_the_twins() {
             plane_states: &states,
             tile_counts: &raster.tile_counts,
             first_slot: &raster.first_slot,
-            isect_grads: raster.isect_grads(),
+            records: &raster.records,
             plane: &plane,
             plane_ages: &plane_ages,
             plane_moments: into,
         };
-        let push = stages::plane_backward::Push { count: count as u32, stride: count as u32 };
+        let push = stages::plane_backward::Push { count: count as u32, stride: count as u32, by_gaussian: 0 };
         PlaneBackward::new(&gpu, &spec).unwrap().record(&mut recorder, &buffers, &push);
     }
     recorder.submit().unwrap().wait().unwrap();
@@ -327,7 +328,7 @@ fn refine(
     let model = Model::upload(gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, model.count(), &views, options).unwrap();
-    let mut stage = PlaneStage::new(gpu, &views, budgets, SCHEDULE, 1).unwrap();
+    let mut stage = PlaneStage::new(gpu, &views, budgets, SCHEDULE, 1, Reduction::Auto).unwrap();
     assert!(stage.batches().iter().eq([&(0..cameras.len())]));
     if let Some(isects) = isects {
         stage.raster.borrow_mut().grow(isects).unwrap();

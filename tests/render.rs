@@ -152,7 +152,7 @@ fn gradients_agree_with_the_twin() {
                     status: &status,
                     tile_counts: &renderer.raster.tile_counts,
                     first_slot: &renderer.raster.first_slot,
-                    isect_grads: renderer.raster.isect_grads(),
+                    records: &renderer.raster.records,
                     geometry: &model.geometry,
                     sh: &model.sh,
                     lobes: &model.lobes,

@@ -15,12 +15,14 @@ fn every_stage_passes() {
     println!("{report}");
     assert_eq!(report.broken(), 0, "{report}");
     let seen: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();
-    assert_eq!(seen, BOUNDS.iter().map(|bound| bound.stage).collect());
+    // One kernel is for devices with float atomics only.
+    let tried = |stage: &str| gpu.info().float_atomics || stage != "blend_backward_atomic";
+    assert_eq!(seen, BOUNDS.iter().map(|bound| bound.stage).filter(|stage| tried(stage)).collect());
     let stages = std::fs::read_dir("src/stages").unwrap();
     let mut stages: BTreeSet<String> =
         stages.map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
     // Not a kernel, and the module itself.
-    stages.retain(|name| !["lift_cluster", "mod"].contains(&name.as_str()));
+    stages.retain(|name| !["lift_cluster", "mod"].contains(&name.as_str()) && tried(name));
     let missing: Vec<_> = stages.iter().filter(|stage| !seen.contains(stage.as_str())).collect();
     assert!(missing.is_empty(), "not verified: {missing:?}");
     for row in &report.rows {
@@ -32,25 +34,30 @@ fn every_stage_passes() {
 /// A twin that is off by two thousandths, by one bit, or by two pixels where its results are sets, breaks a bound in every row: none is so wide that it holds anything.
 #[test]
 fn a_fault_in_every_stage_is_seen_in_every_row() {
-    let gpu = Gpu::new();
-    let report = run(&gpu, &Options { quick: true, perturb: 2e-3 }).unwrap();
-    let blind: Vec<_> = report.rows.iter().filter(|row| row.breaches.is_empty()).collect();
+    let judged = glint(&["--quick", "--json", "--perturb", "2e-3"]);
+    assert_eq!(judged.status.code(), Some(1));
+    let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let rows = json["rows"].as_array().unwrap();
+    let blind: Vec<_> = rows.iter().filter(|row| row["breaches"] == serde_json::json!([])).collect();
     assert!(blind.is_empty(), "{blind:#?}");
+    let said = String::from_utf8(judged.stderr).unwrap();
+    assert!(said.contains(&format!("error: {} rows break their bound", rows.len())), "{said}");
+}
+
+fn glint(arguments: &[&str]) -> std::process::Output {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
+    command.arg("verify").args(arguments).output().unwrap()
 }
 
 #[test]
 fn the_command_says_the_same() {
-    let run = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
-        command.arg("verify").args(arguments).output().unwrap()
-    };
-    let explained = run(&["--explain"]);
+    let explained = glint(&["--explain"]);
     let text = String::from_utf8(explained.stdout).unwrap();
     assert!(explained.status.success() && BOUNDS.iter().all(|bound| text.contains(bound.reason)));
 
     let folder = tempfile::tempdir().unwrap();
     let plot = folder.path().join("verify.svg");
-    let judged = run(&["--quick", "--json", "--plot", plot.to_str().unwrap()]);
+    let judged = glint(&["--quick", "--json", "--plot", plot.to_str().unwrap()]);
     assert_eq!(judged.status.code(), Some(0), "{}", String::from_utf8_lossy(&judged.stderr));
     let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
     let svg = std::fs::read_to_string(&plot).unwrap();
@@ -58,6 +65,6 @@ fn the_command_says_the_same() {
         assert_eq!(row["breaches"], serde_json::json!([]));
         assert!(row["time"].is_null() || svg.contains(row["stage"].as_str().unwrap()));
     }
-    let nowhere = run(&["--quick", "--plot", "/no/such/folder/verify.svg"]);
+    let nowhere = glint(&["--quick", "--plot", "/no/such/folder/verify.svg"]);
     assert_eq!(nowhere.status.code(), Some(2), "before minutes of work");
 }

@@ -1,8 +1,8 @@
 #version 460
 // From intersection records to gradients of a Gaussian's parameters, and the Adam step on them in the same pass.
 //
-// One thread takes one Gaussian of first..first+count and sums the records of its slots, which are contiguous.
-// isect_grads, first_slot, tile_counts, views, geometry, sh, lobes, moments -> geometry, sh, lobes, moments
+// One thread takes one Gaussian of first..first+count and sums its records, see shared/records.glsl.
+// records, first_slot, tile_counts, views, geometry, sh, lobes, moments -> geometry, sh, lobes, moments
 // With GRADIENTS it writes the gradients to *_moments instead (first plane of each pair) and changes nothing else.
 // EWA backward as in 3DGS, in the whitened form of ARCHITECTURE.md; Adam (Kingma 2014), SparseAdam where SPARSE.
 // Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves while status.overflow is raised.
@@ -29,13 +29,14 @@ layout(push_constant, scalar) uniform Push {
     float rate_direction, rate_width, rate_sharpness;
     float first_correction, second_correction;           // 1/(1 - 0.9^t), 1/(1 - 0.999^t), or 1 and 1
     float lobe_first_correction, lobe_second_correction; // the same for lobes
+    uint by_gaussian;          // records are by Gaussian, added up already
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Views { View views[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Status { uint status[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer FirstSlot { uint first_slot[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer IsectGrads { float isect_grads[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Records { float records[]; };
 layout(set = 0, binding = 5, scalar) buffer Geometry { float geometry[]; };
 layout(set = 0, binding = 6, scalar) buffer Sh { float sh[]; };
 layout(set = 0, binding = 7, scalar) buffer Lobes { float lobes[]; };
@@ -44,6 +45,7 @@ layout(set = 0, binding = 9, scalar) buffer ShMoments { float sh_moments[]; };
 layout(set = 0, binding = 10, scalar) buffer LobeMoments { float lobe_moments[]; };
 
 #include "../shared/gaussian.glsl"
+#include "../shared/records.glsl"
 
 const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
 const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
@@ -108,7 +110,7 @@ const uint UNROLL = 4;
 
 void add_slot(uint slot, inout float sums[RECORD]) {
     [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-        if (!OPACITY_ONLY || r == 5) sums[r] += isect_grads[slot * RECORD + r];
+        if (!OPACITY_ONLY || r == 5) sums[r] += records[slot * RECORD + r];
     }
 }
 
@@ -122,7 +124,8 @@ void main() {
     // together: 8 lanes that each fill an image of 3840 x 2160 (129,600 tiles of 8 x 8) need 32,400.
     float record[RECORD];
     [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
-    uint tiles = live ? tile_counts[i] : 0, slots = tiles == 0 ? 0 : first_slot[i];
+    uvec2 own = live ? records_of(i, push.by_gaussian != 0) : uvec2(0);
+    uint slots = own.x, tiles = own.y;
     if (tiles <= MANY) {
         for (uint slot = slots; slot < slots + tiles; ++slot) add_slot(slot, record);
     }

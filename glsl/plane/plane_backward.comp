@@ -1,8 +1,8 @@
 #version 460
 // From intersection records to gradients of 2D Gaussians, and the Adam step on them in the same pass.
 //
-// One thread takes one slot and sums the records of its intersections, which are contiguous.
-// isect_grads, first_slot, tile_counts, plane_frames, plane_states, frames -> plane, plane_ages, plane_moments
+// One thread takes one slot and sums its records, see shared/records.glsl.
+// records, first_slot, tile_counts, plane_frames, plane_states, frames -> plane, plane_ages, plane_moments
 // With GRADIENTS it writes the gradients to the first moments' planes instead and changes nothing else.
 // Rates and clamps: method, section 3. Adam (Kingma 2014) with bias correction by the steps of each Gaussian's own life, as
 // new ones come in with moments of zero.
@@ -18,6 +18,7 @@ layout(constant_id = 1) const bool GRADIENTS = false; // write gradients, do not
 layout(push_constant, scalar) uniform Push {
     uint count;  // slots
     uint stride; // of the planes of plane and plane_moments
+    uint by_gaussian; // records are by Gaussian, added up already
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Status { uint status[]; };
@@ -26,10 +27,12 @@ layout(set = 0, binding = 2, scalar) readonly buffer PlaneFrames { uint plane_fr
 layout(set = 0, binding = 3, scalar) readonly buffer PlaneStates { PlaneState plane_states[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer FirstSlot { uint first_slot[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer IsectGrads { float isect_grads[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Records { float records[]; };
 layout(set = 0, binding = 7, scalar) buffer Plane { float plane[]; };
 layout(set = 0, binding = 8, scalar) buffer PlaneAges { uint plane_ages[]; };
 layout(set = 0, binding = 9, scalar) buffer PlaneMoments { float plane_moments[]; };
+
+#include "../shared/records.glsl"
 
 const float RATE_CENTRE = 0.001; // times the mean of width and height
 const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
@@ -72,13 +75,13 @@ void main() {
     vec2 w = vec2(0.0);
     vec3 ww = vec3(0.0), d_rgb = vec3(0.0);
     float d_opacity = 0.0;
-    uint tiles = tile_counts[i];
-    for (uint slot = tiles == 0 ? 0 : first_slot[i], end = slot + tiles; slot < end; ++slot) {
+    uvec2 own = records_of(i, push.by_gaussian != 0);
+    for (uint slot = own.x; slot < own.x + own.y; ++slot) {
         uint r = RECORD * slot;
-        w += vec2(isect_grads[r], isect_grads[r + 1]);
-        ww += vec3(isect_grads[r + 2], isect_grads[r + 3], isect_grads[r + 4]);
-        d_opacity += isect_grads[r + 5];
-        d_rgb += vec3(isect_grads[r + 6], isect_grads[r + 7], isect_grads[r + 8]);
+        w += vec2(records[r], records[r + 1]);
+        ww += vec3(records[r + 2], records[r + 3], records[r + 4]);
+        d_opacity += records[r + 5];
+        d_rgb += vec3(records[r + 6], records[r + 7], records[r + 8]);
     }
 
     PlaneShape e = plane_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));

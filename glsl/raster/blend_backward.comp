@@ -1,128 +1,17 @@
 #version 460
-// Gradients of the blended image, one record for each intersection.
+// Gradients of the blended image, one record for each intersection: no atomics, the same bits every run.
 //
-// One subgroup takes one tile, see shared/tile.glsl, and goes front to back again with the forward pass's arithmetic, so
-// every decision is the same bit for bit and no transmittance is divided back. What lies behind a Gaussian is the final
-// colour less what has been passed. Sums over a tile's pixels are subgroup reductions: no atomics, the same bits every run.
+// See shared/backward.glsl. project_backward and plane_backward sum a Gaussian's records in their order.
 // tile_ranges, isect_slots, global_from_slot, splats, image, image_grad -> isect_grads (9 floats by slot)
-// The record is in whitened coordinates, see ARCHITECTURE.md; every slot is written.
+// Every slot is written.
 #extension GL_GOOGLE_include_directive : require
-#include "../shared/common.glsl"
-#include "../shared/splat.glsl"
-#include "../shared/frame.glsl"
-#include "../shared/tile.glsl"
+const bool EVERY_SLOT = true;
+#include "../shared/backward.glsl"
 
-layout(push_constant, scalar) uniform Push {
-    uint frame_first;
-    uint tiles_x;
-    uint tiles_per_frame;
-    uint tile_count;
-    uint full_first; // Gaussians below this index need the gradient of their opacity only
-} push;
-
-layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ranges[]; };
-layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer IsectGrads { float isect_grads[]; };
 
-
-void main() {
-    uint index = subgroup_index();
-    if (index >= push.tile_count) return;
-    Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
-    uint tile = index % push.tiles_per_frame;
-    uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
-    if (corner.x >= frame.width || corner.y >= frame.height) return;
-
-    uint px = corner.x + lane_x();
-    float x = float(px) + 0.5;
-    float T[PIXELS];
-    float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
-    vec3 grad[PIXELS];
-    uint live = 0;
-    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-        T[k] = 1.0;
-        behind[k] = 0.0;
-        grad[k] = vec3(0.0);
-        uint py = corner.y + lane_y(k);
-        if (px < frame.width && py < frame.height) {
-            uint at = frame.image_first + py * frame.width + px;
-            grad[k] = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
-            behind[k] = dot(grad[k], image[at].rgb);
-            live |= 1u << k;
-        }
-    }
-
-    uvec2 range = tile_ranges[index];
-    for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
-        uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
-        float record[RECORD];
-        [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
-        if (mine < range.y) slot = isect_slots[mine];
-        if (subgroupAny(live != 0)) {
-            Splat s;
-            if (mine < range.y) {
-                global = global_from_slot[slot];
-                s = splats[global];
-            }
-            uint n = min(gl_SubgroupSize, range.y - first);
-            for (uint j = 0; j < n; ++j) {
-                float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-                float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-                vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
-                bool full = subgroupBroadcast(global, j) >= push.full_first;
-                precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
-                vec2 sum_w = vec2(0.0);
-                vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
-                float sum_opacity = 0.0;
-                bool touched = false;
-                [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                    float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                    Response e = respond(u0, l12, l22, dy, opacity);
-                    if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
-                        precise float next = T[k] * (1.0 - e.alpha);
-                        if (next < T_MIN) {
-                            live &= ~(1u << k);
-                        } else {
-                            touched = true;
-                            float share = e.alpha * T[k], pull = dot(grad[k], rgb);
-                            behind[k] -= share * pull;
-                            float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
-                            T[k] = next;
-                            sum_rgb += share * grad[k];
-                            if (e.alpha < ALPHA_MAX) {
-                                sum_opacity += g_alpha * e.weight;
-                                float g = g_alpha * e.alpha;
-                                sum_w += g * vec2(e.u, e.v);
-                                sum_ww += g * vec3(e.u * e.u, e.u * e.v, e.v * e.v);
-                            }
-                        }
-                    }
-                }
-                if (subgroupAny(touched)) {
-                    float total[RECORD];
-                    [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
-                    total[5] = subgroupAdd(sum_opacity);
-                    if (full) {
-                        total[0] = subgroupAdd(sum_w.x);
-                        total[1] = subgroupAdd(sum_w.y);
-                        total[2] = subgroupAdd(sum_ww.x);
-                        total[3] = subgroupAdd(sum_ww.y);
-                        total[4] = subgroupAdd(sum_ww.z);
-                        total[6] = subgroupAdd(sum_rgb.r);
-                        total[7] = subgroupAdd(sum_rgb.g);
-                        total[8] = subgroupAdd(sum_rgb.b);
-                    }
-                    if (gl_SubgroupInvocationID == j) record = total;
-                }
-            }
-        }
-        if (mine < range.y) {
-            [[unroll]] for (uint r = 0; r < RECORD; ++r) isect_grads[slot * RECORD + r] = record[r];
-        }
-    }
+void put(uint slot, uint global, float record[RECORD]) {
+    [[unroll]] for (uint r = 0; r < RECORD; ++r) isect_grads[slot * RECORD + r] = record[r];
 }
+
+void main() { tile_backward(); }

@@ -3,7 +3,7 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome,
+    DeviceArgs, Outcome, ReductionArgs,
     enhance::{Preset, run_with_progress},
     make_folder, print, print_json,
     progress::{Progress, note},
@@ -59,6 +59,8 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    reduction: ReductionArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -106,11 +108,12 @@ impl Args {
         let (base, base_seconds) = self.train(context, &dataset, &views, POINTS, ITERATIONS)?;
         write_scene(self.output.join("base.ply"), &base)?;
 
+        let reduction = self.reduction.reduction();
         let options = match self.preset {
             Preset::Quick => EnhanceOptions::quick(extent, background),
             Preset::Paper => EnhanceOptions::paper(extent, background),
         };
-        let options = EnhanceOptions { seed: self.seed, ..options };
+        let options = EnhanceOptions { seed: self.seed, reduction, ..options };
         let started = Instant::now();
         let enhanced = run_with_progress(context, &base, &views, &options, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
@@ -169,7 +172,8 @@ impl Args {
         let base = from_points(&positions[..points], &colors[..points], SH_DEGREE);
         let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
         let seed = self.seed.into();
-        let options = BaseOptions { iterations, sh_degree: SH_DEGREE, seed, extent: dataset.extent() as f32 };
+        let (extent, reduction) = (dataset.extent() as f32, self.reduction.reduction());
+        let options = BaseOptions { iterations, sh_degree: SH_DEGREE, seed, extent, reduction };
         let bar = Progress::new("training", "steps", iterations.into());
         train_base(context, &model, views, dataset.background, &options, false, |done| bar.set(done.into()))?;
         Ok((model.download()?, started.elapsed().as_secs_f64()))

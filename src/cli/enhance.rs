@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, check_output, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, open_scene, print, print_json,
     progress::{Progress, note},
     render::file_names,
 };
@@ -94,6 +94,8 @@ pub(super) struct Args {
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
+    reduction: ReductionArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -164,6 +166,7 @@ impl Args {
                 plain_weights: self.pca_weights == Weights::Plain,
             },
             bias_correction: self.bias_correction,
+            reduction: self.reduction.reduction(),
             ..preset
         };
         let work = match &self.work {

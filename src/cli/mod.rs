@@ -28,6 +28,7 @@ use crate::{
     Error, Result,
     data::{self, Dataset, DatasetOptions, PixelSource, Split},
     gpu::{Context, ContextOptions, GpuError},
+    pipelines::raster::Reduction,
     scene::Scene,
 };
 use progress::{LogWriter, note};
@@ -153,6 +154,21 @@ impl DeviceArgs {
             0 => result,
             count => Err(Failure::Validation(count)),
         }
+    }
+}
+
+/// How gradients are added up.
+#[derive(Debug, Args)]
+struct ReductionArgs {
+    /// Promise the same bits every run. Without it, float atomics add gradients up, in any order, once a scene's gradients no
+    /// longer fit the device's memory (and a warning says so); with it that is an error
+    #[arg(long)]
+    deterministic: bool,
+}
+
+impl ReductionArgs {
+    fn reduction(&self) -> Reduction {
+        if self.deterministic { Reduction::Deterministic } else { Reduction::Auto }
     }
 }
 

@@ -3,7 +3,7 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, check_output, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, print, print_json,
     progress::{Progress, note},
 };
 use crate::{
@@ -52,6 +52,8 @@ pub(super) struct Args {
     json: bool,
     #[command(flatten)]
     photos: PhotoArgs,
+    #[command(flatten)]
+    reduction: ReductionArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -115,7 +117,8 @@ impl Args {
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
             let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
-            let options = BaseOptions { iterations, sh_degree, seed, extent };
+            let reduction = self.reduction.reduction();
+            let options = BaseOptions { iterations, sh_degree, seed, extent, reduction };
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let set = |done: u32| training.set(done.into());

@@ -21,9 +21,17 @@ pub(super) struct Args {
     /// Write an SVG with error on one axis and time on the other, one labelled point for each row
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    /// Show that the bounds notice: put this relative error into every reference result, upon which rows must break; with 0.002
+    /// all do
+    #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
+    perturb: f64,
     /// Print the bounds and their reasons, and do nothing else
-    #[arg(long, conflicts_with_all = ["quick", "json", "plot"])]
+    #[arg(long, conflicts_with_all = ["quick", "json", "plot", "perturb"])]
     explain: bool,
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|e| (0.0..=1.0).contains(e)).ok_or_else(|| "expected a number from 0 to 1".into())
 }
 
 impl Args {
@@ -35,7 +43,7 @@ impl Args {
             check_output(path)?;
         }
         self.device.with(|context| {
-            let report = run(context, &Options { quick: self.quick, perturb: 0.0 })?;
+            let report = run(context, &Options { quick: self.quick, perturb: self.perturb })?;
             if self.json {
                 print_json(&report)?;
             } else {

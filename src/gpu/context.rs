@@ -1,7 +1,6 @@
 //! A Vulkan device, glint's own or the caller's.
 
 use std::{
-    collections::BTreeSet,
     ffi::{CStr, c_void},
     sync::{
         Arc, Mutex,
@@ -37,6 +36,8 @@ pub struct BorrowedDevice {
     pub device: ash::Device,
     pub queue_family: u32,
     pub queue: vk::Queue,
+    /// The device was made with `VK_EXT_shader_atomic_float` and its feature `shaderBufferFloat32AtomicAdd`. Not required.
+    pub float_atomics: bool,
 }
 
 /// What is known of a physical device.
@@ -52,6 +53,8 @@ pub struct DeviceInfo {
     /// llvmpipe and other CPU implementations: every cost is ALU and dispatch, none is bandwidth.
     pub is_cpu: bool,
     pub driver: String,
+    /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
+    pub float_atomics: bool,
 }
 
 /// How often the host talked to the device since the context was made.
@@ -106,6 +109,7 @@ impl Context {
         list.extend(EXTENSIONS.iter().map(|e| format!("extension {}", e.to_string_lossy())));
         list.extend(SUBGROUP_OPERATIONS.iter().map(|(_, name)| format!("{name} operations in compute")));
         list.push("subgroups of 8 to 64 lanes, full in compute workgroups".to_owned());
+        list.push("not required, for scenes that need more memory than there is: extension VK_EXT_shader_atomic_float, feature shaderBufferFloat32AtomicAdd".to_owned());
         list
     }
 
@@ -144,7 +148,9 @@ impl Context {
         };
         // SAFETY: the family and index 0 were requested at creation.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
-        let borrowed = BorrowedDevice { entry, instance, physical_device: physical, device, queue_family, queue };
+        let float_atomics = describe(&instance, physical).float_atomics;
+        let borrowed =
+            BorrowedDevice { entry, instance, physical_device: physical, device, queue_family, queue, float_atomics };
         Self::assemble(borrowed, debug, messages, messenger, true)
     }
 
@@ -169,8 +175,9 @@ impl Context {
         messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
         owned: bool,
     ) -> Result<Self, GpuError> {
-        let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue } = from;
-        let info = describe(&instance, physical_device);
+        let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, float_atomics } = from;
+        let mut info = describe(&instance, physical_device);
+        info.float_atomics &= float_atomics;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -263,11 +270,8 @@ fn create_instance(validation: bool) -> Result<(ash::Entry, ash::Instance, bool)
     let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader(e.to_string()))?;
     // SAFETY: plain queries and a creation from structures that live for the call.
     unsafe {
-        let has = |wanted: &CStr, list: &[vk::ExtensionProperties]| {
-            list.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == wanted))
-        };
         let available = entry.enumerate_instance_extension_properties(None).unwrap_or_default();
-        let debug = has(ext::debug_utils::NAME, &available);
+        let debug = has_extension(&available, ext::debug_utils::NAME);
         let mut extensions = Vec::new();
         if debug {
             extensions.push(ext::debug_utils::NAME.as_ptr());
@@ -339,6 +343,15 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
     // SAFETY: `physical` comes from this instance, the chain lives for the call.
     unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
     let p = properties.properties;
+    let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+    // SAFETY: as above; the structure is asked for only where the extension is there.
+    unsafe {
+        let known = instance.enumerate_device_extension_properties(physical).unwrap_or_default();
+        if has_extension(&known, ext::shader_atomic_float::NAME) {
+            let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut atomics);
+            instance.get_physical_device_features2(physical, &mut features);
+        }
+    }
     let text = |s: Result<&CStr, _>| s.map(|s: &CStr| s.to_string_lossy().into_owned()).unwrap_or_default();
     DeviceInfo {
         name: text(p.device_name_as_c_str()),
@@ -358,7 +371,12 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
         },
         is_cpu: p.device_type == vk::PhysicalDeviceType::CPU,
         driver: text(driver.driver_info_as_c_str()),
+        float_atomics: atomics.shader_buffer_float32_atomic_add == vk::TRUE,
     }
+}
+
+fn has_extension(list: &[vk::ExtensionProperties], wanted: &CStr) -> bool {
+    list.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|name| name == wanted))
 }
 
 /// Names the first thing that the physical device lacks.
@@ -385,7 +403,7 @@ fn check(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<(), G
         return missing("feature hostQueryReset".into());
     }
     for wanted in EXTENSIONS {
-        if !extensions.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == wanted)) {
+        if !has_extension(&extensions, wanted) {
             return missing(format!("extension {}", wanted.to_string_lossy()));
         }
     }
@@ -446,14 +464,18 @@ fn open(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<(ash::
             .ok_or_else(|| GpuError::NoDevice(" with a compute queue".into()))? as u32;
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let extensions: BTreeSet<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
-        let extensions: Vec<_> = extensions.into_iter().collect();
+        let mut extensions: Vec<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
+        let mut atomics =
+            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+        let float_atomics = describe(instance, physical).float_atomics;
         let mut vulkan12 =
             vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&extensions)
-            .push_next(&mut vulkan12);
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut vulkan12);
+        if float_atomics {
+            extensions.push(ext::shader_atomic_float::NAME.as_ptr());
+            info = info.push_next(&mut atomics);
+        }
+        let info = info.enabled_extension_names(&extensions);
         let device = instance.create_device(physical, &info, None).check("vkCreateDevice")?;
         Ok((device, family))
     }

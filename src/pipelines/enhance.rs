@@ -10,6 +10,7 @@ use super::{
     lift::{LiftOptions, LiftStage, Lifted},
     model::Model,
     plane::{self, PlaneStage, Refined, Schedule, base_losses, budgets},
+    raster::Reduction,
     render::{MEDIAN_THRESHOLD, RenderOptions, Renderer},
     train::TrainReport,
     views::Views,
@@ -40,6 +41,7 @@ pub struct EnhanceOptions {
     pub extent: f32,
     /// sRGB, 0 to 1.
     pub background: [f32; 3],
+    pub reduction: Reduction,
 }
 
 impl EnhanceOptions {
@@ -56,6 +58,7 @@ impl EnhanceOptions {
             seed: 0,
             extent,
             background,
+            reduction: Reduction::Auto,
         }
     }
 
@@ -163,7 +166,7 @@ pub fn enhance(
     times.base = started.elapsed();
 
     let started = Instant::now();
-    let mut stage = PlaneStage::new(context, views, &budgets, options.schedule, options.seed)?;
+    let mut stage = PlaneStage::new(context, views, &budgets, options.schedule, options.seed, options.reduction)?;
     let lift = LiftStage::new(context, options.lift)?;
     times.plane += started.elapsed();
     let batches = stage.batches().to_vec();
@@ -199,6 +202,7 @@ pub fn enhance(
             seed: u64::from(options.seed),
             extent: options.extent,
             bias_correction: options.bias_correction,
+            reduction: options.reduction,
         };
         let steps = options.steps_per_view * views.cameras.len() as u32;
         Some(join(context, &model, views, options.background, &join_options, true, |step| {

@@ -2,6 +2,7 @@
 
 use super::{
     model::Model,
+    raster::Reduction,
     train::{Part, Rates, StepPlan, TrainReport, Trainer, permutations},
     views::Views,
 };
@@ -17,6 +18,7 @@ pub struct JoinOptions {
     /// Adam's bias correction of the standard parameters and the base's opacities. The authors' release has none; lobes
     /// always have it.
     pub bias_correction: bool,
+    pub reduction: Reduction,
 }
 
 impl JoinOptions {
@@ -59,7 +61,7 @@ pub fn join(
     };
     let count = views.cameras.len() as u32;
     let steps = options.steps_per_view * count;
-    let mut trainer = Trainer::new(context, model, views, &[base, supplement], background, steps)?;
+    let mut trainer = Trainer::new(context, model, views, &[base, supplement], background, steps, options.reduction)?;
     let schedule = permutations(count, steps, options.seed);
     let plan = StepPlan { rates: options.rates(), active_degree: model.sh_degree };
     trainer.run(model, views, &schedule, |_| plan, timed, progress)

@@ -7,7 +7,7 @@ use std::{cell::RefCell, ops::Range};
 
 use super::{
     model::Model,
-    raster::{Grid, Raster, RasterOptions, TileShape, WORKGROUP},
+    raster::{Grid, Raster, RasterOptions, Reduction, TileShape, WORKGROUP},
     render::Renderer,
     steps::Steps,
     views::{Views, view},
@@ -416,7 +416,14 @@ impl PlaneStage {
     ///
     /// # Errors
     /// [`Error::Usage`] where the views and the budgets are not of the same number; else what the device lacks.
-    pub fn new(context: &Context, views: &Views, budgets: &[u32], schedule: Schedule, seed: u32) -> Result<Self> {
+    pub fn new(
+        context: &Context,
+        views: &Views,
+        budgets: &[u32],
+        schedule: Schedule,
+        seed: u32,
+        reduction: Reduction,
+    ) -> Result<Self> {
         if budgets.len() != views.cameras.len() {
             let (n, v) = (budgets.len(), views.cameras.len());
             return Err(Error::Usage(format!("{n} budgets for {v} views: one for each is needed")));
@@ -439,6 +446,7 @@ impl PlaneStage {
             background_image: true,
             median: false,
             backward: true,
+            reduction,
         };
         let n = slots as usize;
         let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
@@ -620,12 +628,13 @@ impl PlaneStage {
                         plane_states: &self.states,
                         tile_counts: &raster.tile_counts,
                         first_slot: &raster.first_slot,
-                        isect_grads: raster.isect_grads(),
+                        records: &raster.records,
                         plane: &self.plane,
                         plane_ages: &self.ages,
                         plane_moments: &self.moments,
                     };
-                    let push = plane_backward::Push { count: slots, stride: self.stride };
+                    let by_gaussian = raster.by_gaussian().into();
+                    let push = plane_backward::Push { count: slots, stride: self.stride, by_gaussian };
                     self.backward.record(recorder, &buffers, &push);
                 } else {
                     let buffers = plane_prune::Buffers {

@@ -9,6 +9,7 @@ use crate::{
     stages::{
         blend::{self, Blend},
         blend_backward::{self, BlendBackward},
+        blend_backward_atomic::{self, BlendBackwardAtomic},
         dispatch_args::{self, DispatchArgs},
         emit::{self, Emit},
         kernels,
@@ -85,6 +86,18 @@ impl Grid {
     }
 }
 
+/// How the gradient records of a Gaussian's intersections are added up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Reduction {
+    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
+    #[default]
+    Auto,
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
+    Deterministic,
+    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
+    Atomic,
+}
+
 /// What a [`Raster`] must hold and do.
 #[derive(Debug, Clone, Copy)]
 pub struct RasterOptions {
@@ -104,6 +117,7 @@ pub struct RasterOptions {
     pub median: bool,
     /// Gradients will be asked for.
     pub backward: bool,
+    pub reduction: Reduction,
 }
 
 /// Words of `count`.
@@ -130,11 +144,10 @@ struct IsectBuffers {
     values: [Buffer<u32>; 2],
     global_from_slot: Buffer<u32>,
     block_counts: Buffer<u32>,
-    grads: Buffer<f32>,
 }
 
 impl IsectBuffers {
-    fn new(context: &Context, capacity: u32, digit_bits: u32, backward: bool) -> Result<Self, GpuError> {
+    fn new(context: &Context, capacity: u32, digit_bits: u32) -> Result<Self, GpuError> {
         let n = capacity as usize;
         let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
         Ok(IsectBuffers {
@@ -144,8 +157,56 @@ impl IsectBuffers {
             values: [words("isect slots 0", n)?, words("isect slots 1", n)?],
             global_from_slot: words("global from slot", n)?,
             block_counts: words("isect block counts", block_counts_len(capacity, digit_bits))?,
-            grads: Buffer::new(context, "isect grads", if backward { n * RECORD } else { 1 }, Location::Device)?,
         })
+    }
+}
+
+/// The blend's backward pass.
+enum Backward {
+    /// Records by intersection slot.
+    Deterministic(BlendBackward),
+    /// Records by Gaussian.
+    Atomic(BlendBackwardAtomic),
+}
+
+impl Backward {
+    /// With the records' buffer, for so many intersections.
+    fn new(
+        context: &Context,
+        options: &RasterOptions,
+        tile: TileShape,
+        isects: u32,
+    ) -> Result<(Self, Buffer<f32>), GpuError> {
+        let workgroup_size = WORKGROUP;
+        let TileShape { width: tile_width, height: tile_height, pixels } = tile;
+        let records = |name, count: u32| Buffer::new(context, name, count as usize * RECORD, Location::Device);
+        let deterministic = || {
+            let records = records("isect grads", isects)?;
+            let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels };
+            Ok((Backward::Deterministic(BlendBackward::new(context, &spec)?), records))
+        };
+        let atomic = || {
+            let records = records("splat grads", options.splats.max(1))?;
+            let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels };
+            Ok((Backward::Atomic(BlendBackwardAtomic::new(context, &spec)?), records))
+        };
+        match options.reduction {
+            Reduction::Deterministic => deterministic(),
+            Reduction::Atomic if !context.info().float_atomics => {
+                Err(GpuError::Missing { device: context.info().name.clone(), feature: "float atomics".into() })
+            }
+            Reduction::Atomic => atomic(),
+            Reduction::Auto => deterministic().or_else(|error| match error {
+                GpuError::BufferTooLarge { .. } | GpuError::Allocation { .. } if context.info().float_atomics => {
+                    tracing::warn!(
+                        "no room for the gradients of {isects} intersections: float atomics add them up by Gaussian, so \
+                         two runs will differ in their last digits"
+                    );
+                    atomic()
+                }
+                error => Err(error),
+            }),
+        }
     }
 }
 
@@ -180,7 +241,9 @@ pub struct Raster {
     emit: Emit,
     ranges: TileRanges,
     blend: Blend,
-    blend_backward: Option<BlendBackward>,
+    backward: Option<Backward>,
+    /// Gradient records: by Gaussian where [`Raster::by_gaussian`], else by intersection slot.
+    pub records: Buffer<f32>,
 }
 
 impl Raster {
@@ -210,8 +273,13 @@ impl Raster {
             background_image: options.background_image,
             median: options.median,
         };
-        let backward_spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels: lane_pixels };
         let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
+        let (backward, records) = match options.backward {
+            true => {
+                Backward::new(context, &options, tile, options.isects.max(1)).map(|(stage, to)| (Some(stage), to))?
+            }
+            false => (None, Buffer::new(context, "no records", 1, Location::Device)?),
+        };
         let raster = Raster {
             tile,
             splats: Buffer::new(context, "splats", splats, Location::Device)?,
@@ -240,7 +308,7 @@ impl Raster {
             block_sums: words("block sums", block_sums_len(splats as u32))?,
             depth_block_counts: words("depth block counts", block_counts_len(splats as u32, depth_sort.digit_bits()))?,
             digit_totals: words("digit totals", digit_totals_len(digit_bits))?,
-            isects: IsectBuffers::new(context, options.isects.max(1), tile_sort.digit_bits(), options.backward)?,
+            isects: IsectBuffers::new(context, options.isects.max(1), tile_sort.digit_bits())?,
             depth_sort,
             tile_sort,
             scan: Scan::new(context, true)?,
@@ -248,10 +316,8 @@ impl Raster {
             emit: Emit::new(context, &emit_spec)?,
             ranges: TileRanges::new(context, &tile_ranges::Spec { workgroup_size })?,
             blend: Blend::new(context, &blend_spec)?,
-            blend_backward: match options.backward {
-                true => Some(BlendBackward::new(context, &backward_spec)?),
-                false => None,
-            },
+            backward,
+            records,
             context: context.clone(),
             options,
         };
@@ -267,16 +333,20 @@ impl Raster {
         self.isects.capacity
     }
 
-    /// Gradient records by intersection slot.
-    pub fn isect_grads(&self) -> &Buffer<f32> {
-        &self.isects.grads
+    /// Records are by Gaussian, added up by atomics.
+    pub fn by_gaussian(&self) -> bool {
+        matches!(self.backward, Some(Backward::Atomic(_)))
     }
 
     /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
     /// be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
         let capacity = needed.saturating_add(needed / 4);
-        self.isects = IsectBuffers::new(&self.context, capacity, self.tile_sort.digit_bits(), self.options.backward)?;
+        self.isects = IsectBuffers::new(&self.context, capacity, self.tile_sort.digit_bits())?;
+        if let Some(Backward::Deterministic(_)) = self.backward {
+            let (stage, records) = Backward::new(&self.context, &self.options, self.tile, capacity)?;
+            (self.backward, self.records) = (Some(stage), records);
+        }
         Ok(())
     }
 
@@ -416,27 +486,42 @@ impl Raster {
 
     /// Turns `image_grad` into gradient records. Gaussians below `full_first` get the gradient of their opacity only.
     pub fn record_blend_backward(&self, recorder: &mut Recorder, grid: &Grid, frames: &Buffer<Frame>, full_first: u32) {
-        let Some(stage) = &self.blend_backward else { return };
-        stage.record(
-            recorder,
-            &blend_backward::Buffers {
-                frames,
-                tile_ranges: &self.tile_ranges,
-                isect_slots: self.isect_slots(),
-                global_from_slot: &self.isects.global_from_slot,
-                splats: &self.splats,
-                image: &self.image,
-                image_grad: &self.image_grad,
-                isect_grads: &self.isects.grads,
-            },
-            &blend_backward::Push {
-                frame_first: grid.frame_first,
-                tiles_x: grid.tiles_x,
-                tiles_per_frame: grid.tiles_per_frame(),
-                tile_count: grid.tiles(),
-                full_first,
-            },
-        );
+        let (frame_first, tiles_x, tiles_per_frame, tile_count) =
+            (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
+        match &self.backward {
+            None => {}
+            Some(Backward::Deterministic(stage)) => stage.record(
+                recorder,
+                &blend_backward::Buffers {
+                    frames,
+                    tile_ranges: &self.tile_ranges,
+                    isect_slots: self.isect_slots(),
+                    global_from_slot: &self.isects.global_from_slot,
+                    splats: &self.splats,
+                    image: &self.image,
+                    image_grad: &self.image_grad,
+                    isect_grads: &self.records,
+                },
+                &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
+            ),
+            Some(Backward::Atomic(stage)) => {
+                recorder.fill(&self.records, 0);
+                stage.record(
+                    recorder,
+                    &blend_backward_atomic::Buffers {
+                        frames,
+                        tile_ranges: &self.tile_ranges,
+                        isect_slots: self.isect_slots(),
+                        global_from_slot: &self.isects.global_from_slot,
+                        splats: &self.splats,
+                        image: &self.image,
+                        image_grad: &self.image_grad,
+                        splat_grads: &self.records,
+                    },
+                    &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
+                );
+            }
+        }
     }
 
     /// Gaussian index by depth rank.

@@ -2,7 +2,7 @@
 
 use super::{
     model::Model,
-    raster::{Grid, Raster, RasterOptions, TileShape, WORKGROUP},
+    raster::{Grid, Raster, RasterOptions, Reduction, TileShape, WORKGROUP},
     views::Views,
 };
 use crate::{
@@ -35,6 +35,7 @@ pub struct RenderOptions {
     pub median_threshold: f32,
     /// Gradients will be asked for.
     pub backward: bool,
+    pub reduction: Reduction,
     /// What a subgroup covers; `None` is the shape that suits the device. The image does not depend on it.
     pub tile: Option<TileShape>,
 }
@@ -47,6 +48,7 @@ impl Default for RenderOptions {
             centre_depth: false,
             median_threshold: MEDIAN_THRESHOLD,
             backward: false,
+            reduction: Reduction::Auto,
             tile: None,
         }
     }
@@ -90,6 +92,7 @@ impl Renderer {
             background_image: false,
             median: options.depth,
             backward: options.backward,
+            reduction: options.reduction,
         };
         let project = |lobes| {
             let spec = project::Spec {

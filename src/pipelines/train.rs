@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{
     loss::Photometric,
     model::{GEOMETRY_PLANES, LOBE_PLANES, Model},
-    raster::WORKGROUP,
+    raster::{Reduction, WORKGROUP},
     render::{RenderOptions, Renderer},
     steps::{StepReport, Steps},
     views::Views,
@@ -131,9 +131,10 @@ impl Trainer {
         parts: &[Part],
         background: [f32; 3],
         max_steps: u32,
+        reduction: Reduction,
     ) -> Result<Self, GpuError> {
         let frames: Vec<_> = views.frames.download()?;
-        let render = RenderOptions { backward: true, ..Default::default() };
+        let render = RenderOptions { backward: true, reduction, ..Default::default() };
         Ok(Trainer {
             renderer: Renderer::new(context, model.count(), views, render)?,
             loss: Photometric::new(context, 1, tiles_per_frame(&frames), max_steps as usize)?,
@@ -229,7 +230,7 @@ fn record_learner(
             status,
             tile_counts: &raster.tile_counts,
             first_slot: &raster.first_slot,
-            isect_grads: raster.isect_grads(),
+            records: &raster.records,
             geometry: &model.geometry,
             sh: &model.sh,
             lobes: &model.lobes,
@@ -259,6 +260,7 @@ fn record_learner(
             second_correction,
             lobe_first_correction,
             lobe_second_correction,
+            by_gaussian: raster.by_gaussian().into(),
         },
     );
 }
@@ -283,6 +285,7 @@ pub struct BaseOptions {
     pub seed: u64,
     /// 1.1 × the largest camera distance from their mean, scene units: what position rates are relative to.
     pub extent: f32,
+    pub reduction: Reduction,
 }
 
 impl BaseOptions {
@@ -326,7 +329,7 @@ pub fn train_base(
         sparse: false,
         bias_correction: true,
     };
-    let mut trainer = Trainer::new(context, model, views, &[part], background, options.iterations)?;
+    let mut trainer = Trainer::new(context, model, views, &[part], background, options.iterations, options.reduction)?;
     let schedule = permutations(views.cameras.len() as u32, options.iterations, options.seed);
     trainer.run(model, views, &schedule, |step| options.plan(step), timed, progress)
 }

@@ -10,6 +10,7 @@
 pub mod adam;
 pub mod blend;
 pub mod blend_backward;
+pub mod blend_backward_atomic;
 pub mod dispatch_args;
 pub mod emit;
 pub mod fma_rate;

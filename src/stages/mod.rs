@@ -5,6 +5,7 @@
 
 pub mod blend;
 pub mod blend_backward;
+pub mod blend_backward_atomic;
 pub mod dispatch_args;
 pub mod emit;
 pub mod fma_rate;

@@ -9,7 +9,7 @@ use crate::{
     gpu::{Buffer, Location, Recorder},
     pipelines::{
         plane::PLANES,
-        raster::{Grid, ISECTS, Raster, RasterOptions, WORKGROUP},
+        raster::{Grid, ISECTS, Raster, RasterOptions, Reduction, WORKGROUP},
     },
     reference::{
         Background, Intersections, NONE, Options, Splat,
@@ -128,6 +128,7 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
         background_image: true,
         median: false,
         backward: true,
+        reduction: Reduction::Deterministic,
     };
     let raster = Raster::new(context, options)?;
     let backdrop: Vec<[f32; 4]> = (0..pixels).map(|_| [0; 4].map(|_| rng.random_range(0.0..1.0))).collect();
@@ -251,7 +252,7 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
 
     raster.image_grad.upload(0, &image_grad)?;
     let times = bench.time(|recorder| raster.record_blend_backward(recorder, &grid, &frames, 0))?;
-    let got = raster.isect_grads().download_range(0, 9 * isect_count)?;
+    let got = raster.records.download_range(0, 9 * isect_count)?;
     let mut row = bench.row("blend_backward", format!("{tile}, batch, all"));
     for parts in [0..2, 2..5, 5..6, 6..9] {
         let (got, records) = (&got, &records);
@@ -311,12 +312,16 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
                 plane_states: &states,
                 tile_counts: &raster.tile_counts,
                 first_slot: &raster.first_slot,
-                isect_grads: raster.isect_grads(),
+                records: &raster.records,
                 plane: &plane,
                 plane_ages: &plane_ages,
                 plane_moments: into,
             };
-            stage.record(recorder, &buffers, &backward_stage::Push { count: count as u32, stride: count as u32 });
+            stage.record(
+                recorder,
+                &buffers,
+                &backward_stage::Push { count: count as u32, stride: count as u32, by_gaussian: 0 },
+            );
         })?;
         Ok(times.of("plane_backward"))
     };

@@ -8,7 +8,7 @@ use crate::{
     gpu::{Buffer, Recorder},
     pipelines::{
         model::Model,
-        raster::{Grid, ISECTS, Raster, RasterOptions, TileShape, VISIBLE, WORKGROUP},
+        raster::{Grid, ISECTS, Raster, RasterOptions, Reduction, TileShape, VISIBLE, WORKGROUP},
         render::MEDIAN_THRESHOLD,
         views::Views,
     },
@@ -17,6 +17,7 @@ use crate::{
         View,
         blend::{Blended, Margin, blend},
         blend_backward::{Record, blend_backward},
+        blend_backward_atomic::blend_backward_atomic,
         emit::emit,
         median_depth::{DepthAt, median_depth},
         project::project,
@@ -125,7 +126,7 @@ pub(super) struct Ordered {
 }
 
 impl Ordered {
-    fn new(bench: &Bench<'_>, scene: &Scene, tile: TileShape, compensate: bool) -> Result<Self> {
+    fn new(bench: &Bench<'_>, scene: &Scene, tile: TileShape, compensate: bool, reduction: Reduction) -> Result<Self> {
         let context = bench.context;
         let (view, model) = (&scene.view, &scene.model);
         let grid = Grid::new(tile, 0, 1, view.width, view.height);
@@ -138,6 +139,7 @@ impl Ordered {
             background_image: true,
             median: true,
             backward: true,
+            reduction,
         };
         let spec = project_stage::Spec {
             workgroup_size: WORKGROUP,
@@ -254,7 +256,7 @@ fn case(
     compensate: bool,
 ) -> Result<()> {
     let chosen = tile == TileShape::for_subgroup(bench.context.info().subgroup_size);
-    let ordered = Ordered::new(bench, scene, tile, compensate)?;
+    let ordered = Ordered::new(bench, scene, tile, compensate, Reduction::Deterministic)?;
     let times = bench.time(|recorder| ordered.record(recorder, scene))?;
     let variant = scene.variant(tile, compensate);
     let options = scene.options(tile, compensate);
@@ -327,6 +329,9 @@ fn case(
     blend_backwards(bench, scene, &ordered, &calm, &variant, chosen && !compensate)?;
     if chosen {
         step::cases(bench, scene, &ordered, twin, &options)?;
+    }
+    if chosen && !compensate && bench.context.info().float_atomics {
+        atomics(bench, scene, twin, &options, tile, &variant)?;
     }
     Ok(())
 }
@@ -560,6 +565,46 @@ pub(super) fn image_grad(blended: &Blended, margin: fn(&Margin) -> f64) -> Vec<[
     (0..blended.margins.len()).map(|p| if calm(p) { at(p) } else { [0.0; 3] }).collect()
 }
 
+/// The records of the device's own image by a smooth gradient, which is uploaded, and what it takes to make them: all parts or the
+/// opacity alone.
+fn wanted_records(
+    scene: &Scene,
+    ordered: &Ordered,
+    own: &Blended,
+) -> Result<(Vec<Record>, impl Fn(bool) -> Work + use<>)> {
+    let raster = &ordered.raster;
+    let pixels = scene.pixels();
+    let image_grad = image_grad(own, |margin| image_margin(margin).min(margin.clamp));
+    let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
+    raster.image_grad.upload(0, &flat)?;
+    // The kernel takes what lies behind from the device's image.
+    let image: Vec<[f64; 4]> = raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
+    let want = blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad);
+    let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
+    let isects = ordered.isects.isect_slots.len() as f64;
+    let visible = ordered.isects.global_from_rank.len() as f64;
+    let work = move |all| Work {
+        bytes: 44.0 * isects + 40.0 * visible + 28.0 * pixels as f64,
+        // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g, colour (3), w
+        // (2), w wᵀ (6).
+        operations: 9.0 * tested + if all { 26.0 } else { 14.0 } * blended,
+    };
+    Ok((want, work))
+}
+
+/// `all`, or only the opacity's part and nothing else.
+fn compare_records(row: &mut super::Row, got: &[f32], want: &[Record], all: bool) {
+    let part = |parts: std::ops::Range<usize>| {
+        want.iter().enumerate().flat_map(move |(s, want)| parts.clone().map(move |k| (got[9 * s + k], want[k])))
+    };
+    row.gradients(part(5..6));
+    if all {
+        [0..2, 2..5, 6..9].into_iter().for_each(|parts| row.gradients(part(parts)));
+    } else {
+        row.unequal((0..got.len()).filter(|k| k % 9 != 5 && got[*k] != 0.0).count() as u64);
+    }
+}
+
 fn blend_backwards(
     bench: &mut Bench<'_>,
     scene: &Scene,
@@ -569,54 +614,66 @@ fn blend_backwards(
     chosen: bool,
 ) -> Result<()> {
     let raster = &ordered.raster;
-    let pixels = scene.pixels();
-    let image_grad = image_grad(own, |margin| image_margin(margin).min(margin.clamp));
-    let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
-    raster.image_grad.upload(0, &flat)?;
-    // The device's own image, which the kernel takes what lies behind from.
-    let image: Vec<[f64; 4]> = raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
-    let want = blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad);
-    let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
-    let isects = ordered.isects.isect_slots.len();
+    let (want, work) = wanted_records(scene, ordered, own)?;
     for (name, full_first) in [("opacity only", scene.model.count()), ("all", 0)] {
         let times = bench.time(|recorder| {
             raster.record_blend_backward(recorder, &ordered.grid, &scene.views.frames, full_first);
         })?;
-        let got = raster.isect_grads().download_range(0, 9 * isects)?;
+        let got = raster.records.download_range(0, 9 * want.len())?;
         let mut row = bench.row("blend_backward", format!("{variant}, {name}"));
         // Sums in a fixed order: another run gives the same bits.
         let mut recorder = bench.context.recorder("again")?;
         raster.record_blend_backward(&mut recorder, &ordered.grid, &scene.views.frames, full_first);
         recorder.submit()?.wait()?;
         let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|v| v.to_bits()).collect() };
-        row.words(&bits(&raster.isect_grads().download_range(0, 9 * isects)?), &bits(&got));
-        let part = |parts: std::ops::Range<usize>| {
-            let (got, want) = (&got, &want);
-            (0..isects).flat_map(move |s| parts.clone().map(move |k| (got[9 * s + k], want[s][k])))
-        };
-        row.gradients(part(5..6));
-        if full_first == 0 {
-            [0..2, 2..5, 6..9].into_iter().for_each(|parts| row.gradients(part(parts)));
-        } else {
-            let rest = (0..9 * isects).filter(|k| k % 9 != 5 && got[*k] != 0.0).count();
-            row.unequal(rest as u64);
-        }
+        row.words(&bits(&raster.records.download_range(0, 9 * want.len())?), &bits(&got));
+        compare_records(&mut row, &got, &want, full_first == 0);
         row.chosen = chosen;
         row.time = times.of("blend_backward");
-        let visible = ordered.isects.global_from_rank.len() as f64;
-        row.work = Work {
-            bytes: 44.0 * isects as f64 + 40.0 * visible + 28.0 * pixels as f64,
-            // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g, colour
-            // (3), w (2), w wᵀ (6).
-            operations: 9.0 * tested + if full_first == 0 { 26.0 } else { 14.0 } * blended,
-        };
+        row.work = work(full_first == 0);
         bench.push(row);
     }
     Ok(())
 }
 
+/// What is chosen where deterministic gradients find no room.
+fn atomics(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    twin: &reference::Rendered,
+    options: &Options,
+    tile: TileShape,
+    variant: &str,
+) -> Result<()> {
+    let ordered = Ordered::new(bench, scene, tile, false, Reduction::Atomic)?;
+    let (raster, pixels, count) = (&ordered.raster, scene.pixels(), scene.params.count);
+    let frames = &scene.views.frames;
+    raster.backdrop.upload(0, &vec![[BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 0.0]; pixels])?;
+    let mut recorder = bench.context.recorder("blend")?;
+    raster.record_blend(&mut recorder, &ordered.grid, frames, BACKGROUND, MEDIAN_THRESHOLD);
+    recorder.submit()?.wait()?;
+    let own = blend(&ordered.splats, &ordered.isects, Background::Color(BACKGROUND.map(f64::from)), 0.5);
+    let (want, work) = wanted_records(scene, &ordered, &own)?;
+    let want = blend_backward_atomic(&ordered.isects, &want, count);
+    for (name, full_first) in [("opacity only", scene.model.count()), ("all", 0)] {
+        let times = bench.time(|recorder| {
+            raster.record_blend_backward(recorder, &ordered.grid, frames, full_first);
+        })?;
+        let got = raster.records.download_range(0, 9 * count)?;
+        let mut row = bench.row("blend_backward_atomic", format!("{variant}, {name}"));
+        compare_records(&mut row, &got, &want, full_first == 0);
+        row.chosen = false;
+        // The sums begin at 0.
+        row.time = times.of("fill").zip(times.of("blend_backward_atomic")).map(|(fill, blend)| fill + blend);
+        row.work = work(full_first == 0);
+        row.work.bytes += 2.0 * 36.0 * count as f64 - 36.0 * ordered.isects.isect_slots.len() as f64;
+        bench.push(row);
+    }
+    step::whole(bench, scene, &ordered, twin, options, step::ATOMIC)
+}
+
 /// The device's records by slot.
 pub(super) fn records(ordered: &Ordered) -> Result<Vec<Record>> {
-    let got = ordered.raster.isect_grads().download_range(0, 9 * ordered.isects.isect_slots.len())?;
+    let got = ordered.raster.records.download_range(0, 9 * ordered.isects.isect_slots.len())?;
     Ok(got.chunks_exact(9).map(|r| std::array::from_fn(|k| f64::from(r[k]))).collect())
 }

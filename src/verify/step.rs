@@ -26,6 +26,11 @@ const RATE: f32 = 0.01;
 /// Step of the bias correction: the second moment's is 2 there, and steps are about as long as the rate.
 const STEP: u32 = 700;
 
+/// Stage of the rows from scene to gradients, and the variants whose times are what determinism costs.
+pub(super) const WHOLE: &str = "(render backward)";
+pub(super) const DETERMINISTIC: &str = "all";
+pub(super) const ATOMIC: &str = "all, float atomics";
+
 pub(super) fn cases(
     bench: &mut Bench<'_>,
     scene: &Scene,
@@ -38,8 +43,6 @@ pub(super) fn cases(
     let isect_grads = records(ordered)?;
     let Ordered { splats, tile_counts, isects, .. } = ordered;
     let want = project_backward(&scene.params, &scene.view, options, splats, tile_counts, isects, &isect_grads);
-    let mut whole = bench.row("(render backward)", format!("all{suffix}"));
-    whole.chosen = !options.compensate;
     for part in &parts {
         for (opacity_only, name) in [(true, "opacity only"), (false, "all")] {
             if opacity_only && part.lobes {
@@ -69,24 +72,35 @@ pub(super) fn cases(
         }
     }
 
-    // From scene to gradients, against a twin that shares nothing with the device but the scene.
+    whole(bench, scene, ordered, twin, options, &format!("{DETERMINISTIC}{suffix}"))
+}
+
+/// From scene to gradients, against a twin that shares nothing with the device but the scene.
+pub(super) fn whole(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    ordered: &Ordered,
+    twin: &reference::Rendered,
+    options: &Options,
+    variant: &str,
+) -> Result<()> {
+    let mut row = bench.row(WHOLE, variant);
+    row.chosen = !options.compensate && !ordered.raster.by_gaussian();
     let grad = image_grad(&twin.blended, Margin::gradient);
     let flat: Vec<f32> = grad.iter().flatten().map(|&g| g as f32).collect();
     ordered.raster.image_grad.upload(0, &flat)?;
     let want = twin.backward(&scene.params, &scene.view, options, &grad);
-    let blend_time = bench
-        .time(|r| ordered.raster.record_blend_backward(r, &ordered.grid, &scene.views.frames, 0))?
-        .of("blend_backward");
-    let mut total = blend_time;
-    for part in &parts {
+    let times = bench.time(|r| ordered.raster.record_blend_backward(r, &ordered.grid, &scene.views.frames, 0))?;
+    let mut total = times.sum();
+    for part in &parts(scene) {
         let run =
             Run { scene, ordered, part, compensate: options.compensate, opacity_only: false, mode: Mode::Gradients };
         let (moments, time) = run.gradients(bench)?;
-        compare(&mut whole, scene, part, false, &moments, &want);
+        compare(&mut row, scene, part, false, &moments, &want);
         total = total.zip(time).map(|(a, b)| a + b);
     }
-    whole.time = total;
-    bench.push(whole);
+    row.time = total;
+    bench.push(row);
     Ok(())
 }
 
@@ -154,7 +168,7 @@ impl Run<'_> {
                 status: &ordered.status,
                 tile_counts: &ordered.raster.tile_counts,
                 first_slot: &ordered.raster.first_slot,
-                isect_grads: ordered.raster.isect_grads(),
+                records: &ordered.raster.records,
                 geometry,
                 sh,
                 lobes,
@@ -184,6 +198,7 @@ impl Run<'_> {
                 second_correction: correction(reference::adam::BETA2),
                 lobe_first_correction: correction(reference::adam::BETA1),
                 lobe_second_correction: correction(reference::adam::BETA2),
+                by_gaussian: ordered.raster.by_gaussian().into(),
             },
         );
     }

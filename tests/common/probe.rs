@@ -8,7 +8,7 @@ use glint::{
     gpu::Buffer,
     pipelines::{
         model::Model,
-        raster::{TileShape, WORKGROUP},
+        raster::{Reduction, TileShape, WORKGROUP},
         render::{RenderOptions, Renderer},
         views::{Views, view},
     },
@@ -32,6 +32,7 @@ pub struct Setup {
     pub degree: u32,
     pub tile: Option<TileShape>,
     pub origin: DVec3,
+    pub reduction: Reduction,
 }
 
 /// What a view of a scene came to.
@@ -63,7 +64,7 @@ impl Shot {
 
 pub struct Probe<'a> {
     gpu: &'a Gpu,
-    renderer: Renderer,
+    pub renderer: Renderer,
     setup: Setup,
     /// `[plain, with lobes]`, of gradients and of steps.
     gradients: [ProjectBackward; 2],
@@ -74,8 +75,8 @@ impl<'a> Probe<'a> {
     /// For up to `gaussians` Gaussians and images up to the size of `largest`.
     pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
         let views = Views::upload(gpu, &[*largest], &[]).unwrap();
-        let Setup { compensate, tile, .. } = setup;
-        let render = RenderOptions { compensate, depth: true, backward: true, tile, ..Default::default() };
+        let Setup { compensate, tile, reduction, .. } = setup;
+        let render = RenderOptions { compensate, depth: true, backward: true, tile, reduction, ..Default::default() };
         let stage = |lobes, gradients| {
             let spec = project_backward::Spec {
                 workgroup_size: WORKGROUP,
@@ -151,7 +152,7 @@ impl<'a> Probe<'a> {
                         status: &status,
                         tile_counts: &raster.tile_counts,
                         first_slot: &raster.first_slot,
-                        isect_grads: raster.isect_grads(),
+                        records: &raster.records,
                         geometry: &model.geometry,
                         sh: &model.sh,
                         lobes: &model.lobes,
@@ -182,6 +183,7 @@ impl<'a> Probe<'a> {
                         second_correction: 1000.0,
                         lobe_first_correction: 10.0,
                         lobe_second_correction: 1000.0,
+                        by_gaussian: raster.by_gaussian().into(),
                     },
                 );
             }

@@ -1,0 +1,127 @@
+// Gradients of the blended image by intersection: the body of blend_backward and blend_backward_atomic, which differ in where
+// a record goes (`put`).
+//
+// One subgroup takes one tile, see shared/tile.glsl, and goes front to back again with the forward pass's arithmetic, so
+// every decision is the same bit for bit and no transmittance is divided back. What lies behind a Gaussian is the final
+// colour less what has been passed. Sums over a tile's pixels are subgroup reductions.
+// The record is in whitened coordinates, see ARCHITECTURE.md.
+#include "common.glsl"
+#include "splat.glsl"
+#include "frame.glsl"
+#include "tile.glsl"
+
+// The record of an intersection; of one that no pixel blends it is 0, and put is called with it only where EVERY_SLOT.
+void put(uint slot, uint global, float record[RECORD]);
+
+layout(push_constant, scalar) uniform Push {
+    uint frame_first;
+    uint tiles_x;
+    uint tiles_per_frame;
+    uint tile_count;
+    uint full_first; // Gaussians below this index need the gradient of their opacity only
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ImageGrad { float image_grad[]; };
+
+void tile_backward() {
+    uint index = subgroup_index();
+    if (index >= push.tile_count) return;
+    Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
+    uint tile = index % push.tiles_per_frame;
+    uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
+    if (corner.x >= frame.width || corner.y >= frame.height) return;
+
+    uint px = corner.x + lane_x();
+    float x = float(px) + 0.5;
+    float T[PIXELS];
+    float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
+    vec3 grad[PIXELS];
+    uint live = 0;
+    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+        T[k] = 1.0;
+        behind[k] = 0.0;
+        grad[k] = vec3(0.0);
+        uint py = corner.y + lane_y(k);
+        if (px < frame.width && py < frame.height) {
+            uint at = frame.image_first + py * frame.width + px;
+            grad[k] = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
+            behind[k] = dot(grad[k], image[at].rgb);
+            live |= 1u << k;
+        }
+    }
+
+    uvec2 range = tile_ranges[index];
+    for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
+        bool blending = subgroupAny(live != 0);
+        if (!blending && !EVERY_SLOT) break;
+        uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
+        float record[RECORD];
+        [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
+        if (mine < range.y) slot = isect_slots[mine];
+        if (blending) {
+            Splat s;
+            if (mine < range.y) {
+                global = global_from_slot[slot];
+                s = splats[global];
+            }
+            uint n = min(gl_SubgroupSize, range.y - first);
+            for (uint j = 0; j < n; ++j) {
+                float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
+                float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
+                vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
+                bool full = subgroupBroadcast(global, j) >= push.full_first;
+                precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+                vec2 sum_w = vec2(0.0);
+                vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
+                float sum_opacity = 0.0;
+                bool touched = false;
+                [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+                    float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
+                    Response e = respond(u0, l12, l22, dy, opacity);
+                    if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
+                        precise float next = T[k] * (1.0 - e.alpha);
+                        if (next < T_MIN) {
+                            live &= ~(1u << k);
+                        } else {
+                            touched = true;
+                            float share = e.alpha * T[k], pull = dot(grad[k], rgb);
+                            behind[k] -= share * pull;
+                            float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
+                            T[k] = next;
+                            sum_rgb += share * grad[k];
+                            if (e.alpha < ALPHA_MAX) {
+                                sum_opacity += g_alpha * e.weight;
+                                float g = g_alpha * e.alpha;
+                                sum_w += g * vec2(e.u, e.v);
+                                sum_ww += g * vec3(e.u * e.u, e.u * e.v, e.v * e.v);
+                            }
+                        }
+                    }
+                }
+                if (subgroupAny(touched)) {
+                    float total[RECORD];
+                    [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
+                    total[5] = subgroupAdd(sum_opacity);
+                    if (full) {
+                        total[0] = subgroupAdd(sum_w.x);
+                        total[1] = subgroupAdd(sum_w.y);
+                        total[2] = subgroupAdd(sum_ww.x);
+                        total[3] = subgroupAdd(sum_ww.y);
+                        total[4] = subgroupAdd(sum_ww.z);
+                        total[6] = subgroupAdd(sum_rgb.r);
+                        total[7] = subgroupAdd(sum_rgb.g);
+                        total[8] = subgroupAdd(sum_rgb.b);
+                    }
+                    if (gl_SubgroupInvocationID == j) record = total;
+                }
+            }
+        }
+        if (mine < range.y) put(slot, global, record);
+    }
+}

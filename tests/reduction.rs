@@ -1,0 +1,148 @@
+//! Gradients added up by float atomics, which take over where records by intersection find no room.
+
+mod common;
+#[path = "common/probe.rs"]
+mod probe;
+
+use common::Gpu;
+use glam::DVec3;
+use glint::{
+    gpu::GpuError,
+    pipelines::raster::{RECORD, Raster, RasterOptions, Reduction},
+    reference::random_scene,
+};
+use probe::{Blob, Probe, Setup, camera_at, distance, ripple, scene};
+
+/// The fewest intersections whose records are more than the device binds at once.
+fn too_many(gpu: &Gpu) -> u32 {
+    let record = 4 * RECORD as u64;
+    u32::try_from(gpu.info().max_storage_bytes / record + 1).unwrap()
+}
+
+/// Where the device has no float atomics, asking for them is an error and nothing else here can be tried.
+fn has_atomics(gpu: &Gpu) -> bool {
+    if !gpu.info().float_atomics {
+        let options = RasterOptions { reduction: Reduction::Atomic, ..options(1) };
+        assert!(matches!(Raster::new(gpu, options), Err(GpuError::Missing { .. })));
+        println!("{} has no float atomics", gpu.info().name);
+    }
+    gpu.info().float_atomics
+}
+
+fn options(isects: u32) -> RasterOptions {
+    RasterOptions {
+        splats: 1,
+        pixels: 64,
+        tiles: 1,
+        isects,
+        batch: false,
+        background_image: false,
+        median: false,
+        backward: true,
+        reduction: Reduction::Auto,
+    }
+}
+
+#[test]
+fn float_atomics_give_the_twins_gradients() {
+    let gpu = Gpu::new();
+    if !has_atomics(&gpu) {
+        return;
+    }
+    let camera = camera_at(DVec3::ZERO, 80, 60);
+    for (seed, base, supplement, degree, compensate) in [(11, 600, 300, 3, false), (12, 800, 0, 1, true)] {
+        let scene = random_scene(seed, base, supplement, degree);
+        let setup = Setup { degree, compensate, reduction: Reduction::Atomic, ..Default::default() };
+        let mut probe = Probe::new(&gpu, (base + supplement) as u32, &camera, setup);
+        let twin = probe.twin(&scene, &camera, 1e-4);
+        // Twice: the sums begin at 0 again.
+        for _ in 0..2 {
+            let shot = probe.shoot(&scene, &camera, &twin.image_grad);
+            let found = distance(&shot, &twin);
+            println!("{:?}", found.groups);
+            assert!(found.groups.len() >= 6);
+            // A few dozen tiles are added up in another order: the bounds of `tests/render.rs` hold.
+            assert!(found.groups.iter().all(|(_, l2, cosine)| *l2 <= 1e-4 && *cosine > 0.9999), "{:?}", found.groups);
+        }
+    }
+}
+
+/// Eight Gaussians, each with the same term from all of 129,600 tiles. One after the other, n such terms lose up to half a unit
+/// in the last place of the sum each: n · 2⁻²⁵ of it, 4e-3. Deterministic sums, in parts and compensated, have 5e-6
+/// (`tests/extremes.rs`).
+#[test]
+fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
+    let gpu = Gpu::new();
+    if !has_atomics(&gpu) {
+        return;
+    }
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let blobs: Vec<Blob> = (0..8)
+        .map(|i| {
+            let z = 3.0 + f64::from(i);
+            Blob {
+                mean: camera.unproject(1920.0, 1080.0, z),
+                scale: [3e6 * z / camera.fx; 3],
+                logit: -2.0,
+                ..Default::default()
+            }
+        })
+        .collect();
+    let gradients = [Reduction::Deterministic, Reduction::Atomic].map(|reduction| {
+        let mut probe = Probe::new(&gpu, 8, &camera, Setup { reduction, ..Default::default() });
+        let ones = vec![[1.0, 0.5, 0.25]; camera.pixels() as usize];
+        probe.shoot(&scene(&blobs), &camera, &ones).gradients.sh
+    });
+    for (fixed, atomic) in gradients[0].iter().zip(&gradients[1]) {
+        assert!(*fixed > 1e4 && (atomic / fixed - 1.0).abs() < 4e-3, "{atomic} for {fixed}");
+    }
+}
+
+#[test]
+fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised() {
+    let gpu = Gpu::new();
+    let too_many = too_many(&gpu);
+    let refused = Raster::new(&gpu, RasterOptions { reduction: Reduction::Deterministic, ..options(too_many) });
+    assert!(matches!(refused, Err(GpuError::BufferTooLarge { name, .. }) if name == "isect grads"));
+    if !has_atomics(&gpu) {
+        return;
+    }
+    assert!(Raster::new(&gpu, options(too_many)).unwrap().by_gaussian());
+    assert!(!Raster::new(&gpu, options(1000)).unwrap().by_gaussian());
+
+    // As in training: from one step to the next, when the buffers grow.
+    let camera = camera_at(DVec3::ZERO, 80, 60);
+    let scene = random_scene(14, 400, 200, 1);
+    let mut probe = Probe::new(&gpu, 600, &camera, Setup { degree: 1, ..Default::default() });
+    let twin = probe.twin(&scene, &camera, 1e-4);
+    for by_gaussian in [false, true] {
+        if by_gaussian {
+            probe.renderer.raster.grow(too_many).unwrap();
+        }
+        assert_eq!(probe.renderer.raster.by_gaussian(), by_gaussian);
+        let shot = probe.shoot(&scene, &camera, &twin.image_grad);
+        assert!(distance(&shot, &twin).worst() <= 1e-4);
+    }
+}
+
+/// What is not a number is in no pixel, so it adds to no sum; that of `tests/extremes.rs` to the bit is for fixed orders only.
+#[test]
+fn float_atomics_keep_what_is_not_a_number_apart() {
+    let gpu = Gpu::new();
+    if !has_atomics(&gpu) {
+        return;
+    }
+    let camera = camera_at(DVec3::ZERO, 80, 60);
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let mut scene = random_scene(15, 300, 0, 1);
+    let setup = Setup { degree: 1, reduction: Reduction::Atomic, ..Default::default() };
+    let mut probe = Probe::new(&gpu, 300, &camera, setup);
+    let clean = probe.shoot(&scene, &camera, &image_grad);
+    let most = (0..300).max_by_key(|&i| clean.tile_counts[i]).unwrap();
+    scene.base.means[most][1] = f32::NAN;
+    let poisoned = probe.shoot(&scene, &camera, &image_grad);
+    assert!(clean.tile_counts[most] > 4 && poisoned.tile_counts[most] == 0);
+    let g = &poisoned.gradients;
+    assert!(g.geometry.iter().chain(&g.sh).all(|v| v.is_finite()));
+    assert!((0..11).all(|p| g.geometry[p * g.stride + most] == 0.0));
+}
