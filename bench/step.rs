@@ -40,6 +40,9 @@ struct Args {
     steps: u32,
     #[arg(long, default_value_t = 3)]
     sh_degree: u32,
+    /// Add gradients up by float atomics, which training does where deterministic sums find no room
+    #[arg(long)]
+    atomic: bool,
     #[arg(long)]
     device: Option<String>,
     #[arg(long)]
@@ -77,7 +80,7 @@ fn run(args: &Args) -> Result<()> {
         sh_degree: args.sh_degree,
         seed: 0,
         extent: dataset.extent() as f32,
-        reduction: Reduction::Auto,
+        reduction: if args.atomic { Reduction::Atomic } else { Reduction::Deterministic },
     };
     train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
     let started = Instant::now();
@@ -101,7 +104,7 @@ fn run(args: &Args) -> Result<()> {
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.base_count,
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
-            "sh_degree": args.sh_degree, "steps": args.steps, "wall_ms_per_step": wall,
+            "sh_degree": args.sh_degree, "float_atomics": args.atomic, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,
         });
         println!("{report:#}");

@@ -199,3 +199,68 @@ fn gradients_agree_with_the_twin() {
         }
     }
 }
+
+/// SparseAdam moves what the view blends. Where α is clamped at 0.99 in every pixel there is no gradient, but momentum goes on.
+#[test]
+fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
+    let gpu = Gpu::new();
+    let camera = random_camera(16, 16);
+    let mut scene = random_scene(21, 2, 0, 0);
+    // One fills the image, one is behind the camera.
+    for (i, z) in [3.0, -3.0].into_iter().enumerate() {
+        scene.base.means[i] = camera.unproject(8.0, 8.0, z).as_vec3().to_array();
+        scene.base.log_scales[i] = [3.0; 3];
+        scene.base.opacities[i] = 12.0;
+    }
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let render = RenderOptions { backward: true, ..Default::default() };
+    let mut renderer = Renderer::new(&gpu, 2, &views, render).unwrap();
+    renderer.render_on_device(&model, &views, 0, BACKGROUND).unwrap();
+    renderer.raster.image_grad.upload(0, &[1.0; 3 * 16 * 16]).unwrap();
+    let spec = project_backward::Spec {
+        workgroup_size: WORKGROUP,
+        compensate: false,
+        lobes: false,
+        opacity_only: true,
+        sparse: true,
+        gradients: false,
+    };
+    let (m, v) = (0.5f32, 0.25f32);
+    let moments = Buffer::from_slice(&gpu, "moments", &[m, m, v, v]).unwrap();
+    let none = Buffer::<f32>::zeroed(&gpu, "none", 1).unwrap();
+    let status = Buffer::<u32>::zeroed(&gpu, "status", STATUS_WORDS).unwrap();
+    let raster = &renderer.raster;
+    let mut recorder = gpu.recorder("step").unwrap();
+    raster.record_blend_backward(&mut recorder, &raster.grid(0, 1, 16, 16), &views.frames, 2);
+    ProjectBackward::new(&gpu, &spec).unwrap().record(
+        &mut recorder,
+        &project_backward::Buffers {
+            views: &views.views,
+            status: &status,
+            tile_counts: &raster.tile_counts,
+            first_slot: &raster.first_slot,
+            records: &raster.records,
+            geometry: &model.geometry,
+            sh: &model.sh,
+            lobes: &model.lobes,
+            geometry_moments: &moments,
+            sh_moments: &none,
+            lobe_moments: &none,
+        },
+        &project_backward::Push {
+            count: 2,
+            stride: model.stride,
+            moment_stride: 2,
+            rate_opacity: 0.02,
+            first_correction: 1.0,
+            second_correction: 1.0,
+            ..bytemuck::Zeroable::zeroed()
+        },
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let (got, opacities) = (moments.download().unwrap(), model.download().unwrap().base.opacities);
+    assert!((got[0] - 0.9 * m).abs() < 1e-6 && (got[2] - 0.999 * v).abs() < 1e-6, "{got:?}");
+    assert!((opacities[0] - (12.0 - 0.02 * 0.45 / 0.24975f32.sqrt())).abs() < 1e-5, "{opacities:?}");
+    assert_eq!((got[1], got[3], opacities[1]), (m, v, 12.0));
+}

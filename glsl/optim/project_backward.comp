@@ -108,9 +108,12 @@ bool finite(vec3 x) { return finite(x.x) && finite(x.y) && finite(x.z); }
 const uint MANY = 256;
 const uint UNROLL = 4;
 
+// Of a record for the opacity alone, part 6 says that it is there.
+bool is_read(uint r) { return !OPACITY_ONLY || r == 5 || r == 6; }
+
 void add_slot(uint slot, inout float sums[RECORD]) {
     [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-        if (!OPACITY_ONLY || r == 5) sums[r] += records[slot * RECORD + r];
+        if (is_read(r)) sums[r] += records[slot * RECORD + r];
     }
 }
 
@@ -151,7 +154,7 @@ void main() {
             }
         }
         [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-            if (OPACITY_ONLY && r != 5) continue;
+            if (!is_read(r)) continue;
             float total = subgroupAdd(part[r]);
             if (gl_SubgroupInvocationID == lane) record[r] = total;
         }

@@ -3,9 +3,8 @@
 //
 // See shared/backward.glsl. project_backward and plane_backward sum a Gaussian's records in their order.
 // tile_ranges, isect_slots, global_from_slot, splats, image, image_grad -> isect_grads (9 floats by slot)
-// Every slot is written.
+// isect_grads begin at 0.
 #extension GL_GOOGLE_include_directive : require
-const bool EVERY_SLOT = true;
 #include "../shared/backward.glsl"
 
 layout(set = 0, binding = 7, scalar) writeonly buffer IsectGrads { float isect_grads[]; };

@@ -6,7 +6,6 @@
 // splat_grads begin at 0. Needs shaderBufferFloat32AtomicAdd.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_float : require
-const bool EVERY_SLOT = false;
 #include "../shared/backward.glsl"
 
 layout(set = 0, binding = 7, scalar) buffer SplatGrads { float splat_grads[]; };

@@ -10,7 +10,7 @@
 #include "frame.glsl"
 #include "tile.glsl"
 
-// The record of an intersection; of one that no pixel blends it is 0, and put is called with it only where EVERY_SLOT.
+// Called with the record of every intersection that some pixel blends.
 void put(uint slot, uint global, float record[RECORD]);
 
 layout(push_constant, scalar) uniform Push {
@@ -18,7 +18,7 @@ layout(push_constant, scalar) uniform Push {
     uint tiles_x;
     uint tiles_per_frame;
     uint tile_count;
-    uint full_first; // Gaussians below this index need the gradient of their opacity only
+    uint full_first; // Gaussians below this index need the gradient of their opacity only, and to know whether they are blended
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -57,71 +57,73 @@ void tile_backward() {
     }
 
     uvec2 range = tile_ranges[index];
-    for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
-        bool blending = subgroupAny(live != 0);
-        if (!blending && !EVERY_SLOT) break;
+    for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
+        Splat s;
+        if (mine < range.y) {
+            slot = isect_slots[mine];
+            global = global_from_slot[slot];
+            s = splats[global];
+        }
         float record[RECORD];
         [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
-        if (mine < range.y) slot = isect_slots[mine];
-        if (blending) {
-            Splat s;
-            if (mine < range.y) {
-                global = global_from_slot[slot];
-                s = splats[global];
-            }
-            uint n = min(gl_SubgroupSize, range.y - first);
-            for (uint j = 0; j < n; ++j) {
-                float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-                float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-                vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
-                bool full = subgroupBroadcast(global, j) >= push.full_first;
-                precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
-                vec2 sum_w = vec2(0.0);
-                vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
-                float sum_opacity = 0.0;
-                bool touched = false;
-                [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                    float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                    Response e = respond(u0, l12, l22, dy, opacity);
-                    if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
-                        precise float next = T[k] * (1.0 - e.alpha);
-                        if (next < T_MIN) {
-                            live &= ~(1u << k);
-                        } else {
-                            touched = true;
-                            float share = e.alpha * T[k], pull = dot(grad[k], rgb);
-                            behind[k] -= share * pull;
-                            float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
-                            T[k] = next;
-                            sum_rgb += share * grad[k];
-                            if (e.alpha < ALPHA_MAX) {
-                                sum_opacity += g_alpha * e.weight;
-                                float g = g_alpha * e.alpha;
-                                sum_w += g * vec2(e.u, e.v);
-                                sum_ww += g * vec3(e.u * e.u, e.u * e.v, e.v * e.v);
-                            }
+        bool blended = false;
+        uint n = min(gl_SubgroupSize, range.y - first);
+        for (uint j = 0; j < n; ++j) {
+            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
+            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
+            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
+            bool full = subgroupBroadcast(global, j) >= push.full_first;
+            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            vec2 sum_w = vec2(0.0);
+            vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
+            float sum_opacity = 0.0;
+            bool touched = false;
+            [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
+                Response e = respond(u0, l12, l22, dy, opacity);
+                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
+                    precise float next = T[k] * (1.0 - e.alpha);
+                    if (next < T_MIN) {
+                        live &= ~(1u << k);
+                    } else {
+                        touched = true;
+                        float share = e.alpha * T[k], pull = dot(grad[k], rgb);
+                        behind[k] -= share * pull;
+                        float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
+                        T[k] = next;
+                        sum_rgb += share * grad[k];
+                        if (e.alpha < ALPHA_MAX) {
+                            sum_opacity += g_alpha * e.weight;
+                            float g = g_alpha * e.alpha;
+                            sum_w += g * vec2(e.u, e.v);
+                            sum_ww += g * vec3(e.u * e.u, e.u * e.v, e.v * e.v);
                         }
                     }
                 }
-                if (subgroupAny(touched)) {
-                    float total[RECORD];
-                    [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
-                    total[5] = subgroupAdd(sum_opacity);
-                    if (full) {
-                        total[0] = subgroupAdd(sum_w.x);
-                        total[1] = subgroupAdd(sum_w.y);
-                        total[2] = subgroupAdd(sum_ww.x);
-                        total[3] = subgroupAdd(sum_ww.y);
-                        total[4] = subgroupAdd(sum_ww.z);
-                        total[6] = subgroupAdd(sum_rgb.r);
-                        total[7] = subgroupAdd(sum_rgb.g);
-                        total[8] = subgroupAdd(sum_rgb.b);
-                    }
-                    if (gl_SubgroupInvocationID == j) record = total;
+            }
+            if (subgroupAny(touched)) {
+                float total[RECORD];
+                [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
+                total[5] = subgroupAdd(sum_opacity);
+                if (full) {
+                    total[0] = subgroupAdd(sum_w.x);
+                    total[1] = subgroupAdd(sum_w.y);
+                    total[2] = subgroupAdd(sum_ww.x);
+                    total[3] = subgroupAdd(sum_ww.y);
+                    total[4] = subgroupAdd(sum_ww.z);
+                    total[6] = subgroupAdd(sum_rgb.r);
+                    total[7] = subgroupAdd(sum_rgb.g);
+                    total[8] = subgroupAdd(sum_rgb.b);
+                } else {
+                    total[6] = 1.0; // says that it is blended, which SparseAdam asks
+                }
+                if (gl_SubgroupInvocationID == j) {
+                    record = total;
+                    blended = true;
                 }
             }
         }
-        if (mine < range.y) put(slot, global, record);
+        if (blended) put(slot, global, record);
     }
 }

@@ -109,7 +109,9 @@ impl Context {
         list.extend(EXTENSIONS.iter().map(|e| format!("extension {}", e.to_string_lossy())));
         list.extend(SUBGROUP_OPERATIONS.iter().map(|(_, name)| format!("{name} operations in compute")));
         list.push("subgroups of 8 to 64 lanes, full in compute workgroups".to_owned());
-        list.push("not required, for scenes that need more memory than there is: extension VK_EXT_shader_atomic_float, feature shaderBufferFloat32AtomicAdd".to_owned());
+        list.push(
+            "not required: extension VK_EXT_shader_atomic_float, feature shaderBufferFloat32AtomicAdd".to_owned(),
+        );
         list
     }
 

@@ -488,6 +488,8 @@ impl Raster {
     pub fn record_blend_backward(&self, recorder: &mut Recorder, grid: &Grid, frames: &Buffer<Frame>, full_first: u32) {
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
+        // What no pixel blends has no gradient: most of a long list that is opaque in front.
+        recorder.fill(&self.records, 0);
         match &self.backward {
             None => {}
             Some(Backward::Deterministic(stage)) => stage.record(
@@ -504,23 +506,20 @@ impl Raster {
                 },
                 &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
             ),
-            Some(Backward::Atomic(stage)) => {
-                recorder.fill(&self.records, 0);
-                stage.record(
-                    recorder,
-                    &blend_backward_atomic::Buffers {
-                        frames,
-                        tile_ranges: &self.tile_ranges,
-                        isect_slots: self.isect_slots(),
-                        global_from_slot: &self.isects.global_from_slot,
-                        splats: &self.splats,
-                        image: &self.image,
-                        image_grad: &self.image_grad,
-                        splat_grads: &self.records,
-                    },
-                    &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
-                );
-            }
+            Some(Backward::Atomic(stage)) => stage.record(
+                recorder,
+                &blend_backward_atomic::Buffers {
+                    frames,
+                    tile_ranges: &self.tile_ranges,
+                    isect_slots: self.isect_slots(),
+                    global_from_slot: &self.isects.global_from_slot,
+                    splats: &self.splats,
+                    image: &self.image,
+                    image_grad: &self.image_grad,
+                    splat_grads: &self.records,
+                },
+                &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
+            ),
         }
     }
 

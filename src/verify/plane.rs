@@ -259,7 +259,7 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
         let pairs = (0..isect_count).flat_map(|s| parts.clone().map(move |k| (got[9 * s + k], records[s][k])));
         row.gradients(pairs);
     }
-    row.time = times.of("blend_backward");
+    row.time = times.sum();
     row.work.bytes = 44.0 * isect_count as f64 + 40.0 * visible.len() as f64 + 28.0 * pixels as f64;
     bench.push(row);
 

@@ -222,10 +222,10 @@ impl Run<'_> {
         let isects = 36.0 * self.slots();
         let planes = geometry + sh + if self.part.lobes { lobes } else { 0.0 };
         let bytes = match (&self.mode, self.opacity_only) {
-            (Mode::Gradients, true) => isects / 9.0 + count * 4.0 * (2.0 + 2.0),
+            (Mode::Gradients, true) => isects / 4.5 + count * 4.0 * (2.0 + 2.0),
             (Mode::Gradients, false) => isects + count * 4.0 * (2.0 + 2.0 * planes),
             // Parameter and both moments, read and written.
-            (Mode::Step { .. }, true) => isects / 9.0 + count * 4.0 * (2.0 + 6.0),
+            (Mode::Step { .. }, true) => isects / 4.5 + count * 4.0 * (2.0 + 6.0),
             (Mode::Step { .. }, false) => isects + count * 4.0 * (2.0 + 6.0 * planes),
         };
         Work { bytes, operations: 0.0 }
