@@ -295,9 +295,7 @@ fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
         vector(i, &gaussians.log_scales[i], &FIXED[7..10])?;
         let quat = gaussians.quats[i];
         vector(i, &quat, &FIXED[10..])?;
-        // Kernels normalise in float32, so the squared length must be a normal number there.
-        let length = quat.iter().map(|q| q * q).sum::<f32>();
-        if !length.is_normal() {
+        if !has_direction(&quat) {
             return Err(format!("row {i} of element `{element}`: the rotation `rot_0..3` = {quat:?} has no direction"));
         }
         for (coefficient, rgb) in gaussians.sh[i * k + 1..(i + 1) * k].iter().enumerate() {
@@ -307,6 +305,11 @@ fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
+fn has_direction(finite: &[f32]) -> bool {
+    finite.iter().any(|v| v.is_normal())
 }
 
 fn check_lobes(supplement: &Supplement) -> Result<(), String> {
@@ -322,7 +325,7 @@ fn check_lobes(supplement: &Supplement) -> Result<(), String> {
                 return place(format!("`{name}` is not a finite number"));
             }
         }
-        if !(x * x + y * y + z * z).is_normal() {
+        if !has_direction(&[x, y, z]) {
             return place(format!("the lobe direction {:?} has no direction", [x, y, z]));
         }
         if !LOBE_WIDTHS.contains(&lobes.widths[i]) {
@@ -565,6 +568,15 @@ mod tests {
         expect(many.as_bytes(), &["4000000000 rows", "at least"]);
     }
 
+    /// As kernels draw them all; those of squares beyond float32 were once refused.
+    #[test]
+    fn rotations_and_lobes_may_have_any_length() {
+        let mut odd = scene(1, true);
+        odd.base.quats = vec![[0.0, 1e-37, 0.0, 0.0], [3e38; 4], [1e-30, 0.0, 1e-39, 1e20]];
+        odd.supplement.as_mut().unwrap().lobes.directions = vec![[1e30, 0.0, -1e30], [1e-30; 3]];
+        written(&odd);
+    }
+
     #[test]
     fn numbers_that_are_none_are_refused_by_name() {
         let patch = |edit: &dyn Fn(&mut Scene)| {
@@ -589,7 +601,7 @@ mod tests {
         expect(&patch(&|s| s.base.sh[2 * 9 + 4][1] = f32::NAN), &["row 2", "`vertex`", "`f_rest_11`"]);
         expect(&patch(&|s| s.base.means[1][2] = f32::INFINITY), &["row 1", "`vertex`", "`z`"]);
         expect(&patch(&|s| s.base.quats[0] = [0.0; 4]), &["row 0", "rot_0..3"]);
-        expect(&patch(&|s| s.base.quats[0] = [1e-30; 4]), &["row 0", "rot_0..3"]);
+        expect(&patch(&|s| s.base.quats[0] = [1e-39; 4]), &["row 0", "rot_0..3"]);
         expect(
             &patch(&|s| s.supplement.as_mut().unwrap().lobes.sharpness[1] = f32::NAN),
             &["`augmented`", "`lobe_sharpness`"],
