@@ -416,6 +416,14 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     assert_eq!(again["photos_resumed"], 0);
     assert_eq!(fs::read(work.path("again.ply")).unwrap(), first);
 
+    // A loss that is no number gets nothing, and that is said.
+    let mut bright = read_scene(work.path("base.ply")).unwrap();
+    bright.base.sh.iter_mut().for_each(|rgb| rgb[0] = 1e30);
+    write_scene(work.path("bright.ply"), &bright).unwrap();
+    let output = work.run("enhance data --base bright.ply --preset quick -o bright_more.ply");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("of 7 photos is so far out of range"), "{said}");
+
     work.refused(&format!("{enhance} -o x.ply --work kept --seed 5"), &["kept/settings.json", "another --work"]);
     work.refused("enhance data --base first.ply -o x.ply", &["first.ply", "augmented already"]);
 }

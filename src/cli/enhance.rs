@@ -179,7 +179,14 @@ impl Args {
             drop(reading);
             let found = run_with_progress(context, &scene, &views, &options, work.as_ref())?;
             write_scene(&self.output, &found.scene)?;
-            if found.lifted == 0 {
+            let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
+            if lost > 0 {
+                note(format!(
+                    "the base's render of {lost} of {} photos is so far out of range that its loss is no number; nothing was \
+                     added for them",
+                    photos.len()
+                ));
+            } else if found.lifted == 0 {
                 note("nothing was added: no view had anything left that supplementary Gaussians made better");
             }
             let report = Report {

@@ -210,6 +210,10 @@ impl Backward {
     }
 }
 
+fn no_records(context: &Context) -> Result<Buffer<f32>, GpuError> {
+    Buffer::new(context, "no records", 1, Location::Device)
+}
+
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
 pub struct Raster {
     context: Context,
@@ -278,7 +282,7 @@ impl Raster {
             true => {
                 Backward::new(context, &options, tile, options.isects.max(1)).map(|(stage, to)| (Some(stage), to))?
             }
-            false => (None, Buffer::new(context, "no records", 1, Location::Device)?),
+            false => (None, no_records(context)?),
         };
         let raster = Raster {
             tile,
@@ -344,6 +348,8 @@ impl Raster {
         let capacity = needed.saturating_add(needed / 4);
         self.isects = IsectBuffers::new(&self.context, capacity, self.tile_sort.digit_bits())?;
         if let Some(Backward::Deterministic(_)) = self.backward {
+            // What there was makes room for what comes.
+            self.records = no_records(&self.context)?;
             let (stage, records) = Backward::new(&self.context, &self.options, self.tile, capacity)?;
             (self.backward, self.records) = (Some(stage), records);
         }
