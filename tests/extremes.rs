@@ -462,6 +462,9 @@ fn lobes_at_the_ends_of_their_ranges() {
                 if sharpness > 10.0 { None } else { Some(true) },
                 f64::INFINITY,
             ));
+            if width > 0.05 {
+                cases.push((at(0.1 * half, 1.0), width as f32, sharpness, Some(true), bound));
+            }
             if width < 1.0 {
                 cases.push((at(pi * t * 1.0001, 1.0), width as f32, sharpness, Some(false), 0.0));
             }
@@ -1193,6 +1196,8 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         ("logit 100", 100.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
         ("at the cap", 1.0, [cap, cap], 0.5, [20.25, 15.75]),
         ("a needle of 1 : 400", 3.0, [4.0, -2.0], 0.7, [20.25, 15.75]),
+        ("a needle on a diagonal", 6.0, [3.9, -1.0], 0.785, [20.25, 15.75]),
+        ("a needle near the horizontal", 6.0, [3.9, -1.0], 0.4, [20.25, 15.75]),
         ("thinner than a pixel", 6.0, [-1.5, -1.5], 0.7, [20.25, 15.75]),
         ("filling the image", 0.0, [6.0, 5.5], 0.7, [20.25, 15.75]),
         ("wider than all", 0.0, [15.0, 15.5], 0.7, [20.25, 15.75]),
@@ -1290,6 +1295,7 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
                 && planes[..9 * SLOTS].iter().all(|x| x.is_finite()),
             "depth {bad}"
         );
+        assert!(bad > 0.0 || planes[9 * SLOTS + 5] == 0.0, "depth {bad} is kept");
     }
 }
 
@@ -1356,6 +1362,9 @@ fn what_leaves_float32_on_the_way_is_not_seen() {
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e30; 3], ..company[0] },
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e38, 1e-30, 1e38], ..company[0] },
         Blob { mean: beyond, ..company[0] },
+        // Nor is a place that is beyond it while z is not.
+        Blob { mean: 3.6e38 * camera.rotation.row(0) + 1e38 * camera.rotation.row(2), ..company[0] },
+        Blob { mean: 3.6e38 * camera.rotation.row(1) + 1e38 * camera.rotation.row(2), ..company[0] },
     ] {
         let shot = probe.shoot(&scene(&[company[0], company[1], blob]), &camera, &image_grad);
         assert_eq!(shot.tile_counts[2], 0, "{blob:?}");
@@ -1411,7 +1420,7 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
     let gpu = Gpu::new();
     let camera = usual();
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let (mut seen, mut fell_back) = (0, 0);
+    let (mut seen, mut fell_back, mut off) = (0, 0, 0);
     for quat in [
         [1.0, 0.0, 0.0, 0.0],
         [0.9, 0.2, -0.3, 0.4],
@@ -1419,7 +1428,7 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
         [0.5, 0.5, -0.5, 0.5],
         [0.7, 0.0, 0.7, 0.1],
     ] {
-        for scale in [[2.0, 2.0, 0.02], [0.02, 2.0, 2.0], [3.0, 0.3, 0.1], [1e3, 1e3, 1e-4]] {
+        for scale in [[2.0, 2.0, 0.02], [0.02, 2.0, 2.0], [3.0, 0.3, 0.1], [1e3, 1e3, 1e-4], [2.0, 2.0, 1e-25]] {
             let blob = Blob { mean: camera.unproject(36.0, 28.0, 0.4), scale, quat, logit: 4.0, ..Default::default() };
             let twin = probe.twin(&scene(&[blob]), &camera, 1e-3);
             let shot = probe.shoot(&scene(&[blob]), &camera, &twin.image_grad);
@@ -1432,12 +1441,13 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
                 if twin.rendered.blended.margins[p].median > 1e-3 && twin.image_grad[p] != [0.0; 3] && want > 0.0 {
                     seen += 1;
                     fell_back += u32::from((want - 0.4).abs() < 1e-6);
+                    off += u32::from((f64::from(z) - want).abs() > 1e-3 * want);
                 }
             }
         }
     }
-    println!("{seen} depths, {fell_back} of the centre");
-    assert!(fell_back > 1000 && seen > 2 * fell_back);
+    println!("{seen} depths, {fell_back} of the centre, {off} off");
+    assert!(fell_back > 1000 && seen > 2 * fell_back && off == 0);
 }
 
 /// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in

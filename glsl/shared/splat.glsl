@@ -52,7 +52,6 @@ ivec2 tile_rows(Splat s, uvec2 tile, uvec2 size) {
     t += 1e-4 * (1.0 + abs(t));
     float half_height = sqrt(max(t, 0.0)) / s.l22;
     half_height += SPAN_PAD + SPAN_PAD_RELATIVE * (half_height + abs(s.y));
-    if (!(half_height >= 0.0)) return ivec2(1, 0);
     float first = ceil(clamp(s.y - half_height - 0.5, -1.0, float(size.y)));
     float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
     int y0 = max(int(first), 0), y1 = min(int(last), int(size.y) - 1);
