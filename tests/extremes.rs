@@ -887,6 +887,10 @@ fn what_is_not_a_number_stays_where_it_is() {
                 continue;
             }
             let shot = probe.shoot(&scene, &camera, &image_grad);
+            assert!(
+                shot.tile_counts[if field < 14 { base } else { 160 + extra }] == 0,
+                "{bad} in field {field} is seen"
+            );
             assert!(shot.image == absent.image, "{bad} in field {field} shows in the image");
             assert!(others(&shot) == want, "{bad} in field {field} shows in gradients or steps");
             poisoned += 1;
@@ -1281,6 +1285,7 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
             }
             planes[5][9] = 7.0;
             let result = flat.run(&planes, &[0; SLOTS], &flat_depths(), &grads);
+            assert_eq!(flat.raster.tile_counts.download().unwrap()[5], 0, "{bad} in plane {p} is seen");
             // A centre that is no place asks no pixel for its depth.
             assert!(p >= 2 || result.2[9 * SLOTS + 5] == 7.0, "{bad} in plane {p}");
             assert!(others(result) == without, "{bad} in plane {p}");

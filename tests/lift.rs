@@ -237,9 +237,10 @@ fn sets_that_cannot_be_clustered_have_size_zero() {
     // Farther apart than 1.5^32 times the first τ.
     sets.push((0..9).map(|i| [i as f32 * 1e12, 0.0, 0.0]).collect(), 0, 1.0);
     // A heaviest point that does not exist is taken for the last.
-    sets.push(vec![[0.0; 3]; 5], 77, 1.0);
+    let two = |i: usize| if i < 4 { [0.0; 3] } else { [100.0; 3] };
+    sets.push((0..7).map(two).collect(), 77, 1.0);
     let got = cluster_on_device(&context, &sets, false, 64);
-    assert_eq!(got.sizes, [0, 0, 0, 0, 0, 0, 40, 0, 5]);
+    assert_eq!((got.sizes, got.primes[8]), (vec![0, 0, 0, 0, 0, 0, 40, 0, 3], 4));
 }
 
 /// Three points each, farther apart than the first τ and closer than the second: every set asks for another round.
