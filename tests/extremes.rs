@@ -1474,3 +1474,18 @@ fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
         assert!((f64::from(t) - want).abs() < 1e-5, "pixel {p}: {t}, wanted {want}");
     }
 }
+
+/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an error, not
+/// the image of 1.1e8, nor a loop that never has room enough. Larger tiles need more than the 4 GiB that a buffer can be bound with, too.
+#[test]
+fn more_intersections_than_can_be_counted_are_an_error() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let count = 34_000;
+    let scene = cloud(&camera, count, -3.0, |i| (1920.0, 1080.0, 3.0 + 1e-3 * i as f64, 3e6));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
+    let error = renderer.render(&model, &views, 0, BACKGROUND).unwrap_err();
+    assert!(matches!(error, glint::Error::Gpu(glint::gpu::GpuError::BufferTooLarge { .. })), "{error}");
+}
