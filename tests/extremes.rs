@@ -28,10 +28,11 @@ use glint::{
     },
     scene::{Camera, Scene},
     stages::{
+        emit::{self, Emit},
         plane_backward::{self, PlaneBackward},
         plane_draw::{self, PlaneDraw},
         plane_project::{self, PlaneProject},
-        types::{Frame, PlaneState, Quota},
+        types::{Frame, PlaneState, Quota, Splat},
     },
 };
 use probe::{BACKGROUND, Blob, Probe, RATES, Setup, Shot, camera_at, distance, ripple, scene, with_lobes};
@@ -461,8 +462,15 @@ fn lobes_at_the_ends_of_their_ranges() {
                 if sharpness > 10.0 { None } else { Some(true) },
                 f64::INFINITY,
             ));
+            if width > 0.05 {
+                cases.push((at(0.1 * half, 1.0), width as f32, sharpness, Some(true), bound));
+            }
             if width < 1.0 {
                 cases.push((at(pi * t * 1.0001, 1.0), width as f32, sharpness, Some(false), 0.0));
+            }
+            // The cosine of ψ/2 is 1 again at 4 π.
+            if width < 0.25 {
+                cases.push((at(4.0 * pi * t, 1.0), width as f32, sharpness, Some(false), 0.0));
             }
             cases.push((
                 at((pi * t * 0.9).min(pi * 0.9), 1.0),
@@ -510,6 +518,47 @@ fn lobes_at_the_ends_of_their_ranges() {
             assert!(d.worst() <= bound && d.image < 1e-3, "{what}: {d:?}");
         }
     }
+}
+
+/// A step of fixed length must not turn a short direction by any angle, nor a long one not at all.
+#[test]
+fn lobe_directions_of_any_length_turn_alike() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob =
+        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let v = (camera.eye() - blob.mean).normalize();
+    let direction = v * 0.4f64.cos() + v.any_orthonormal_vector() * 0.4f64.sin();
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    for length in [1e-36, 1e-20, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e20, 1e37] {
+        let lobe = (blob, (direction * length).as_vec3().to_array(), 0.5, 0.5);
+        let shot = probe.shoot(&with_lobes(&company(&camera), &[lobe]), &camera, &image_grad);
+        let stepped = shot.stepped.supplement.unwrap().lobes.directions[0];
+        let stepped = DVec3::from_array(stepped.map(f64::from)) / if length > 100.0 { 1.0 } else { length.max(1e-30) };
+        let turn = direction.angle_between(stepped.normalize());
+        println!("direction of length {length:e}: turned by {turn:.1e}");
+        // Each component moves by the rate: of a unit vector where the length is outside 0.01 to 100.
+        let moved = f64::from(RATES[6]) / if (0.01..=100.0).contains(&length) { length } else { 1.0 };
+        assert!(turn <= 1.8 * moved && turn > 0.1 * moved, "length {length}: turned by {turn}");
+    }
+}
+
+/// θ is exactly 0: the quotient of two zeros is a limit there.
+#[test]
+fn a_lobe_seen_along_its_axis_learns() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob = Blob { mean: DVec3::new(0.0, 0.0, 4.0), scale: [0.5, 0.3, 0.4], ..Default::default() };
+    let before = with_lobes(&[], &[(blob, [0.0, 0.0, -1.0], 0.5, 0.5)]);
+    let twin = probe.twin(&before, &camera, 1e-4);
+    let shot = probe.shoot(&before, &camera, &twin.image_grad);
+    let d = distance(&shot, &twin);
+    assert!(shot.is_finite() && d.image < 1e-5 && d.worst() < 1e-4, "{d:?}");
+    assert!(shot.gradients.lobes[..3].iter().all(|&g| g == 0.0));
+    let (old, new) = (before.supplement.unwrap().gaussians, shot.stepped.supplement.unwrap().gaussians);
+    assert!((new.opacities[0] - old.opacities[0]).abs() > 0.9 * RATES[3]);
 }
 
 // --- order and count ---
@@ -698,6 +747,79 @@ fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
     }
 }
 
+/// `dispatch_args` has told the host by then; what lies behind the buffers' room must stay what it is until they have grown.
+#[test]
+fn what_does_not_fit_is_not_emitted() {
+    let gpu = Gpu::new();
+    let frame = Frame { image_first: 0, target_first: 0, width: 256, height: 256 };
+    // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
+    let splat = |l: f32| Splat { x: 128.0, y: 128.0, l11: l, l22: l, opacity: 0.5, z: 1.0, ..Default::default() };
+    let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
+    let emit = Emit::new(&gpu, &emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false });
+    let emit = emit.unwrap();
+    for capacity in [2, 500] {
+        let [tiles, globals] = ["isect tiles", "global from slot"].map(|name| words(name, &[7777; 2000]));
+        let mut recorder = gpu.recorder("emit").unwrap();
+        emit.record(
+            &mut recorder,
+            &emit::Buffers {
+                frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
+                count: &words("count", &[2]),
+                global_from_rank: &words("ranks", &[0, 1]),
+                rank_first_slot: &words("first slots by rank", &[0, 100]),
+                splats: &Buffer::from_slice(&gpu, "splats", &[splat(0.5), splat(1e-6)]).unwrap(),
+                splat_frames: &words("splat frames", &[0, 0]),
+                isect_tiles: &tiles,
+                global_from_slot: &globals,
+                first_slot: &words("first slots", &[0, 0]),
+            },
+            &emit::Push { frame_first: 0, tiles_x: 32, tiles_per_frame: 1024, capacity, count_index: 0 },
+            &words("args", &[1, 1, 1]),
+            0,
+        );
+        recorder.submit().unwrap().wait().unwrap();
+        let (tiles, globals) = (tiles.download().unwrap(), globals.download().unwrap());
+        let room = capacity as usize;
+        assert!(tiles[room..].iter().chain(&globals[room..]).all(|&word| word == 7777), "{capacity}");
+        let small = globals.iter().take_while(|&&g| g == 0).count();
+        assert!(if room < 100 { small == room } else { small > 3 && globals[100..room].iter().all(|&g| g == 1) });
+    }
+}
+
+/// 60 Gaussians that fill an image, more intersections than a trainer of so few has room for at first; and the same with so many
+/// unseen ones that there is room from the start.
+#[test]
+fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
+    // The second sees them as points, so that some steps fit and others do not.
+    let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
+    let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
+    let filling = cloud(&camera, 60, -2.0, |i| (256.0 + i as f64, 192.0, 3.0 + 0.1 * i as f64, 1000.0));
+    let mut roomy = filling.clone();
+    // Behind both cameras.
+    let (unseen, behind) = (100_000, camera.unproject(256.0, 192.0, -1e4).as_vec3().to_array());
+    roomy.base.means.extend(vec![behind; unseen]);
+    roomy.base.log_scales.extend(vec![[-3.0; 3]; unseen]);
+    roomy.base.quats.extend(vec![[1.0, 0.0, 0.0, 0.0]; unseen]);
+    roomy.base.opacities.extend(vec![0.0; unseen]);
+    roomy.base.sh.extend(vec![[0.0; 3]; unseen]);
+    let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    let views = Views::upload(&gpu, &[camera, far], &images).unwrap();
+    let trained = [&filling, &roomy].map(|scene| {
+        let model = Model::upload(&gpu, scene, 0).unwrap();
+        let options = BaseOptions { iterations: 8, sh_degree: 0, seed: 7, extent: 2.0 };
+        let report = train_base(&gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
+        let base = model.download().unwrap().base;
+        let kept = (base.means[..60].to_vec(), base.quats[..60].to_vec(), base.sh[..60].to_vec());
+        (report.steps.grown, report.losses, kept, base.opacities[..60].to_vec(), base.log_scales[..60].to_vec())
+    });
+    assert_eq!((trained[0].0, trained[1].0), (1, 0));
+    assert!(trained[0].1 == trained[1].1 && trained[0].2 == trained[1].2);
+    assert!(trained[0].3 == trained[1].3 && trained[0].4 == trained[1].4);
+    assert!(trained[0].3 != filling.base.opacities);
+}
+
 // --- data ---
 
 /// Every parameter of one Gaussian, base and supplementary, is in turn not a number: all that is not its own stays the same to the last bit.
@@ -765,6 +887,10 @@ fn what_is_not_a_number_stays_where_it_is() {
                 continue;
             }
             let shot = probe.shoot(&scene, &camera, &image_grad);
+            assert!(
+                shot.tile_counts[if field < 14 { base } else { 160 + extra }] == 0,
+                "{bad} in field {field} is seen"
+            );
             assert!(shot.image == absent.image, "{bad} in field {field} shows in the image");
             assert!(others(&shot) == want, "{bad} in field {field} shows in gradients or steps");
             poisoned += 1;
@@ -1075,6 +1201,8 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         ("logit 100", 100.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
         ("at the cap", 1.0, [cap, cap], 0.5, [20.25, 15.75]),
         ("a needle of 1 : 400", 3.0, [4.0, -2.0], 0.7, [20.25, 15.75]),
+        ("a needle on a diagonal", 6.0, [3.9, -1.0], 0.785, [20.25, 15.75]),
+        ("a needle near the horizontal", 6.0, [3.9, -1.0], 0.4, [20.25, 15.75]),
         ("thinner than a pixel", 6.0, [-1.5, -1.5], 0.7, [20.25, 15.75]),
         ("filling the image", 0.0, [6.0, 5.5], 0.7, [20.25, 15.75]),
         ("wider than all", 0.0, [15.0, 15.5], 0.7, [20.25, 15.75]),
@@ -1127,6 +1255,8 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
             );
         }
         assert!(stepped.iter().all(|x| x.is_finite()), "{what}");
+        // Half a turn changes no ellipse.
+        assert!(stepped[8 * SLOTS + 5].abs() < 1.6, "{what}: turned to {}", stepped[8 * SLOTS + 5]);
     }
 }
 
@@ -1156,6 +1286,7 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
             }
             planes[5][9] = 7.0;
             let result = flat.run(&planes, &[0; SLOTS], &flat_depths(), &grads);
+            assert_eq!(flat.raster.tile_counts.download().unwrap()[5], 0, "{bad} in plane {p} is seen");
             // A centre that is no place asks no pixel for its depth.
             assert!(p >= 2 || result.2[9 * SLOTS + 5] == 7.0, "{bad} in plane {p}");
             assert!(others(result) == without, "{bad} in plane {p}");
@@ -1170,6 +1301,7 @@ fn a_2d_gaussian_that_is_not_a_number_stays_alone() {
                 && planes[..9 * SLOTS].iter().all(|x| x.is_finite()),
             "depth {bad}"
         );
+        assert!(bad > 0.0 || planes[9 * SLOTS + 5] == 0.0, "depth {bad} is kept");
     }
 }
 
@@ -1224,6 +1356,11 @@ fn what_leaves_float32_on_the_way_is_not_seen() {
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
+    // Axes of 1.5e9 px are within it, ends 5e9 px away beyond any int: it fills the image.
+    let wide = Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e8; 3], ..company[0] };
+    let shot = probe.shoot(&scene(&[company[0], company[1], wide]), &camera, &image_grad);
+    let tile = probe.options();
+    assert_eq!(shot.tile_counts[2], WIDTH.div_ceil(tile.tile_width) * HEIGHT.div_ceil(tile.tile_height));
     // A mean whose camera z is beyond 3.4e38 while its x and y are not: no component of the axis is near 1.
     let beyond = 3.6e38 * camera.rotation.row(2);
     for blob in [
@@ -1231,6 +1368,9 @@ fn what_leaves_float32_on_the_way_is_not_seen() {
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e30; 3], ..company[0] },
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e38, 1e-30, 1e38], ..company[0] },
         Blob { mean: beyond, ..company[0] },
+        // Nor is a place that is beyond it while z is not.
+        Blob { mean: 3.6e38 * camera.rotation.row(0) + 1e38 * camera.rotation.row(2), ..company[0] },
+        Blob { mean: 3.6e38 * camera.rotation.row(1) + 1e38 * camera.rotation.row(2), ..company[0] },
     ] {
         let shot = probe.shoot(&scene(&[company[0], company[1], blob]), &camera, &image_grad);
         assert_eq!(shot.tile_counts[2], 0, "{blob:?}");
@@ -1253,6 +1393,32 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let mut broken = vec![[0.0; 3]; camera.pixels() as usize];
     broken[25 * WIDTH as usize + 30] = [f64::NAN, 0.0, 0.0];
     assert_eq!(probe.shoot(&before, &camera, &broken).stepped, before);
+    // Of those that learn their opacity alone too.
+    let mut frozen = Probe::new(&gpu, 8, &camera, Setup { opacity_only: true, ..Default::default() });
+    assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);
+    let moved = frozen.shoot(&before, &camera, &steep).stepped.base;
+    for (new, old) in moved.opacities.iter().zip(&before.base.opacities) {
+        assert!(((new - old).abs() - RATES[3]).abs() < 1e-4 * RATES[3], "{old} → {new}");
+    }
+    assert_eq!(moved.means, before.base.means);
+}
+
+/// The same of the 2D stage.
+#[test]
+fn a_2d_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
+    let gpu = Gpu::new();
+    let flat = Flat::new(&gpu);
+    let pixels = (FLAT.0 * FLAT.1) as usize;
+    let steep: Vec<_> = (0..pixels).map(|p| ripple(p).map(|g| g * 1e22)).collect();
+    let (_, gradients, stepped) = flat.run(&flat_planes(), &[0; SLOTS], &flat_depths(), &steep);
+    let logit = 5 * SLOTS..6 * SLOTS;
+    for (g, new) in gradients[logit.clone()].iter().zip(&stepped[logit]) {
+        assert!(g.abs() > 1e19 && ((new + 1.0).abs() - 0.02).abs() < 1e-5, "{g:e}: −1 → {new}");
+    }
+    let (_, _, stepped) = flat.run(&flat_planes(), &[0; SLOTS], &flat_depths(), &vec![[f64::NAN; 3]; pixels]);
+    for (i, plane) in flat_planes().iter().enumerate() {
+        assert!((0..9).all(|p| stepped[p * SLOTS + i] == plane[p] as f32), "{i}");
+    }
 }
 
 #[test]
@@ -1260,7 +1426,7 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
     let gpu = Gpu::new();
     let camera = usual();
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let (mut seen, mut fell_back) = (0, 0);
+    let (mut seen, mut fell_back, mut off) = (0, 0, 0);
     for quat in [
         [1.0, 0.0, 0.0, 0.0],
         [0.9, 0.2, -0.3, 0.4],
@@ -1268,7 +1434,7 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
         [0.5, 0.5, -0.5, 0.5],
         [0.7, 0.0, 0.7, 0.1],
     ] {
-        for scale in [[2.0, 2.0, 0.02], [0.02, 2.0, 2.0], [3.0, 0.3, 0.1], [1e3, 1e3, 1e-4]] {
+        for scale in [[2.0, 2.0, 0.02], [0.02, 2.0, 2.0], [3.0, 0.3, 0.1], [1e3, 1e3, 1e-4], [2.0, 2.0, 1e-25]] {
             let blob = Blob { mean: camera.unproject(36.0, 28.0, 0.4), scale, quat, logit: 4.0, ..Default::default() };
             let twin = probe.twin(&scene(&[blob]), &camera, 1e-3);
             let shot = probe.shoot(&scene(&[blob]), &camera, &twin.image_grad);
@@ -1281,12 +1447,13 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
                 if twin.rendered.blended.margins[p].median > 1e-3 && twin.image_grad[p] != [0.0; 3] && want > 0.0 {
                     seen += 1;
                     fell_back += u32::from((want - 0.4).abs() < 1e-6);
+                    off += u32::from((f64::from(z) - want).abs() > 1e-3 * want);
                 }
             }
         }
     }
-    println!("{seen} depths, {fell_back} of the centre");
-    assert!(fell_back > 1000 && seen > 2 * fell_back);
+    println!("{seen} depths, {fell_back} of the centre, {off} off");
+    assert!(fell_back > 1000 && seen > 2 * fell_back && off == 0);
 }
 
 /// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in
@@ -1307,4 +1474,19 @@ fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
     for (p, &t) in image.transmittance.iter().enumerate() {
         assert!((f64::from(t) - want).abs() < 1e-5, "pixel {p}: {t}, wanted {want}");
     }
+}
+
+/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an error, not
+/// the image of 1.1e8, nor a loop that never has room enough. Larger tiles need more than the 4 GiB that a buffer can be bound with, too.
+#[test]
+fn more_intersections_than_can_be_counted_are_an_error() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let count = 34_000;
+    let scene = cloud(&camera, count, -3.0, |i| (1920.0, 1080.0, 3.0 + 1e-3 * i as f64, 3e6));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
+    let error = renderer.render(&model, &views, 0, BACKGROUND).unwrap_err();
+    assert!(matches!(error, glint::Error::Gpu(glint::gpu::GpuError::BufferTooLarge { .. })), "{error}");
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::{fs, path::Path};
+use std::{collections::BTreeSet, fs, path::Path};
 
 use common::Gpu;
 use glint::{
@@ -64,4 +64,98 @@ fn steps_are_counted_as_the_twin_counts_them() {
         recorder.submit().unwrap().wait().unwrap();
         assert_eq!(status.download().unwrap(), twin);
     }
+}
+
+/// A block of tests/guards.txt: what is taken away, and the test that must then fail.
+struct Guard<'a> {
+    name: &'a str,
+    /// The test's file and name.
+    test: (&'a str, &'a str),
+    /// File and lines that go.
+    edits: Vec<(&'a str, Vec<&'a str>)>,
+}
+
+/// `tools/guards` takes each guard away and runs its test. This holds that there is something to take away, a test to run, and a guard or
+/// a reason for every row of docs/extremes.md.
+#[test]
+fn every_extreme_has_its_guards_and_every_guard_its_test() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |path: &str| fs::read_to_string(root.join(path)).unwrap_or_else(|e| panic!("{path}: {e}"));
+    let text = read("tests/guards.txt");
+    let (mut guards, mut section, mut row) = (Vec::<Guard>::new(), "", "");
+    let (mut served, mut mentioned) = (BTreeSet::new(), Vec::new());
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with("# ")) {
+        let bad = format!("tests/guards.txt, line {}: {line}", number + 1);
+        match line.split_once(' ') {
+            Some(("##", name)) => (section, row) = (name, ""),
+            Some(("|", name)) => row = name,
+            Some(("=", reason)) => {
+                served.insert((section, row));
+                mentioned.extend(reason.split('[').skip(1).map(|s| s.split_once(']').expect(&bad).0));
+            }
+            Some(("-", old)) => {
+                let edit = guards.last_mut().and_then(|g| g.edits.last_mut()).expect(&bad);
+                edit.1.push(old.trim());
+            }
+            Some(("+", _)) => {}
+            _ if line == "#" || line == "+" => {}
+            _ if line.starts_with('[') => {
+                served.insert((section, row));
+                let (name, test) = line[1..].split_once("] ").expect(&bad);
+                guards.push(Guard { name, test: test.split_once(' ').expect(&bad), edits: Vec::new() });
+            }
+            None => guards.last_mut().expect(&bad).edits.push((line, Vec::new())),
+            _ => panic!("{bad}"),
+        }
+    }
+    let mut names = BTreeSet::new();
+    for Guard { name, test: (file, function), edits } in &guards {
+        assert!(names.insert(*name), "[{name}] is there twice");
+        assert!(!edits.is_empty(), "[{name}] takes nothing away");
+        for (path, old) in edits {
+            let source = read(path);
+            let lines: Vec<&str> = source.lines().map(str::trim).collect();
+            let times = lines.windows(old.len().max(1)).filter(|window| *window == old).count();
+            assert_eq!(times, 1, "[{name}] is in {path} so often: {old:#?}");
+        }
+        // A test of the library is named with its modules, of which the last is `tests`.
+        let (path, function) = match (*file, function.split_once("::tests::")) {
+            ("lib", Some((module, function))) => (format!("src/{}.rs", module.replace("::", "/")), function),
+            (file, _) => (format!("tests/{file}.rs"), *function),
+        };
+        let test = format!("fn {function}()");
+        assert!(read(&path).lines().any(|line| line.trim_start().starts_with(&test)), "[{name}]: no {test} in {path}");
+    }
+    assert!(guards.len() > 40);
+    for name in mentioned {
+        assert!(names.contains(name), "[{name}] is mentioned but not there");
+    }
+
+    let doc = read("docs/extremes.md");
+    let mut wanted = BTreeSet::new();
+    let (mut section, mut bare) = ("", true);
+    let lines: Vec<&str> = doc.lines().collect();
+    for (at, line) in lines.iter().enumerate() {
+        if let Some(name) = line.strip_prefix("## ") {
+            if bare && !section.is_empty() {
+                wanted.insert((section, ""));
+            }
+            (section, bare) = (name, true);
+        } else if let Some(cell) = line.strip_prefix("| ").and_then(|line| line.split(" | ").next()) {
+            // The first row is the table's head, and stands before the line of dashes.
+            if lines.get(at + 1).is_none_or(|next| !next.starts_with("|---")) {
+                wanted.insert((section, cell));
+            }
+            bare = false;
+        }
+    }
+    if bare {
+        wanted.insert((section, ""));
+    }
+    // What no test can see on llvmpipe.
+    wanted.insert(("Not taken away", ""));
+    let missing: Vec<_> = wanted.difference(&served).collect();
+    let strange: Vec<_> = served.difference(&wanted).collect();
+    assert!(missing.is_empty(), "of docs/extremes.md, but not in tests/guards.txt: {missing:#?}");
+    assert!(strange.is_empty(), "in tests/guards.txt, but not of docs/extremes.md: {strange:#?}");
 }

@@ -67,6 +67,7 @@ struct Clustered {
     taus: Vec<f32>,
     primes: Vec<u32>,
     sizes: Vec<u32>,
+    rounds: Vec<u32>,
 }
 
 fn cluster_on_device(context: &Context, sets: &Sets, fail_on_smallest: bool, workgroup_size: u32) -> Clustered {
@@ -77,6 +78,7 @@ fn cluster_on_device(context: &Context, sets: &Sets, fail_on_smallest: bool, wor
     let taus = buffer(context, "taus", &sets.taus);
     let prime_labels = room(context, "prime_labels", count);
     let cluster_sizes = room(context, "cluster_sizes", count);
+    let rounds = room(context, "rounds", lift_cluster::ROUNDS_LEN);
     let buffers = lift_cluster::Buffers {
         points: &buffer(context, "points", &sets.points),
         point_counts: &buffer(context, "point_counts", &sets.counts),
@@ -88,7 +90,7 @@ fn cluster_on_device(context: &Context, sets: &Sets, fail_on_smallest: bool, wor
         taus: &taus,
         prime_labels: &prime_labels,
         cluster_sizes: &cluster_sizes,
-        rounds: &room(context, "rounds", lift_cluster::ROUNDS_LEN),
+        rounds: &rounds,
     };
     let mut recorder = context.recorder("cluster").unwrap();
     recorder.time_stages();
@@ -101,6 +103,7 @@ fn cluster_on_device(context: &Context, sets: &Sets, fail_on_smallest: bool, wor
         taus: taus.download().unwrap(),
         primes: prime_labels.download().unwrap(),
         sizes: cluster_sizes.download().unwrap(),
+        rounds: rounds.download().unwrap(),
     }
 }
 
@@ -234,9 +237,27 @@ fn sets_that_cannot_be_clustered_have_size_zero() {
     // Farther apart than 1.5^32 times the first τ.
     sets.push((0..9).map(|i| [i as f32 * 1e12, 0.0, 0.0]).collect(), 0, 1.0);
     // A heaviest point that does not exist is taken for the last.
-    sets.push(vec![[0.0; 3]; 5], 77, 1.0);
+    let two = |i: usize| if i < 4 { [0.0; 3] } else { [100.0; 3] };
+    sets.push((0..7).map(two).collect(), 77, 1.0);
     let got = cluster_on_device(&context, &sets, false, 64);
-    assert_eq!(got.sizes, [0, 0, 0, 0, 0, 0, 40, 0, 5]);
+    assert_eq!((got.sizes, got.primes[8]), (vec![0, 0, 0, 0, 0, 0, 40, 0, 3], 4));
+}
+
+/// Three points each, farther apart than the first τ and closer than the second: every set asks for another round.
+#[test]
+fn rounds_of_more_workgroups_than_a_dimension_has_reach_every_point() {
+    let context = context();
+    // The smallest workgroup that a stage can have.
+    let lanes = context.info().subgroup_size;
+    let count = 65_535 * lanes / 3 + 40;
+    let mut sets = Sets::default();
+    for _ in 0..count {
+        sets.push(vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [4.0, 0.0, 1.0]], 0, 1.5);
+    }
+    let got = cluster_on_device(&context, &sets, false, lanes);
+    assert!(got.sizes.iter().all(|&n| n == 3) && got.taus.iter().all(|&tau| tau == 2.25));
+    let [x, y, z] = got.rounds[6..9] else { unreachable!() };
+    assert!(x <= 65_535 && x * y >= (3 * count).div_ceil(lanes) && z == 1, "{x} × {y} × {z}");
 }
 
 // --- the whole of inverse splatting ---
@@ -297,6 +318,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
     let cluster_sizes = room(context, "cluster_sizes", count);
     let lifts = room(context, "lifts", count);
     let lift_flags = room(context, "lift_flags", count);
+    let rounds = room(context, "rounds", lift_cluster::ROUNDS_LEN);
 
     let points_stage = LiftPointsStage::new(context, &lift_points::Spec { workgroup_size }).unwrap();
     let cluster_stage = LiftCluster::new(context, workgroup_size, false).unwrap();
@@ -335,7 +357,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
             taus: &taus,
             prime_labels: &prime_labels,
             cluster_sizes: &cluster_sizes,
-            rounds: &room(context, "rounds", lift_cluster::ROUNDS_LEN),
+            rounds: &rounds,
         },
         n,
         total as u32,
@@ -402,6 +424,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
             taus: taus.download().unwrap(),
             primes: prime_labels.download().unwrap(),
             sizes: cluster_sizes.download().unwrap(),
+            rounds: rounds.download().unwrap(),
         },
         lifts: lifts.download().unwrap(),
         flags,
@@ -665,4 +688,75 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
         assert!(words[..words.len() - 1].iter().all(|v| v.is_finite()), "{lift:?}");
     }
     assert!(got.flags[..3].iter().all(|&f| f == 0), "{:?}", got.flags);
+}
+
+/// Five lifts into room for three, and points into sets that are said to be smaller by one than they are.
+#[test]
+fn what_does_not_fit_is_not_written() {
+    let context = context();
+    let lift = types::Lift { mean: [1.0; 3], quat: [1.0; 4], opacity: 1.0, cluster_size: 3, ..Default::default() };
+    let append = LiftAppend::new(&context, &lift_append::Spec { workgroup_size: 64 }).unwrap();
+    for (stride, lobe_stride) in [(GAUSSIAN_FIRST + 3, LOBE_FIRST + 20), (GAUSSIAN_FIRST + 20, LOBE_FIRST + 3)] {
+        let nines = |planes: u32, stride: u32| buffer(&context, "parameters", &vec![9f32; (planes * stride) as usize]);
+        let (geometry, sh, lobes) = (nines(11, stride), nines(3, stride), nines(5, lobe_stride));
+        let mut recorder = context.recorder("append").unwrap();
+        append.record(
+            &mut recorder,
+            &lift_append::Buffers {
+                lifts: &buffer(&context, "lifts", &[lift; 5]),
+                lift_ranks: &buffer(&context, "lift_ranks", &[0, 1, 2, 3, 4]),
+                geometry: &geometry,
+                sh: &sh,
+                lobes: &lobes,
+            },
+            &lift_append::Push {
+                count: 5,
+                gaussian_first: GAUSSIAN_FIRST,
+                lobe_first: LOBE_FIRST,
+                stride,
+                lobe_stride,
+                sh_coefficients: 1,
+            },
+        );
+        recorder.submit().unwrap().wait().unwrap();
+        for (all, first, stride) in
+            [(geometry, GAUSSIAN_FIRST, stride), (sh, GAUSSIAN_FIRST, stride), (lobes, LOBE_FIRST, lobe_stride)]
+        {
+            for (at, &x) in all.download().unwrap().iter().enumerate() {
+                let place = at as u32 % stride;
+                assert_eq!(x != 9.0, (first..first + 3).contains(&place), "place {place} of a plane of {stride}: {x}");
+            }
+        }
+    }
+
+    let case = Case::new(11, 60, DVec3::ZERO);
+    let counts = lift_on_device(&context, &case, 0).counts;
+    let (n, total) = (counts.len(), counts.iter().sum::<u32>() as usize);
+    let fewer: Vec<u32> = counts.iter().map(|&n| n.saturating_sub(1)).collect();
+    let firsts = exclusive_scan(&counts);
+    let points = room::<[f32; 4]>(&context, "points", total);
+    let mut recorder = context.recorder("points").unwrap();
+    LiftPointsStage::new(&context, &lift_points::Spec { workgroup_size: 64 }).unwrap().record(
+        &mut recorder,
+        &lift_points::Buffers {
+            plane: &buffer(&context, "plane", &case.plane),
+            plane_views: &buffer(&context, "plane_views", &case.plane_views),
+            views: &buffer(&context, "views", &case.views),
+            depths: &buffer(&context, "depths", &case.depths),
+            point_counts: &buffer(&context, "point_counts", &fewer),
+            point_firsts: &buffer(&context, "point_firsts", &firsts),
+            points: &points,
+            heaviest: &room(&context, "heaviest", n),
+            taus: &room(&context, "taus", n),
+            point_sets: &room(&context, "point_sets", total),
+            labels: &room(&context, "labels", total),
+        },
+        &lift_points::Push { count: n as u32, stride: case.stride as u32, view_count: case.views.len() as u32 },
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let points = points.download().unwrap();
+    for (&first, &n) in firsts.iter().zip(&counts).filter(|(_, n)| **n > 1) {
+        let set = &points[first as usize..][..n as usize];
+        assert!(set[..n as usize - 1].iter().all(|p| p[3] > 0.0) && set[n as usize - 1] == [0.0; 4]);
+    }
 }

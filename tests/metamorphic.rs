@@ -241,8 +241,6 @@ fn the_shape_of_tiles_changes_nothing() {
 /// the blend takes, whatever the tiles.
 #[test]
 fn needles_from_far_away_have_all_their_tiles() {
-    let gpu = Gpu::new();
-    let lanes = gpu.info().subgroup_size;
     let camera = random_camera(WIDTH, HEIGHT);
     let blobs: Vec<Blob> = (0..120)
         .map(|i| {
@@ -257,12 +255,42 @@ fn needles_from_far_away_have_all_their_tiles() {
             Blob { mean, scale, quat: [q.w, q.x, q.y, q.z].map(|v| v as f32), logit: 1.0, ..Default::default() }
         })
         .collect();
-    let scene = Scene { base: base(&blobs), supplement: None };
+    assert_tiles_hold_every_pixel(&blobs);
+}
+
+/// Discs of 1e6 px whose edges run through the image, where α = 1/255 is known to a pixel at best.
+#[test]
+fn discs_from_far_away_have_all_their_tiles() {
+    let camera = random_camera(WIDTH, HEIGHT);
+    let q = DQuat::from_mat3(&camera.rotation.transpose());
+    let blobs: Vec<Blob> = (0..240)
+        .map(|i| {
+            // Half of them from straight above and below.
+            let angle =
+                if i < 120 { 0.05236 * f64::from(i) + 0.01 } else { (f64::from(i) + 0.5) * std::f64::consts::PI };
+            let logit = 1.0 + 0.02 * i as f32;
+            // How many standard deviations from the middle α is 1/255.
+            let reach = (2.0 * (255.0 / (1.0 + (-f64::from(logit)).exp())).ln()).sqrt();
+            let (x, y) = (f64::from(i * 37 % 96), 0.1 * f64::from(i * 29 % 720));
+            let mean = camera.unproject(x + 1e6 * reach * angle.cos(), y + 1e6 * reach * angle.sin(), 4.0);
+            let scale = [4e6 / camera.fx, 4e6 / camera.fy, 1e-4];
+            Blob { mean, scale, quat: [q.w, q.x, q.y, q.z].map(|v| v as f32), logit, ..Default::default() }
+        })
+        .collect();
+    assert_tiles_hold_every_pixel(&blobs);
+}
+
+/// A pixel that the blend takes and a tile does not list shows beside tiles of another shape.
+fn assert_tiles_hold_every_pixel(blobs: &[Blob]) {
+    let gpu = Gpu::new();
+    let lanes = gpu.info().subgroup_size;
+    let camera = random_camera(WIDTH, HEIGHT);
+    let scene = Scene { base: base(blobs), supplement: None };
     let shots: Vec<Shot> = [(8, 8), (8, 16), (4, 16), (2, 32), (1, 64), (8, 1)]
         .into_iter()
         .filter_map(|(w, h)| TileShape::new(w, h, lanes))
         .map(|tile| {
-            let mut probe = Probe::new(&gpu, 128, &camera, Setup { tile: Some(tile), ..Default::default() });
+            let mut probe = Probe::new(&gpu, 256, &camera, Setup { tile: Some(tile), ..Default::default() });
             probe.shoot(&scene, &camera, &ripples(&camera))
         })
         .collect();

@@ -26,11 +26,12 @@ use glint::{
     stages::{
         self,
         plane_backward::PlaneBackward,
+        plane_draw::PlaneDraw,
         plane_project::PlaneProject,
         plane_prune::PlanePrune,
         plane_tiles::PlaneTiles,
         ssim_forward,
-        types::{Frame, PlaneState},
+        types::{Frame, PlaneState, Quota},
     },
     verify::plane::{SMALL_FRAMES, Scattered, pixels_of},
 };
@@ -253,6 +254,139 @@ fn splats_images_gradients_and_steps_are_the_twins() {
     }
 }
 
+/// A few small 2D Gaussians in two large images: the loss is made where it can change, and nowhere else.
+#[test]
+fn tiles_without_2d_gaussians_near_are_not_listed() {
+    let gpu = Gpu::new();
+    let frame = |image_first, width, height| Frame { image_first, target_first: image_first, width, height };
+    let frames = [frame(0, 403, 301), frame(403 * 301, 280, 333)];
+    let count = 28;
+    let (mut scene, _) = Scattered::new(&frames, 12, count);
+    // One beside an edge of tiles by 4 px, which the window crosses and the ellipse does not; one that is seen by nobody.
+    scene.planes[0][..9].copy_from_slice(&[156.0, 144.0, 0.5, 0.5, 0.5, -3.0, -0.5, -0.5, 0.0]);
+    scene.planes[1][..9].copy_from_slice(&[380.0, 16.0, 0.5, 0.5, 0.5, -9.0, 0.0, 0.0, 0.0]);
+    let tile = Raster::new(
+        &gpu,
+        RasterOptions {
+            splats: count as u32,
+            pixels: 1,
+            tiles: 1,
+            isects: 1,
+            batch: true,
+            background_image: false,
+            median: false,
+            backward: false,
+        },
+    );
+    let raster = tile.unwrap();
+    let frame_list = Buffer::from_slice(&gpu, "frames", &frames).unwrap();
+    let plane_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
+    let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);
+    let spec = stages::plane_project::Spec { workgroup_size: WORKGROUP, tile_width, tile_height };
+    // 13 × 10 tiles of the loss and 9 × 11.
+    let per_frame = 130;
+    let words = |len: usize| Buffer::<u32>::zeroed(&gpu, "words", len).unwrap();
+    let (tile_marks, tile_count, lists) =
+        (words(4 * per_frame), words(2), [words(2 * per_frame), words(2 * per_frame)]);
+    let mut recorder = gpu.recorder("tiles").unwrap();
+    PlaneProject::new(&gpu, &spec).unwrap().record(
+        &mut recorder,
+        &stages::plane_project::Buffers {
+            frames: &frame_list,
+            plane_frames: &plane_frames,
+            plane_states: &Buffer::from_slice(&gpu, "states", &[PlaneState { count: 0, stepping: 1 }; 2]).unwrap(),
+            depths: &Buffer::from_slice(&gpu, "depths", &scene.depths).unwrap(),
+            plane: &Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap(),
+            splats: &raster.splats,
+            depth_keys: &raster.depth_keys,
+            tile_counts: &raster.tile_counts,
+        },
+        &stages::plane_project::Push { count: count as u32, stride: count as u32 },
+    );
+    PlaneTiles::new(&gpu, WORKGROUP).unwrap().record(
+        &mut recorder,
+        &stages::plane_tiles::Buffers {
+            frames: &frame_list,
+            plane_frames: &plane_frames,
+            tile_counts: &raster.tile_counts,
+            splats: &raster.splats,
+            tile_marks: &tile_marks,
+            count: &tile_count,
+            forward_tiles: &lists[0],
+            backward_tiles: &lists[1],
+        },
+        &stages::plane_tiles::Push { slots: count as u32, tiles_per_frame: per_frame as u32 },
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let counts = tile_count.download().unwrap();
+    let options = Options { tile_width, tile_height, ..Default::default() };
+    let depths: Vec<f64> = scene.depths.iter().map(|&z| f64::from(z)).collect();
+    let mut listed = [0, 0];
+    for ((which, list), halo) in lists.iter().enumerate().zip([WINDOW_RADIUS, 0.0]) {
+        let mut all = list.download_range(0, counts[which] as usize).unwrap();
+        all.sort_unstable();
+        for (f, &Frame { width, height, .. }) in frames.iter().enumerate() {
+            let (mut planes, _) = scene.of_frame(f as u32);
+            let p = plane_project(&mut planes, pixels_of(&depths, &frames[f]), width, height, &options);
+            let twin = |halo| plane_tiles(&p.splats, &p.tile_counts, width, height, ssim_forward::TILE, halo);
+            let first = (f * per_frame) as u32;
+            let own = first..first + per_frame as u32;
+            let got: Vec<u32> = all.iter().filter(|t| own.contains(t)).map(|t| t - first).collect();
+            assert!(got.is_sorted_by(|a, b| a < b), "a tile twice: {got:?}");
+            assert!(twin(halo).iter().all(|t| got.contains(t)), "{got:?}");
+            assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
+            // Nothing is within a hundredth of a pixel of another tile, so the twin's list is the only one.
+            assert_eq!(twin(halo), twin(halo + 0.01));
+            listed[which] += got.len();
+        }
+    }
+    println!("{listed:?} tiles of {}", 13 * 10 + 9 * 11);
+    assert!(listed[1] > 20 && listed[1] < listed[0] && listed[0] < 180);
+}
+
+/// A draw into 20 empty slots of a view of 64 × 48 pixels; which pixels were drawn.
+fn drawn(gpu: &Gpu, loss: &[f32], overflow: u32) -> Vec<usize> {
+    let frame = Frame { image_first: 0, target_first: 0, width: 64, height: 48 };
+    let slots = 20u32;
+    let words = |name: &str, len: usize| Buffer::<u32>::zeroed(gpu, name, len).unwrap();
+    let floats = |name: &str, len: usize| Buffer::<f32>::zeroed(gpu, name, len).unwrap();
+    let plane_frames = Buffer::from_slice(gpu, "plane frames", &[NONE; 20]).unwrap();
+    let plane = floats("plane", 10 * 20);
+    let mut recorder = gpu.recorder("draw").unwrap();
+    PlaneDraw::new(gpu, &stages::plane_draw::Spec { workgroup_size: 256 }).unwrap().record(
+        &mut recorder,
+        &stages::plane_draw::Buffers {
+            status: &Buffer::from_slice(gpu, "status", &[overflow, 0]).unwrap(),
+            frames: &Buffer::from_slice(gpu, "frames", &[frame]).unwrap(),
+            quotas: &Buffer::from_slice(gpu, "quotas", &[Quota { view: 0, first: 0, budget: slots }]).unwrap(),
+            loss_map: &Buffer::from_slice(gpu, "loss map", loss).unwrap(),
+            image: &Buffer::<[f32; 4]>::zeroed(gpu, "image", loss.len()).unwrap(),
+            drawn_pixels: &words("drawn", 20),
+            plane_states: &Buffer::<PlaneState>::zeroed(gpu, "states", 1).unwrap(),
+            plane_frames: &plane_frames,
+            plane: &plane,
+            plane_ages: &words("ages", 20),
+            plane_moments: &floats("moments", 18 * 20),
+        },
+        &stages::plane_draw::Push { frame_count: 1, stride: slots, round: 1, seed: 1 },
+    );
+    recorder.submit().unwrap().wait().unwrap();
+    let (taken, plane) = (plane_frames.download().unwrap(), plane.download().unwrap());
+    (0..20).filter(|&i| taken[i] == 0).map(|i| plane[20 + i] as usize * 64 + plane[i] as usize).collect()
+}
+
+#[test]
+fn pixels_without_a_usable_loss_are_never_drawn() {
+    let gpu = Gpu::new();
+    let bad = [0.0, -0.5, 1e-19, 1e-30, 1e19, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+    let mut loss: Vec<f32> = (0..64 * 48).map(|p| bad[p % bad.len()]).collect();
+    assert!(drawn(&gpu, &loss, 0).is_empty());
+    for p in [700, 2000] {
+        loss[p] = 0.25;
+    }
+    assert_eq!(drawn(&gpu, &loss, 0), [700, 2000]);
+}
+
 #[test]
 fn waiting_views_and_overflow_leave_everything_alone() {
     let gpu = Gpu::new();
@@ -278,6 +412,8 @@ fn waiting_views_and_overflow_leave_everything_alone() {
         recorder.submit().unwrap().wait().unwrap();
         assert_eq!(plane_frames.download().unwrap(), scene.frames);
     }
+    let loss = vec![0.5; 64 * 48];
+    assert_eq!((drawn(&gpu, &loss, 0).len(), drawn(&gpu, &loss, 1).len()), (4, 0));
 }
 
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.

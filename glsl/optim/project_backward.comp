@@ -239,7 +239,7 @@ void main() {
             vec3 along = e.scale * (view.row_z.xyz * e.axes);
             float a1 = dot(along, k1), a2 = dot(along, k2);
             vec2 d_t = vec2(l11 * a1, l12 * a1 + l22 * a2);
-            if (COMPENSATE && e.det0 > 0.0) {
+            if (COMPENSATE) {
                 // ln compensation = ln(det0 / det) / 2; det0 = |n|^2, n = cof(S) R^T (jw1 x jw2). 1/det0 - 1/det is
                 // (det - det0) / (det0 det), whose first difference is the dilation's part of det.
                 float gain = d_opacity * opacity * factor * compensation / e.det;

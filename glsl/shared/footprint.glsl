@@ -38,7 +38,7 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     f.l12 = -s.y / sqrt(c * whole);
     f.l22 = inversesqrt(c);
     f.opacity = sqrt(v.x * v.y / whole) / (1.0 + exp(-logit));
-    if (!(f.opacity >= ALPHA_MIN) || !(whole <= FLOAT_MAX) || !(max(abs(centre.x), abs(centre.y)) <= 1e9)) return f;
+    if (!(f.opacity >= ALPHA_MIN) || !(max(abs(centre.x), abs(centre.y)) <= 1e9)) return f;
     // α ≥ 1/255 ⇔ |Lδ|² ≤ 2 ln(255·opacity): an ellipse with these half extents. floor and ceil leave the slack for rounding.
     vec2 reach = sqrt(2.0 * log(255.0 * f.opacity) * vec2(a, c));
     if (!(max(reach.x, reach.y) <= 1e9)) return f;

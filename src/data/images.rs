@@ -354,6 +354,19 @@ mod tests {
         }
     }
 
+    #[test]
+    fn more_pixels_than_the_bytes_can_hold_are_refused() {
+        let mut png = Cursor::new(Vec::new());
+        image::RgbImage::new(9, 7).write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let mut bytes = png.into_inner();
+        bytes[16..20].copy_from_slice(&8000u32.to_be_bytes());
+        bytes[20..24].copy_from_slice(&8000u32.to_be_bytes());
+        let checksum = crc(&bytes[12..29]).to_be_bytes();
+        bytes[29..33].copy_from_slice(&checksum);
+        let refused = check(&bytes, Path::new("a.png")).unwrap_err().to_string();
+        assert!(refused.contains("bytes can hold"), "{refused}");
+    }
+
     fn crc(bytes: &[u8]) -> u32 {
         !bytes.iter().fold(!0u32, |crc, &byte| {
             (0..8).fold(crc ^ byte as u32, |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 })

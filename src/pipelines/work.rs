@@ -167,3 +167,21 @@ fn read_lifts(path: &Path) -> Result<Vec<Lift>> {
         })
         .collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lifts_that_are_no_numbers_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let work = WorkDir::open(folder.path(), "{}", vec!["a".into()]).unwrap();
+        let lift = Lift { mean: [1.0; 3], quat: [1.0, 0.0, 0.0, 0.0], cluster_size: 4, ..Default::default() };
+        let file = folder.path().join("a.lifted.safetensors");
+        write_lifts(&file, &[(lift, 0.5)]).unwrap();
+        assert_eq!(work.resume(0..1).unwrap().unwrap(), [lift]);
+        write_lifts(&file, &[(lift, 0.5), (Lift { dc: [0.0, f32::NAN, 0.0], ..lift }, 0.5)]).unwrap();
+        let refused = work.resume(0..1).unwrap_err().to_string();
+        assert!(refused.contains("a.lifted.safetensors") && refused.contains("`dc`"), "{refused}");
+    }
+}

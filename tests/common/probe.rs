@@ -30,6 +30,8 @@ pub const RATES: [f32; 9] = [1e-4, 5e-3, 1e-3, 2.5e-2, 2.5e-3, 1.25e-4, 1.5e-3, 
 pub struct Setup {
     pub compensate: bool,
     pub degree: u32,
+    /// Steps of the opacity alone; then `gradients` means nothing.
+    pub opacity_only: bool,
     pub tile: Option<TileShape>,
     pub origin: DVec3,
     pub reduction: Reduction,
@@ -75,14 +77,14 @@ impl<'a> Probe<'a> {
     /// For up to `gaussians` Gaussians and images up to the size of `largest`.
     pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
         let views = Views::upload(gpu, &[*largest], &[]).unwrap();
-        let Setup { compensate, tile, reduction, .. } = setup;
+        let Setup { compensate, opacity_only, tile, reduction, .. } = setup;
         let render = RenderOptions { compensate, depth: true, backward: true, tile, reduction, ..Default::default() };
         let stage = |lobes, gradients| {
             let spec = project_backward::Spec {
                 workgroup_size: WORKGROUP,
                 compensate,
                 lobes,
-                opacity_only: false,
+                opacity_only,
                 sparse: false,
                 gradients,
             };
