@@ -276,6 +276,7 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
             background_image: false,
             median: false,
             backward: false,
+            reduction: Reduction::Auto,
         },
     );
     let raster = tile.unwrap();
