@@ -636,7 +636,9 @@ fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
     let scene = Scene { base, supplement: None };
     let views = Views::upload(&gpu, &[camera], &[]).unwrap();
     // 11 planes of 4.2 million floats are 185 MB: beyond a device with the least buffer that Vulkan allows, which says so.
-    match Model::upload(&gpu, &scene, 0) {
+    let model = Model::upload(&gpu, &scene, 0);
+    assert_eq!(model.is_err(), 11 * 4 * count as u64 > gpu.info().max_storage_bytes);
+    match model {
         Ok(model) => {
             let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
             let image = renderer.render(&model, &views, 0, BACKGROUND).unwrap();
