@@ -1478,8 +1478,8 @@ fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
     }
 }
 
-/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an error, not
-/// the image of 1.1e8, nor a loop that never has room enough. Larger tiles need more than the 4 GiB that a buffer can be bound with, too.
+/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an
+/// error, not the image of 1.1e8, nor a loop that never has room enough. Larger tiles too need more than the 4 GiB that can be bound.
 #[test]
 fn more_intersections_than_can_be_counted_are_an_error() {
     let gpu = Gpu::new();

@@ -75,8 +75,8 @@ struct Guard<'a> {
     edits: Vec<(&'a str, Vec<&'a str>)>,
 }
 
-/// `tools/guards` takes each guard away and runs its test. This holds that there is something to take away, a test to run, and a guard or
-/// a reason for every row of docs/extremes.md.
+/// `tools/guards` takes each guard away and runs its test. This holds that there is something to take away, a test to run, and a
+/// guard or a reason for every row of docs/extremes.md.
 #[test]
 fn every_extreme_has_its_guards_and_every_guard_its_test() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

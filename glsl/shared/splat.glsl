@@ -16,8 +16,9 @@ const float T_MIN = 1e-4;            // transmittance at which a pixel is finish
 // The ellipse |w|^2 <= t with t = 2 ln(255 opacity) is what alpha >= 1/255 means. Over the band of pixel centres of the row
 // its right end is at dy = -l12 sqrt(t) / (l22 sqrt(l12^2 + l22^2)), its left end at minus that, each moved to the band where
 // it lies outside. `t` is wider than exact by 1e-4 (1 + t) and the span by 1e-3 px: over ten times the rounding of float32 on
-// t <= 11 and on coordinates up to 2^13, in x also by 16 roundings of how far off its centre and its ends lie; so a tile may be listed
-// in vain but is never left out. In y the wider t is enough: 5e-5 of the half height, and what is in view is not much farther off.
+// t <= 11 and on coordinates up to 2^13, in x also by 16 roundings of how far off its centre and its ends lie; so a tile may
+// be listed in vain but is never left out. In y the wider t is enough: 5e-5 of the half height, and what is in view is not much
+// farther off.
 const float SPAN_PAD = 1e-3, SPAN_PAD_RELATIVE = 1.0 / 1048576.0;
 
 ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
