@@ -121,7 +121,10 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
         // A test of the library is named with its modules, of which the last is `tests`.
         let (path, function) = match (*file, function.split_once("::tests::")) {
             ("lib", Some((module, function))) => (format!("src/{}.rs", module.replace("::", "/")), function),
-            (file, _) => (format!("tests/{file}.rs"), *function),
+            (file, _) => match function.split_once("::") {
+                Some((module, function)) => (format!("tests/{file}/{module}.rs"), function),
+                None => (format!("tests/{file}.rs"), *function),
+            },
         };
         let test = format!("fn {function}()");
         assert!(read(&path).lines().any(|line| line.trim_start().starts_with(&test)), "[{name}]: no {test} in {path}");

@@ -69,7 +69,7 @@ fn float_atomics_give_the_twins_gradients() {
 
 /// Eight Gaussians, each with the same term from all of 129,600 tiles. One after the other, n such terms lose up to half a unit
 /// in the last place of the sum each: n · 2⁻²⁵ of it, 4e-3. Deterministic sums, in parts and compensated, have 5e-6
-/// (`tests/extremes.rs`).
+/// (`tests/extremes/`).
 #[test]
 fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
     let gpu = Gpu::new();
@@ -125,7 +125,7 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
     }
 }
 
-/// What is not a number is in no pixel, so it adds to no sum; that of `tests/extremes.rs` to the bit is for fixed orders only.
+/// What is not a number is in no pixel, so it adds to no sum; that of `tests/extremes/` to the bit is for fixed orders only.
 #[test]
 fn float_atomics_keep_what_is_not_a_number_apart() {
     let gpu = Gpu::new();

@@ -1,0 +1,298 @@
+//! How many there are, in which order, and in how large an image.
+
+use glam::DVec3;
+use glint::{
+    gpu::Buffer,
+    pipelines::{
+        model::Model,
+        raster::{Reduction, WORKGROUP},
+        render::Renderer,
+        train::{BaseOptions, train_base},
+        views::Views,
+    },
+    scene::{Camera, Scene},
+    stages::{
+        emit::{self, Emit},
+        types::{Frame, Splat},
+    },
+};
+
+use super::{
+    HEIGHT, WIDTH, assert_background, check, cloud,
+    common::Gpu,
+    company,
+    probe::{BACKGROUND, Probe, Setup, camera_at, scene},
+    scattered, usual,
+};
+
+#[test]
+fn counts_about_the_sizes_of_workgroups_and_blocks() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 2049, &camera, Setup::default());
+    for count in [0, 1, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 1023, 1024, 1025, 2049] {
+        let scene = cloud(&camera, count, -1.0, scattered);
+        let shot = check(&mut probe, &camera, &scene, &format!("{count} Gaussians"), 1e-4, 1e-5, 1e-4);
+        if count == 0 {
+            assert_background(&shot);
+        }
+    }
+}
+
+#[test]
+fn an_empty_view_is_the_background_and_not_the_last_image() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let back = Camera { rotation: glam::DMat3::from_rotation_y(std::f64::consts::PI) * camera.rotation, ..camera };
+    let back = Camera { translation: -(back.rotation * camera.eye()), ..back };
+    let scene = scene(&company(&camera));
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let zeros = vec![[0.0; 3]; camera.pixels() as usize];
+    let seen = probe.shoot(&scene, &camera, &zeros);
+    assert!(seen.image.iter().any(|p| p[3] < 0.9) && seen.depth.iter().any(|&z| z > 0.0));
+    let empty = probe.shoot(&scene, &back, &zeros);
+    assert_background(&empty);
+    assert!(empty.depth.iter().all(|&z| z == 0.0) && empty.tile_counts == [0, 0]);
+    assert_eq!(probe.shoot(&scene, &camera, &zeros).bits(), seen.bits());
+}
+
+/// 4.3 million Gaussians are more workgroups of 64 than a dimension of a dispatch has.
+#[test]
+fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..camera_at(DVec3::ZERO, 16, 16) };
+    let seen = [0usize, 4_194_239, 4_194_240, 4_194_241, 4_199_999];
+    let count = 4_200_000;
+    // Only the geometry is large; one plane of zeros is what most of them are: at the camera, hence not seen.
+    let mut base = glint::scene::Gaussians { sh_degree: 0, ..Default::default() };
+    base.means = vec![[0.0; 3]; count];
+    base.log_scales = vec![[-3.0; 3]; count];
+    base.quats = vec![[1.0, 0.0, 0.0, 0.0]; count];
+    base.opacities = vec![0.0; count];
+    base.sh = vec![[0.0; 3]; count];
+    for (k, &i) in seen.iter().enumerate() {
+        base.means[i] = camera.unproject(2.5 + 3.0 * k as f64, 8.5, 2.0).as_vec3().to_array();
+    }
+    let scene = Scene { base, supplement: None };
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    // 11 planes of 4.2 million floats are 185 MB: beyond a device with the least buffer that Vulkan allows, which says so.
+    let model = Model::upload(&gpu, &scene, 0);
+    assert_eq!(model.is_err(), 11 * 4 * count as u64 > gpu.info().max_storage_bytes);
+    match model {
+        Ok(model) => {
+            let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
+            let image = renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+            for (k, i) in seen.iter().enumerate() {
+                let t = image.transmittance[8 * 16 + 2 + 3 * k];
+                assert!(t < 0.6, "Gaussian {i} is missing: {t}");
+            }
+        }
+        Err(error) => assert!(matches!(error, glint::gpu::GpuError::BufferTooLarge { .. }), "{error}"),
+    }
+}
+
+#[test]
+fn ten_thousand_at_one_depth_are_drawn_in_the_order_of_their_indices() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
+    let mut probe = Probe::new(&gpu, 10_000, &camera, Setup::default());
+    let mut scene = cloud(&camera, 10_000, -3.0, |i| {
+        let (x, y, _, px) = scattered(i);
+        (x, y, 4.0, px)
+    });
+    scene.base.means.iter_mut().for_each(|m| m[2] = 4.0);
+    // The twin orders equal depths by index; its margins for order are 0 everywhere, so all else is asked of it here.
+    let twin = probe.twin(&scene, &camera, 1e-4);
+    let zeros = vec![[0.0; 3]; camera.pixels() as usize];
+    let shot = probe.shoot(&scene, &camera, &zeros);
+    let mut off = 0;
+    for (p, want) in twin.rendered.blended.image.iter().enumerate() {
+        let difference = (0..4).map(|c| (f64::from(shot.image[p][c]) - want[c]).abs()).fold(0.0, f64::max);
+        // An α met at 1/255 changes a pixel by at most that much.
+        assert!(difference < 1.1 / 255.0, "pixel {p} is off by {difference}");
+        off += u32::from(difference > 1e-4);
+    }
+    assert!(off < camera.pixels() / 100, "{off} pixels");
+    for _ in 0..3 {
+        assert_eq!(probe.shoot(&scene, &camera, &zeros).bits(), shot.bits());
+    }
+}
+
+#[test]
+fn five_thousand_deep_on_one_pixel() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 8, 8);
+    let mut probe = Probe::new(&gpu, 5000, &camera, Setup::default());
+    // Opacity 0.0055: the last is still seen through all others, T = 0.9945^3000 or so.
+    for (logit, what) in [(-5.2f32, "5,000 thin layers"), (-1.0, "5,000 layers")] {
+        let scene =
+            cloud(&camera, 5000, logit, |i| (4.1, 3.9, 1.0 + 0.01 * ((i * 2741) % 5000) as f64, 2.0 + (i % 7) as f64));
+        // Pixels with thousands of Gaussians are all near some threshold; a hundredth of the usual margin leaves most of them.
+        check(&mut probe, &camera, &scene, what, 1e-6, 1e-4, 1e-3);
+    }
+}
+
+#[test]
+fn one_tile_receives_every_gaussian() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 40_000, &camera, Setup::default());
+    // 40,000 splats narrower than a tile, all in one of 63: each pixel has its own few thousand.
+    let scene = cloud(&camera, 40_000, -5.0, |i| {
+        let (x, y, z, _) = scattered(i);
+        (32.0 + 8.0 * x / f64::from(WIDTH), 24.0 + 8.0 * y / f64::from(HEIGHT), z + 1e-4 * i as f64, 0.3)
+    });
+    check(&mut probe, &camera, &scene, "40,000 in one tile", 1e-6, 1e-4, 1e-3);
+}
+
+#[test]
+fn images_of_1_by_1_and_17_by_3_and_4097_by_5() {
+    let gpu = Gpu::new();
+    for (width, height) in [(1, 1), (17, 3), (4097, 5), (5, 4097)] {
+        let camera = camera_at(DVec3::new(0.1, 0.2, -0.3), width, height);
+        let mut probe = Probe::new(&gpu, 256, &camera, Setup::default());
+        let scene = cloud(&camera, 256, 0.5, |i| {
+            let (x, y, z, px) = scattered(i);
+            (x / f64::from(WIDTH) * f64::from(width), y / f64::from(HEIGHT) * f64::from(height), z, px * 3.0)
+        });
+        check(&mut probe, &camera, &scene, &format!("{width} × {height}"), 1e-4, 1e-4, 1e-4);
+    }
+}
+
+/// Eight Gaussians that fill an image of 3840 × 2160: 1,036,800 intersections, 129,600 of each. llvmpipe ends loops after 65,535
+/// iterations: emission, and the sums over a Gaussian's slots, must make fewer.
+#[test]
+fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    // Wider than the image by so much that each has one α everywhere.
+    let scene = cloud(&camera, 8, -2.0, |i| (1920.0, 1080.0, 3.0 + i as f64, 3e6));
+    let ones = vec![[1.0, 0.5, 0.25]; camera.pixels() as usize];
+    let shot = probe.shoot(&scene, &camera, &ones);
+    let alpha = 1.0 / (1.0 + 2f64.exp());
+    for (p, pixel) in shot.image.iter().enumerate() {
+        assert!((f64::from(pixel[3]) - (1.0 - alpha).powi(8)).abs() < 1e-6, "pixel {p}: {pixel:?}");
+    }
+    let pixels = f64::from(camera.pixels());
+    for i in 0..8 {
+        // ∂/∂DC = SH_C0 Σ α T ∂loss/∂rgb.
+        let red = 0.28209479177387814 * alpha * (1.0 - alpha).powi(i as i32) * pixels;
+        for (c, share) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+            let got = shot.gradients.sh[c * 8 + i];
+            assert!(
+                (got / (red * share) - 1.0).abs() < 5e-6,
+                "Gaussian {i}, channel {c}: {got}, wanted {}",
+                red * share
+            );
+        }
+    }
+}
+
+/// `dispatch_args` has told the host by then; what lies behind the buffers' room must stay what it is until they have grown.
+#[test]
+fn what_does_not_fit_is_not_emitted() {
+    let gpu = Gpu::new();
+    let frame = Frame { image_first: 0, target_first: 0, width: 256, height: 256 };
+    // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
+    let splat = |l: f32| Splat { x: 128.0, y: 128.0, l11: l, l22: l, opacity: 0.5, z: 1.0, ..Default::default() };
+    let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
+    let emit = Emit::new(&gpu, &emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false });
+    let emit = emit.unwrap();
+    for capacity in [2, 500] {
+        let [tiles, globals] = ["isect tiles", "global from slot"].map(|name| words(name, &[7777; 2000]));
+        let mut recorder = gpu.recorder("emit").unwrap();
+        emit.record(
+            &mut recorder,
+            &emit::Buffers {
+                frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
+                count: &words("count", &[2]),
+                global_from_rank: &words("ranks", &[0, 1]),
+                rank_first_slot: &words("first slots by rank", &[0, 100]),
+                splats: &Buffer::from_slice(&gpu, "splats", &[splat(0.5), splat(1e-6)]).unwrap(),
+                splat_frames: &words("splat frames", &[0, 0]),
+                isect_tiles: &tiles,
+                global_from_slot: &globals,
+                first_slot: &words("first slots", &[0, 0]),
+            },
+            &emit::Push { frame_first: 0, tiles_x: 32, tiles_per_frame: 1024, capacity, count_index: 0 },
+            &words("args", &[1, 1, 1]),
+            0,
+        );
+        recorder.submit().unwrap().wait().unwrap();
+        let (tiles, globals) = (tiles.download().unwrap(), globals.download().unwrap());
+        let room = capacity as usize;
+        assert!(tiles[room..].iter().chain(&globals[room..]).all(|&word| word == 7777), "{capacity}");
+        let small = globals.iter().take_while(|&&g| g == 0).count();
+        assert!(if room < 100 { small == room } else { small > 3 && globals[100..room].iter().all(|&g| g == 1) });
+    }
+}
+
+/// 60 Gaussians that fill an image, more intersections than a trainer of so few has room for at first; and the same with so many
+/// unseen ones that there is room from the start.
+#[test]
+fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
+    // The second sees them as points, so that some steps fit and others do not.
+    let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
+    let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
+    let filling = cloud(&camera, 60, -2.0, |i| (256.0 + i as f64, 192.0, 3.0 + 0.1 * i as f64, 1000.0));
+    let mut roomy = filling.clone();
+    // Behind both cameras.
+    let (unseen, behind) = (100_000, camera.unproject(256.0, 192.0, -1e4).as_vec3().to_array());
+    roomy.base.means.extend(vec![behind; unseen]);
+    roomy.base.log_scales.extend(vec![[-3.0; 3]; unseen]);
+    roomy.base.quats.extend(vec![[1.0, 0.0, 0.0, 0.0]; unseen]);
+    roomy.base.opacities.extend(vec![0.0; unseen]);
+    roomy.base.sh.extend(vec![[0.0; 3]; unseen]);
+    let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    let views = Views::upload(&gpu, &[camera, far], &images).unwrap();
+    let trained = [&filling, &roomy].map(|scene| {
+        let model = Model::upload(&gpu, scene, 0).unwrap();
+        let options = BaseOptions { iterations: 8, sh_degree: 0, seed: 7, extent: 2.0, reduction: Reduction::Auto };
+        let report = train_base(&gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
+        let base = model.download().unwrap().base;
+        let kept = (base.means[..60].to_vec(), base.quats[..60].to_vec(), base.sh[..60].to_vec());
+        (report.steps.grown, report.losses, kept, base.opacities[..60].to_vec(), base.log_scales[..60].to_vec())
+    });
+    assert_eq!((trained[0].0, trained[1].0), (1, 0));
+    assert!(trained[0].1 == trained[1].1 && trained[0].2 == trained[1].2);
+    assert!(trained[0].3 == trained[1].3 && trained[0].4 == trained[1].4);
+    assert!(trained[0].3 != filling.base.opacities);
+}
+
+/// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in
+/// buffers that every device has, and 65 times as many as there was room for at first.
+#[test]
+fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let scene = cloud(&camera, 33, -3.0, |i| (1920.0, 1080.0, 3.0 + i as f64, 3e6));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, 33, &views, Default::default()).unwrap();
+    let image = renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+    let isects: u32 = renderer.raster.tile_counts.download().unwrap().iter().sum();
+    let fill = f64::from(isects) / f64::from(renderer.raster.grid(0, 1, 3840, 2160).tiles());
+    assert!(fill == 33.0 && renderer.raster.capacity() >= isects);
+    let want = (1.0 - 1.0 / (1.0 + 3f64.exp())).powi(33);
+    for (p, &t) in image.transmittance.iter().enumerate() {
+        assert!((f64::from(t) - want).abs() < 1e-5, "pixel {p}: {t}, wanted {want}");
+    }
+}
+
+/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an
+/// error, not the image of 1.1e8, nor a loop that never has room enough. Larger tiles too need more than the 4 GiB that can be bound.
+#[test]
+fn more_intersections_than_can_be_counted_are_an_error() {
+    let gpu = Gpu::new();
+    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let count = 34_000;
+    let scene = cloud(&camera, count, -3.0, |i| (1920.0, 1080.0, 3.0 + 1e-3 * i as f64, 3e6));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, count as u32, &views, Default::default()).unwrap();
+    let error = renderer.render(&model, &views, 0, BACKGROUND).unwrap_err();
+    assert!(matches!(error, glint::Error::Gpu(glint::gpu::GpuError::BufferTooLarge { .. })), "{error}");
+}

@@ -1,0 +1,271 @@
+//! Rotations, opacities, colours and lobes at the ends of their ranges.
+
+use glam::DVec3;
+use glint::{reference::random_scene, scene::Camera};
+
+use super::{
+    check,
+    common::Gpu,
+    company,
+    probe::{Blob, Probe, RATES, Setup, distance, ripple, scene, with_lobes},
+    usual,
+};
+
+#[test]
+fn quaternions_of_any_length() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
+    let unit = {
+        let n = blob.quat.iter().map(|q| q * q).sum::<f32>().sqrt();
+        Blob { quat: blob.quat.map(|q| q / n), ..blob }
+    };
+    let twin = probe.twin(&scene(&[near, unit, far]), &camera, 1e-4);
+    let want = probe.shoot(&scene(&[near, unit, far]), &camera, &twin.image_grad);
+    for length in [1e-36f32, 1e-30, 1e-20, 1e-10, 1e-3, 1.0, 1e3, 1e10, 1e19, 1e30, 1e37] {
+        let stretched = Blob { quat: unit.quat.map(|q| q * length), ..unit };
+        let before = scene(&[near, stretched, far]);
+        let shot = probe.shoot(&before, &camera, &twin.image_grad);
+        // The same rotation up to a rounding of each component.
+        for (a, b) in shot.image.iter().flatten().zip(want.image.iter().flatten()) {
+            assert!((a - b).abs() < 1e-5, "length {length}: {a} {b}");
+        }
+        assert!(shot.stepped.base.quats.iter().flatten().all(|q| q.is_finite()));
+        // A step turns it no further than a unit quaternion's: 2 · √4 · rate, whatever its length.
+        let norm = |q: [f32; 4]| q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+        let (old, new) = (unit.quat, shot.stepped.base.quats[1]);
+        let cosine =
+            old.iter().zip(&new).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum::<f64>() / (norm(old) * norm(new));
+        let turn = 2.0 * cosine.min(1.0).acos();
+        println!("quaternion of length {length:e}: turned by {turn:.1e}, now of length {:.1e}", norm(new));
+        let shortest = f64::from(length).clamp(0.01, 1.0);
+        assert!(
+            turn <= 4.1 * f64::from(RATES[2]) / if length < 0.01 { 1.0 } else { shortest },
+            "length {length}: turned by {turn}"
+        );
+        // And turns it at all.
+        assert!(turn > 1e-6 || (1.0..=100.0).contains(&length) && turn > 1e-8, "length {length}: turned by {turn}");
+    }
+    for quat in [[0.0; 4], [1e-40, 0.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0, 0.0]] {
+        let shot = probe.shoot(&scene(&[near, far, Blob { quat, ..unit }]), &camera, &twin.image_grad);
+        assert_eq!(shot.tile_counts[2], 0, "{quat:?}");
+        assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "{quat:?}");
+    }
+}
+
+#[test]
+fn logits_to_100_either_way() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    for logit in [-100.0f32, -20.0, -5.6, 5.0, 10.0, 16.0, 18.0, 20.0, 25.0, 30.0, 60.0, 88.0, 89.0, 100.0] {
+        let blob =
+            Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
+        // Only this one's gradient: beside the others' it would be nothing.
+        let alone = scene(&[blob]);
+        let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
+        let gradient = shot.gradients.geometry[10];
+        if (5.0..=80.0).contains(&logit) {
+            assert!(gradient != 0.0, "logit {logit} has no gradient");
+        }
+        // Adam forgets the size of a gradient above 1e-15, so that an opacity of 1 − 2e-9 learns like any other.
+        let moved = (shot.stepped.base.opacities[0] - logit).abs();
+        if (5.0..=25.0).contains(&logit) {
+            assert!(moved > 0.9 * RATES[3], "logit {logit} moved by {moved}");
+        }
+        check(&mut probe, &camera, &scene(&[near, blob, far]), &format!("logit {logit} in company"), 1e-4, 1e-5, 1e-4);
+    }
+}
+
+/// A Gaussian much wider than the image has one α: on both sides of each threshold by the smallest step of the logit that shows.
+#[test]
+fn alpha_at_its_two_thresholds() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let logit = |alpha: f64| (alpha / (1.0 - alpha)).ln() as f32;
+    for (threshold, what) in [(1.0 / 255.0, "1/255"), (0.99, "0.99")] {
+        let mut states = std::collections::BTreeSet::new();
+        for k in -12..=12 {
+            // One float32 step of the logit is 5e-7: α changes by 2e-9 at 1/255, 5e-9 at 0.99: below a step of α itself.
+            let blob = Blob {
+                mean: camera.unproject(36.5, 28.5, 4.0),
+                scale: [1e5; 3],
+                logit: logit(threshold) + k as f32 * 1e-6,
+                ..Default::default()
+            };
+            let shot = probe.shoot(&scene(&[blob]), &camera, &image_grad);
+            let t = shot.image[0][3];
+            // α may differ from pixel to pixel by the roundings of exp(−1e-9); the rule may not.
+            for pixel in &shot.image {
+                let alpha = 1.0 - f64::from(pixel[3]);
+                let taken = alpha >= 1.0 / 255.0 - 1e-7;
+                assert!(pixel[3] == 1.0 || taken, "{what}: α {alpha}");
+                assert!(alpha <= 0.99 + 1e-7);
+            }
+            assert!(shot.is_finite());
+            let learns = shot.gradients.geometry[10] != 0.0;
+            states.insert((t == 1.0, learns));
+        }
+        // Both sides were met: not taken and taken; taken, and taken without a gradient of its opacity.
+        let sides = if threshold < 0.5 { [(false, true), (true, false)] } else { [(false, false), (false, true)] };
+        assert_eq!(states.into_iter().collect::<Vec<_>>(), sides, "{what}");
+    }
+}
+
+#[test]
+fn sh_coefficients_of_1e4() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 64, &camera, Setup { degree: 3, ..Default::default() });
+    for factor in [1e2f32, 1e4, -1e4] {
+        let mut random = random_scene(5, 40, 12, 3);
+        random
+            .base
+            .sh
+            .iter_mut()
+            .chain(&mut random.supplement.as_mut().unwrap().gaussians.sh)
+            .flatten()
+            .for_each(|c| *c *= factor);
+        // Colours are sums of 16 terms of up to 1e4: what is left of 1 has 1e-3 of rounding, relative to the largest 1e-6. A
+        // gradient of the direction through them is a difference of such terms.
+        check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
+    }
+}
+
+#[test]
+fn lobes_at_the_ends_of_their_ranges() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let company = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob =
+        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let v = (camera.eye() - blob.mean).normalize();
+    let across = v.any_orthonormal_vector();
+    let at = |theta: f64, length: f64| ((v * theta.cos() + across * theta.sin()) * length).as_vec3().to_array();
+    let pi = std::f64::consts::PI;
+    // (direction, T, β, seen, bound of the gradients)
+    let mut cases = Vec::new();
+    for width in [0.01f64, 0.1, 1.0] {
+        let t = f64::from(width as f32);
+        for sharpness in [-20.0f32, -2.0, 0.0, 8.0, 20.0] {
+            // On the axis all is flat but β's own part. Off it: half of what it takes to halve the factor, or half of T.
+            let half = (2.0 * (0.5f64.ln() / (2.0 * f64::from(sharpness).exp())).exp().acos() * t).min(0.5 * t * pi);
+            let bound = if sharpness > 10.0 || (sharpness > 5.0 && width < 0.05) {
+                f64::INFINITY
+            } else if width < 0.05 {
+                1e-2
+            } else {
+                1e-3
+            };
+            cases.push((at(0.5 * half, 1.0), width as f32, sharpness, None, bound));
+            cases.push((
+                at(0.0, 1.0),
+                width as f32,
+                sharpness,
+                if sharpness > 10.0 { None } else { Some(true) },
+                f64::INFINITY,
+            ));
+            if width > 0.05 {
+                cases.push((at(0.1 * half, 1.0), width as f32, sharpness, Some(true), bound));
+            }
+            if width < 1.0 {
+                cases.push((at(pi * t * 1.0001, 1.0), width as f32, sharpness, Some(false), 0.0));
+            }
+            // The cosine of ψ/2 is 1 again at 4 π.
+            if width < 0.25 {
+                cases.push((at(4.0 * pi * t, 1.0), width as f32, sharpness, Some(false), 0.0));
+            }
+            cases.push((
+                at((pi * t * 0.9).min(pi * 0.9), 1.0),
+                width as f32,
+                sharpness,
+                None,
+                if sharpness < 5.0 { 1e-3 } else { f64::INFINITY },
+            ));
+        }
+    }
+    cases.push((at(pi, 1.0), 1.0, 0.0, Some(false), 0.0));
+    // At θ near π with T = 1 the sine is small again, the quotient is not.
+    cases.push((at(pi - 5e-5, 1.0), 1.0, -2.0, Some(true), 5e-2));
+    for length in [1e-36, 1e-25, 1e-10, 1e10, 1e25, 1e37] {
+        cases.push((at(0.4, length), 0.5, 0.5, Some(true), f64::INFINITY));
+    }
+    for direction in [[0.0; 3], [1e-40, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [f32::INFINITY, 0.0, 0.0]] {
+        cases.push((direction, 0.5, 0.0, Some(false), f64::INFINITY));
+    }
+    let plain = probe.shoot(&scene(&company), &camera, &vec![[0.0; 3]; camera.pixels() as usize]);
+    for (direction, width, sharpness, seen, bound) in cases {
+        let scene = with_lobes(&company, &[(blob, direction, width, sharpness)]);
+        let what = format!("lobe {direction:?}, T {width}, β {sharpness}");
+        let twin = probe.twin(&scene, &camera, 1e-4);
+        let shot = probe.shoot(&scene, &camera, &twin.image_grad);
+        assert!(seen.is_none_or(|seen| seen == (shot.tile_counts[2] > 0)), "{what}: seen {}", shot.tile_counts[2]);
+        let finite = shot.image.iter().flatten().all(|x| x.is_finite());
+        let supplement = shot.stepped.supplement.as_ref().unwrap();
+        assert!(finite && supplement.gaussians.means[0].iter().all(|x| x.is_finite()), "{what}");
+        if direction.iter().all(|d| d.is_finite()) {
+            assert!(shot.is_finite(), "{what}");
+            let [t, b] = [supplement.lobes.widths[0], supplement.lobes.sharpness[0]];
+            assert!((0.01..=1.0).contains(&t), "{what}: {t}");
+            assert!(shot.tile_counts[2] == 0 || (-2.0..=8.0).contains(&b), "{what}: {b}");
+        }
+        if shot.tile_counts[2] == 0 {
+            assert_eq!(shot.image, plain.image, "{what}");
+        } else if bound < f64::INFINITY {
+            let d = distance(&shot, &twin);
+            println!(
+                "{what}: image {:.1e}, gradients {:?}",
+                d.image,
+                d.groups.iter().map(|g| format!("{} {:.1e}", g.0, g.1)).collect::<Vec<_>>()
+            );
+            assert!(d.worst() <= bound && d.image < 1e-3, "{what}: {d:?}");
+        }
+    }
+}
+
+/// A step of fixed length must not turn a short direction by any angle, nor a long one not at all.
+#[test]
+fn lobe_directions_of_any_length_turn_alike() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob =
+        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let v = (camera.eye() - blob.mean).normalize();
+    let direction = v * 0.4f64.cos() + v.any_orthonormal_vector() * 0.4f64.sin();
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    for length in [1e-36, 1e-20, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e20, 1e37] {
+        let lobe = (blob, (direction * length).as_vec3().to_array(), 0.5, 0.5);
+        let shot = probe.shoot(&with_lobes(&company(&camera), &[lobe]), &camera, &image_grad);
+        let stepped = shot.stepped.supplement.unwrap().lobes.directions[0];
+        let stepped = DVec3::from_array(stepped.map(f64::from)) / if length > 100.0 { 1.0 } else { length.max(1e-30) };
+        let turn = direction.angle_between(stepped.normalize());
+        println!("direction of length {length:e}: turned by {turn:.1e}");
+        // Each component moves by the rate: of a unit vector where the length is outside 0.01 to 100.
+        let moved = f64::from(RATES[6]) / if (0.01..=100.0).contains(&length) { length } else { 1.0 };
+        assert!(turn <= 1.8 * moved && turn > 0.1 * moved, "length {length}: turned by {turn}");
+    }
+}
+
+/// θ is exactly 0: the quotient of two zeros is a limit there.
+#[test]
+fn a_lobe_seen_along_its_axis_learns() {
+    let gpu = Gpu::new();
+    let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let blob = Blob { mean: DVec3::new(0.0, 0.0, 4.0), scale: [0.5, 0.3, 0.4], ..Default::default() };
+    let before = with_lobes(&[], &[(blob, [0.0, 0.0, -1.0], 0.5, 0.5)]);
+    let twin = probe.twin(&before, &camera, 1e-4);
+    let shot = probe.shoot(&before, &camera, &twin.image_grad);
+    let d = distance(&shot, &twin);
+    assert!(shot.is_finite() && d.image < 1e-5 && d.worst() < 1e-4, "{d:?}");
+    assert!(shot.gradients.lobes[..3].iter().all(|&g| g == 0.0));
+    let (old, new) = (before.supplement.unwrap().gaussians, shot.stepped.supplement.unwrap().gaussians);
+    assert!((new.opacities[0] - old.opacities[0]).abs() > 0.9 * RATES[3]);
+}
