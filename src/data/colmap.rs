@@ -1,4 +1,4 @@
-//! COLMAP's sparse models, binary and text (https://colmap.github.io/format.html).
+//! COLMAP's sparse models, binary and text (<https://colmap.github.io/format.html>).
 
 use std::collections::HashMap;
 use std::fs;

@@ -672,7 +672,7 @@ fn atomics(
         row.work.bytes += 2.0 * 36.0 * count as f64 - 36.0 * ordered.isects.isect_slots.len() as f64;
         bench.push(row);
     }
-    step::whole(bench, scene, &ordered, twin, options, step::ATOMIC)
+    step::whole(bench, scene, &ordered, twin, options, &format!("{}{}", step::ATOMIC, scene.suffix(false)))
 }
 
 /// The device's records by slot.
