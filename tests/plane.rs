@@ -60,7 +60,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
         background_image: true,
         median: false,
         backward: true,
-        reduction: Reduction::Auto,
+        reduction: Reduction::Deterministic,
     };
     let raster = Raster::new(&gpu, options).unwrap();
     let tile = raster.tile;
@@ -276,7 +276,7 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
             background_image: false,
             median: false,
             backward: false,
-            reduction: Reduction::Auto,
+            reduction: Reduction::Deterministic,
         },
     );
     let raster = tile.unwrap();
@@ -465,7 +465,7 @@ fn refine(
     let model = Model::upload(gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, model.count(), &views, options).unwrap();
-    let mut stage = PlaneStage::new(gpu, &views, budgets, SCHEDULE, 1, Reduction::Auto).unwrap();
+    let mut stage = PlaneStage::new(gpu, &views, budgets, SCHEDULE, 1, Reduction::Deterministic).unwrap();
     assert!(stage.batches().iter().eq([&(0..cameras.len())]));
     if let Some(isects) = isects {
         stage.raster.borrow_mut().grow(isects).unwrap();

@@ -113,7 +113,8 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
     // As in training: from one step to the next, when the buffers grow.
     let camera = camera_at(DVec3::ZERO, 80, 60);
     let scene = random_scene(14, 400, 200, 1);
-    let mut probe = Probe::new(&gpu, 600, &camera, Setup { degree: 1, ..Default::default() });
+    let mut probe =
+        Probe::new(&gpu, 600, &camera, Setup { degree: 1, reduction: Reduction::Auto, ..Default::default() });
     let twin = probe.twin(&scene, &camera, 1e-4);
     for by_gaussian in [false, true] {
         if by_gaussian {

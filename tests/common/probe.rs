@@ -26,7 +26,7 @@ pub const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 /// Rates of the step: all different, so that none can stand in for another.
 pub const RATES: [f32; 9] = [1e-4, 5e-3, 1e-3, 2.5e-2, 2.5e-3, 1.25e-4, 1.5e-3, 2e-4, 2e-3];
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub struct Setup {
     pub compensate: bool,
     pub degree: u32,
@@ -35,6 +35,19 @@ pub struct Setup {
     pub tile: Option<TileShape>,
     pub origin: DVec3,
     pub reduction: Reduction,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Setup {
+            compensate: false,
+            degree: 0,
+            opacity_only: false,
+            tile: None,
+            origin: DVec3::ZERO,
+            reduction: Reduction::Deterministic,
+        }
+    }
 }
 
 /// What a view of a scene came to.

@@ -43,7 +43,7 @@ impl<'a> Flat<'a> {
             background_image: false,
             median: false,
             backward: true,
-            reduction: Reduction::Auto,
+            reduction: Reduction::Deterministic,
         };
         let raster = Raster::new(gpu, options).unwrap();
         let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);

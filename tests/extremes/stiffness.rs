@@ -31,7 +31,8 @@ fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, 
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
     let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
-    let options = BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0, reduction: Reduction::Auto };
+    let options =
+        BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0, reduction: Reduction::Deterministic };
     let report = train_base(gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
     assert!(report.losses.iter().all(|l| l.is_finite()));
     let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
