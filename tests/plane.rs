@@ -265,7 +265,7 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     // One beside an edge of tiles by 4 px, which the window crosses and the ellipse does not; one that is seen by nobody.
     scene.planes[0][..9].copy_from_slice(&[156.0, 144.0, 0.5, 0.5, 0.5, -3.0, -0.5, -0.5, 0.0]);
     scene.planes[1][..9].copy_from_slice(&[380.0, 16.0, 0.5, 0.5, 0.5, -9.0, 0.0, 0.0, 0.0]);
-    let tile = Raster::new(
+    let raster = Raster::new(
         &gpu,
         RasterOptions {
             splats: count as u32,
@@ -278,8 +278,8 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
             backward: false,
             reduction: Reduction::Deterministic,
         },
-    );
-    let raster = tile.unwrap();
+    )
+    .unwrap();
     let frame_list = Buffer::from_slice(&gpu, "frames", &frames).unwrap();
     let plane_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
     let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);

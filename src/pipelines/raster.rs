@@ -492,13 +492,13 @@ impl Raster {
 
     /// Turns `image_grad` into gradient records. Gaussians below `full_first` get the gradient of their opacity only.
     pub fn record_blend_backward(&self, recorder: &mut Recorder, grid: &Grid, frames: &Buffer<Frame>, full_first: u32) {
+        let Some(backward) = &self.backward else { return };
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
         recorder.fill(&self.records, 0);
-        match &self.backward {
-            None => {}
-            Some(Backward::Deterministic(stage)) => stage.record(
+        match backward {
+            Backward::Deterministic(stage) => stage.record(
                 recorder,
                 &blend_backward::Buffers {
                     frames,
@@ -512,7 +512,7 @@ impl Raster {
                 },
                 &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
             ),
-            Some(Backward::Atomic(stage)) => stage.record(
+            Backward::Atomic(stage) => stage.record(
                 recorder,
                 &blend_backward_atomic::Buffers {
                     frames,
