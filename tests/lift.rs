@@ -281,12 +281,12 @@ const LOBE_FIRST: u32 = 2;
 const SH_COEFFICIENTS: u32 = 4;
 
 fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevice {
-    let count = case.plane_views.len();
+    let count = case.screen_frames.len();
     let (n, workgroup_size) = (count as u32, 64);
     let stride = case.stride as u32;
     let view_count = case.views.len() as u32;
     let plane = buffer(context, "plane", &case.plane);
-    let plane_views = buffer(context, "plane_views", &case.plane_views);
+    let screen_frames = buffer(context, "screen_frames", &case.screen_frames);
     let views = buffer(context, "views", &case.views);
     let depths = buffer(context, "depths", &case.depths);
     let train_views = buffer(context, "train_views", &case.train_views);
@@ -295,7 +295,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
     let stage = LiftCount::new(context, &lift_count::Spec { workgroup_size }).unwrap();
     let buffers = lift_count::Buffers {
         plane: &plane,
-        plane_views: &plane_views,
+        screen_frames: &screen_frames,
         views: &views,
         depths: &depths,
         point_counts: &point_counts,
@@ -330,7 +330,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
         &mut recorder,
         &lift_points::Buffers {
             plane: &plane,
-            plane_views: &plane_views,
+            screen_frames: &screen_frames,
             views: &views,
             depths: &depths,
             point_counts: &point_counts,
@@ -366,7 +366,7 @@ fn lift_on_device(context: &Context, case: &Case, plain_weights: u32) -> OnDevic
         &mut recorder,
         &lift_pca::Buffers {
             plane: &plane,
-            plane_views: &plane_views,
+            screen_frames: &screen_frames,
             views: &views,
             train_views: &train_views,
             points: &points,
@@ -634,7 +634,7 @@ fn fields(unit: f32, depth: impl Fn(usize, i32, i32) -> f32) -> Case {
         pixel_firsts: vec![0],
         plane,
         stride: 12,
-        plane_views: vec![0; 12],
+        screen_frames: vec![0; 12],
         train_views: vec![0],
         unit,
     }
@@ -740,7 +740,7 @@ fn what_does_not_fit_is_not_written() {
         &mut recorder,
         &lift_points::Buffers {
             plane: &buffer(&context, "plane", &case.plane),
-            plane_views: &buffer(&context, "plane_views", &case.plane_views),
+            screen_frames: &buffer(&context, "screen_frames", &case.screen_frames),
             views: &buffer(&context, "views", &case.views),
             depths: &buffer(&context, "depths", &case.depths),
             point_counts: &buffer(&context, "point_counts", &fewer),

@@ -9,5 +9,5 @@
 layout(set = 0, binding = 0, scalar) buffer Status { uint status[]; };
 
 void main() {
-    if (thread_index() == 0 && status[STATUS_OVERFLOW] == 0) status[STATUS_STEPS] += 1;
+    if (thread_index() == 0 && status[STATUS_FAILED] == 0) status[STATUS_STEPS] += 1;
 }

@@ -1,6 +1,6 @@
-// The pixels that a 2D Gaussian of the plane stage covers, with which weight.
+// The pixels that a 2D Gaussian of the screen phase covers, with which weight.
 //
-// A 2D Gaussian is a column of `plane` (planes × stride): 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px),
+// A 2D Gaussian is a column of `screen_planes` (planes × stride): 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px),
 // 8 angle, 9 depth. S = Rot(angle) diag(s²) Rot(angle)ᵀ; it is drawn with S + 0.3 I, its opacity compensated by
 // √(det S / det(S + 0.3 I)), and covers the pixels where α = min(0.99, opacity · exp(−½ δᵀ(S + 0.3 I)⁻¹δ)) ≥ 1/255.
 
@@ -17,7 +17,7 @@ struct Footprint {
 };
 
 // S as (S11, S12, S22), px².
-vec3 plane_covariance(vec2 log_scale, float angle) {
+vec3 screen_covariance(vec2 log_scale, float angle) {
     vec2 s = exp(log_scale);
     float c = cos(angle), n = sin(angle);
     vec2 v = s * s;
@@ -29,7 +29,7 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     f.centre = centre;
     f.low = uvec2(0);
     f.size = uvec2(0);
-    vec3 s = plane_covariance(log_scale, angle);
+    vec3 s = screen_covariance(log_scale, angle);
     vec2 v = exp(2.0 * log_scale);
     float a = s.x + DILATION, c = s.z + DILATION;
     // det(S + 0.3 I) as a sum of positive terms, so that needles do not cancel.

@@ -1,10 +1,9 @@
-// What projection leaves of a Gaussian in one view, and the ellipse that it covers.
+// What projection leaves of a Gaussian in one view, beside its colour (`splat_colours`) and depth (`depth_keys`), and the
+// ellipse that it covers.
 struct Splat {
     float x, y;          // centre, px
     float l11, l12, l22; // factor of the conic: w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2
     float opacity;       // sigmoid(logit) * lobe * compensation
-    float r, g, b;       // colour, clamped at 0
-    float z;             // camera depth
 };
 
 const float ALPHA_MIN = 1.0 / 255.0; // below it a Gaussian contributes nothing (3DGS)
@@ -55,4 +54,14 @@ ivec2 tile_rows(Splat s, uvec2 tile, uvec2 size) {
     float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
     int y0 = max(int(first), 0), y1 = min(int(last), int(size.y) - 1);
     return y0 > y1 ? ivec2(1, 0) : ivec2(y0 / int(tile.y), y1 / int(tile.y));
+}
+
+uint tile_count(Splat s, uvec2 tile, uvec2 size) {
+    ivec2 rows = tile_rows(s, tile, size);
+    uint count = 0;
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 span = tile_span(s, row, tile, size);
+        count += uint(max(span.y - span.x + 1, 0));
+    }
+    return count;
 }

@@ -13,3 +13,8 @@ float to_unit(inout vec4 v) {
     v /= length_of;
     return largest * length_of;
 }
+
+// The length of a quaternion or lobe direction means nothing, but a step of fixed length turns a short one wildly and a long
+// one not at all. Outside these bounds the vector is made a unit vector before it steps.
+const float LENGTH_MIN = 0.01, LENGTH_MAX = 100.0;
+bool wants_unit(float length_of) { return !(length_of >= LENGTH_MIN && length_of <= LENGTH_MAX); }

@@ -11,10 +11,11 @@ use super::{
 use crate::{
     Error, Result,
     data::{Photo, Split, write_scene},
-    gpu::Context,
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Stage, enhance},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event},
+        join::JoinOptions,
         lift::LiftOptions,
+        session::Session,
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
@@ -130,7 +131,7 @@ struct Report<'a> {
 #[derive(Serialize)]
 struct Seconds {
     base: f64,
-    plane: f64,
+    screen: f64,
     lift: f64,
     join: f64,
 }
@@ -154,19 +155,17 @@ impl Args {
         }
         let background = self.photos.background;
         let preset = match self.preset {
-            Preset::Quick => EnhanceOptions::quick(extent, background),
-            Preset::Paper => EnhanceOptions::paper(extent, background),
+            Preset::Quick => EnhanceOptions::quick(),
+            Preset::Paper => EnhanceOptions::paper(),
         };
         let options = EnhanceOptions {
             ratio: self.ratio,
-            seed: self.seed,
             median_threshold: self.depth_threshold,
             lift: LiftOptions {
                 fail_on_smallest: self.cluster_failure == Failure::Smallest,
                 plain_weights: self.pca_weights == Weights::Plain,
             },
-            bias_correction: self.bias_correction,
-            reduction: self.reduction.reduction(),
+            join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
             ..preset
         };
         let work = match &self.work {
@@ -177,7 +176,8 @@ impl Args {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
             drop(reading);
-            let found = run_with_progress(context, &scene, &views, &options, work.as_ref())?;
+            let session = self.reduction.session(context, background, extent, self.seed.into());
+            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref())?;
             write_scene(&self.output, &found.scene)?;
             let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
             if lost > 0 {
@@ -200,7 +200,7 @@ impl Args {
                 supplementary_gaussians: found.lifted,
                 seconds: Seconds {
                     base: found.times.base.as_secs_f64(),
-                    plane: found.times.plane.as_secs_f64(),
+                    screen: found.times.screen.as_secs_f64(),
                     lift: found.times.lift.as_secs_f64(),
                     join: found.times.join.as_secs_f64(),
                 },
@@ -214,7 +214,7 @@ impl Args {
             Ok(print(format_args!(
                 "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
                  base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n",
-                seconds.base, seconds.plane, seconds.lift, seconds.join
+                seconds.base, seconds.screen, seconds.lift, seconds.join
             ))?)
         })
     }
@@ -255,43 +255,45 @@ fn view_names(photos: &[&Photo]) -> Vec<String> {
     names.iter().map(|n| Path::new(n).with_extension("").to_string_lossy().into_owned()).collect()
 }
 
-/// Augments with a bar for each stage.
+/// Augments with a bar for each phase; `work` keeps what it can and is gone on from.
 pub(super) fn run_with_progress(
-    context: &Context,
+    session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
     work: Option<&WorkDir>,
 ) -> Result<Enhanced> {
+    let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut bar: Option<(u64, Progress)> = None;
-    let watch = |stage: &Stage| {
-        // A bar for each round of a batch, and one for the joint stage.
-        let (key, label, done, total) = match stage {
-            Stage::Base | Stage::Lift => (0, "", 0, 0),
-            Stage::Plane { batch, progress, .. } => {
-                (1 + *batch as u64 * 1000 + u64::from(progress.round), "refining", progress.step, progress.steps)
-            }
-            Stage::Join { step, steps } => (u64::MAX, "joining", *step, *steps),
-        };
-        if total == 0 {
+    let mut show = |key: u64, label: &'static str, done: u32, total: u32| {
+        if bar.as_ref().is_none_or(|(k, _)| *k != key) {
             bar = None;
-        } else {
-            if bar.as_ref().is_none_or(|(k, _)| *k != key) {
-                bar = None;
-                bar = Some((key, Progress::new(label, "steps", total.into())));
-            }
-            if let Some((_, bar)) = &bar {
-                bar.set(done.into());
-            }
+            bar = Some((key, Progress::new(label, "steps", total.into())));
+        }
+        if let Some((_, bar)) = &bar {
+            bar.set(done.into());
         }
     };
-    enhance(
-        context,
-        scene,
-        views,
-        options,
-        watch,
-        |range| work.map_or(Ok(None), |w| w.resume(range)),
-        |batch| work.map_or(Ok(()), |w| w.keep(&views.cameras, batch)),
-    )
+    while let Some(event) = enhancer.next(views)? {
+        match event {
+            Event::Base => {}
+            Event::Batch { views, .. } => {
+                if let Some(lifts) = work.map_or(Ok(None), |w| w.resume(views))? {
+                    enhancer.resume(&lifts)?;
+                }
+            }
+            // A bar for each round of a batch, and one for the joint phase.
+            Event::Screen { batch, progress, .. } => {
+                let key = 1 + batch as u64 * 1000 + u64::from(progress.round);
+                show(key, "refining", progress.step, progress.steps);
+            }
+            Event::Lifted { .. } => {
+                if let (Some(work), Some((refiner, lifted))) = (work, enhancer.lifted()) {
+                    work.keep(&views.cameras, refiner, lifted)?;
+                }
+            }
+            Event::Join { step, steps } => show(u64::MAX, "joining", step, steps),
+        }
+    }
+    enhancer.finish()
 }

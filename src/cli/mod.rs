@@ -10,7 +10,7 @@ mod info;
 mod progress;
 mod render;
 mod train;
-mod verify;
+//mod verify;
 
 use std::{
     fmt::Display,
@@ -28,7 +28,7 @@ use crate::{
     Error, Result,
     data::{self, Dataset, DatasetOptions, PixelSource, Split},
     gpu::{Context, ContextOptions, GpuError},
-    pipelines::raster::Reduction,
+    pipelines::session::{Policy, Reduction, Session},
     scene::Scene,
 };
 use progress::{LogWriter, note};
@@ -68,7 +68,7 @@ enum Command {
     Eval(eval::Args),
     Info(info::Args),
     Devices(devices::Args),
-    Verify(verify::Args),
+    //V
 }
 
 /// Why a command did not do what it should.
@@ -101,7 +101,7 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
         Command::Devices(args) => args.run(),
-        Command::Verify(args) => args.run(),
+        //V
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
@@ -167,8 +167,11 @@ struct ReductionArgs {
 }
 
 impl ReductionArgs {
-    fn reduction(&self) -> Reduction {
-        if self.deterministic { Reduction::Deterministic } else { Reduction::Auto }
+    /// What everything on `context` is run with.
+    fn session(&self, context: &Context, background: [f32; 3], extent: f32, seed: u64) -> Session {
+        let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
+        let policy = Policy { reduction, ..Policy::default() };
+        Session { policy, background, extent, seed, ..Session::new(context) }
     }
 }
 

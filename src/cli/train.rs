@@ -8,9 +8,8 @@ use super::{
 };
 use crate::{
     data::{Split, write_scene},
-    gpu::StageTime,
     pipelines::{
-        model::Model,
+        model::{Model, Room},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
     },
@@ -47,7 +46,7 @@ pub(super) struct Args {
     /// Seed of the random points and of the order of photos; the same seed gives the same scene on the same device
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON: what was done, how fast, and the device time of each stage in the first steps
+    /// Print JSON: what was done, how fast, and the device time of each stage
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -79,7 +78,7 @@ struct Report<'a> {
     stages: Vec<Stage>,
 }
 
-/// Mean device time of a stage over the first steps.
+/// Mean device time of a stage over steps all through the run.
 #[derive(Serialize)]
 struct Stage {
     name: &'static str,
@@ -115,19 +114,22 @@ impl Args {
             let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
             drop(reading);
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
-            let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
+            let scene = Scene { base, supplement: None };
+            let model = Model::upload_around(context, views.origin, &scene, Room::default())?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
-            let reduction = self.reduction.reduction();
-            let options = BaseOptions { iterations, sh_degree, seed, extent, reduction };
+            let session = self.reduction.session(context, background, extent, seed);
+            let options = BaseOptions { iterations, sh_degree };
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let set = |done: u32| training.set(done.into());
-            let trained = train_base(context, &model, &views, background, &options, self.json, set)?;
+            let trained = train_base(&session, &model, &views, &options, self.json, set)?;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
             write_scene(&self.output, &model.download()?)?;
 
             let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
+            let stage = |(name, milliseconds_per_step)| Stage { name, milliseconds_per_step };
+            let stages = trained.steps.milliseconds().into_iter().map(stage);
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
@@ -140,7 +142,7 @@ impl Args {
                 steps_per_second: f64::from(iterations) / seconds,
                 final_loss: last.iter().map(|&l| f64::from(l)).sum::<f64>() / last.len().max(1) as f64,
                 buffers_grown: trained.steps.grown,
-                stages: stages(&trained.steps.stages),
+                stages: stages.collect(),
             };
             if self.json {
                 return Ok(print_json(&report)?);
@@ -152,19 +154,4 @@ impl Args {
             ))?)
         })
     }
-}
-
-/// Sums the times of equal stages and divides them by the number of steps that they are of.
-fn stages(times: &[StageTime]) -> Vec<Stage> {
-    // Every step ends with one of these.
-    let steps = times.iter().filter(|t| t.name == "step_done").count().max(1);
-    let mut sums: Vec<Stage> = Vec::new();
-    for time in times {
-        let milliseconds = time.time.as_secs_f64() * 1e3 / steps as f64;
-        match sums.iter_mut().find(|s| s.name == time.name) {
-            Some(stage) => stage.milliseconds_per_step += milliseconds,
-            None => sums.push(Stage { name: time.name, milliseconds_per_step: milliseconds }),
-        }
-    }
-    sums
 }

@@ -4,11 +4,11 @@ use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::views::{Views, origin_for};
+use super::views::{Views, origin_for, pack};
 use crate::{
     Error, Result,
     data::{Dataset, Photo, PointCloud, Split},
-    gpu::{Buffer, Context, GpuError, Location},
+    gpu::Context,
     scene::Camera,
 };
 
@@ -23,33 +23,23 @@ pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 /// holds them all. `background` is what transparent pixels are put over; `progress` hears the number of photos done.
 ///
 /// # Errors
-/// Those of the files, and [`GpuError::BufferTooLarge`] where all photographs do not fit into one buffer of the device.
+/// Those of the files, and where the device's memory does not suffice.
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
     mut progress: impl FnMut(usize),
 ) -> Result<Views> {
-    // 4 bytes for each pixel. Checked before cameras are numbered: positions of pixels are 32 bits.
-    let pixels: u64 = photos.iter().map(|p| u64::from(p.camera.width) * u64::from(p.camera.height)).sum();
-    let limit = context.info().max_storage_bytes.min(4 * u64::from(u32::MAX));
-    if 4 * pixels > limit {
-        return Err(GpuError::BufferTooLarge { name: "targets".into(), bytes: 4 * pixels, limit }.into());
-    }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-    let mut views = Views::upload_around(context, origin_for(&cameras), &cameras, &[])?;
-    views.targets = Buffer::new(context, "targets", pixels as usize, Location::Device)?;
-    let (mut first, mut done) = (0, 0);
+    let views = Views::without_photographs(context, origin_for(&cameras), &cameras, true)?;
+    let mut done = 0;
     for some in photos.chunks(rayon::current_num_threads()) {
         // Collected first, so that of several faults the first by name is told.
         let images: Vec<_> = some.par_iter().map(|photo| photo.load(background)).collect();
         for image in images {
-            let rgba: Vec<u32> =
-                image?.rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])).collect();
-            views.targets.upload(first, &rgba)?;
-            first += rgba.len();
+            views.upload_photograph(done, &pack(&image?.rgb))?;
+            done += 1;
         }
-        done += some.len();
         progress(done);
     }
     Ok(views)

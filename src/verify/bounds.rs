@@ -153,7 +153,7 @@ pub const BOUNDS: [Bound; 33] = [
     },
     Bound { stage: "loss_sum", max: 3e-4, relative_l2: 3e-4, bias: 0.0, flips: 0.0, reason: LOSS },
     Bound {
-        stage: "plane_project",
+        stage: "screen_project",
         max: 1e-5,
         relative_l2: 5e-6,
         bias: 0.0,
@@ -161,7 +161,7 @@ pub const BOUNDS: [Bound; 33] = [
         reason: "A dozen roundings of 6e-8, and sine and cosine within 1e-6. Flips as in project.",
     },
     Bound {
-        stage: "plane_tiles",
+        stage: "screen_tiles",
         max: 0.0,
         relative_l2: 0.0,
         bias: 0.0,
@@ -170,15 +170,15 @@ pub const BOUNDS: [Bound; 33] = [
                  is that near to a tile's for one in a thousand. None may be missing.",
     },
     Bound {
-        stage: "plane_backward",
+        stage: "screen_backward",
         max: 1e-4,
         relative_l2: 5e-5,
         bias: 1e-5,
         flips: 0.0,
-        reason: "Gradients as plane_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward.",
+        reason: "Gradients as screen_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward.",
     },
     Bound {
-        stage: "plane_prune",
+        stage: "screen_prune",
         max: 0.0,
         relative_l2: 0.0,
         bias: 0.0,
@@ -186,7 +186,7 @@ pub const BOUNDS: [Bound; 33] = [
         reason: "Only Gaussians whose count of pixels is at the least while one of these is within 1e-4 of 1/255.",
     },
     Bound {
-        stage: "plane_draw",
+        stage: "screen_draw",
         max: 1e-6,
         relative_l2: 1e-6,
         bias: 0.0,

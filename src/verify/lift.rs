@@ -13,7 +13,7 @@ use crate::{
         NONE,
         lift_append::{ParameterPlanes, lift_append},
         lift_cluster::lift_cluster,
-        lift_count::{PlaneGaussians, lift_count},
+        lift_count::{ScreenGaussians, lift_count},
         lift_groups::{LiftClusters, TAU_GROWTH},
         lift_pca::{Lift, lift_pca},
         lift_points::{LiftPoints as Points, lift_points},
@@ -48,7 +48,7 @@ pub struct Case {
     /// 10 planes × `stride`.
     pub plane: Vec<f32>,
     pub stride: usize,
-    pub plane_views: Vec<u32>,
+    pub screen_frames: Vec<u32>,
     pub train_views: Vec<u32>,
     /// The scene's own length.
     pub unit: f32,
@@ -95,7 +95,7 @@ impl Case {
             }
         }
         let mut plane = vec![0f32; 10 * count];
-        let mut plane_views = Vec::new();
+        let mut screen_frames = Vec::new();
         for i in 0..count {
             let v = rng.random_range(0..cameras.len());
             let camera = &cameras[v];
@@ -111,7 +111,7 @@ impl Case {
             for (p, value) in column.into_iter().enumerate() {
                 plane[p * count + i] = value;
             }
-            plane_views.push(if i % 13 == 5 { NONE } else { v as u32 });
+            screen_frames.push(if i % 13 == 5 { NONE } else { v as u32 });
         }
         Case {
             views: cameras.iter().zip(&pixel_firsts).map(|(c, &first)| view(c, first as u32)).collect(),
@@ -120,18 +120,18 @@ impl Case {
             pixel_firsts,
             plane,
             stride: count,
-            plane_views,
+            screen_frames,
             train_views: vec![0, 2, 3, 4],
             unit: 6.0,
         }
     }
 
     /// What the twins read: the case, with `plane` and `depths` in float64.
-    pub fn gaussians<'a>(&'a self, plane: &'a [f64], depths: &'a [f64]) -> PlaneGaussians<'a> {
-        PlaneGaussians {
+    pub fn gaussians<'a>(&'a self, plane: &'a [f64], depths: &'a [f64]) -> ScreenGaussians<'a> {
+        ScreenGaussians {
             plane,
             stride: self.stride,
-            plane_views: &self.plane_views,
+            screen_frames: &self.screen_frames,
             views: &self.cameras,
             pixel_firsts: &self.pixel_firsts,
             depths,
@@ -157,11 +157,11 @@ pub fn covariance(quat: [f64; 4], log_scale: [f64; 3]) -> [f64; 9] {
 
 fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weights: bool) -> Result<()> {
     let context = bench.context;
-    let count = case.plane_views.len();
+    let count = case.screen_frames.len();
     let (n, workgroup_size) = (count as u32, WORKGROUP);
     let (stride, view_count) = (case.stride as u32, case.views.len() as u32);
     let plane = Buffer::from_slice(context, "plane", &case.plane)?;
-    let plane_views = Buffer::from_slice(context, "plane views", &case.plane_views)?;
+    let screen_frames = Buffer::from_slice(context, "plane views", &case.screen_frames)?;
     let views = Buffer::from_slice(context, "views", &case.views)?;
     let depths = Buffer::from_slice(context, "depths", &case.depths)?;
     let train_views = Buffer::from_slice(context, "train views", &case.train_views)?;
@@ -177,7 +177,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     let times = bench.time(|recorder| {
         let buffers = count_stage::Buffers {
             plane: &plane,
-            plane_views: &plane_views,
+            screen_frames: &screen_frames,
             views: &views,
             depths: &depths,
             point_counts: &point_counts,
@@ -233,7 +233,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
             recorder,
             &points_stage::Buffers {
                 plane: &plane,
-                plane_views: &plane_views,
+                screen_frames: &screen_frames,
                 views: &views,
                 depths: &depths,
                 point_counts: &point_counts,
@@ -269,7 +269,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
             recorder,
             &pca_stage::Buffers {
                 plane: &plane,
-                plane_views: &plane_views,
+                screen_frames: &screen_frames,
                 views: &views,
                 train_views: &train_views,
                 points: &points,
