@@ -10,7 +10,7 @@ pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod stages;
-//pub mod verify;
+pub mod verify;
 
 #[cfg(feature = "cli")]
 pub mod cli;

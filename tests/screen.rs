@@ -7,7 +7,7 @@ use glint::{
     gpu::{Buffer, Location},
     pipelines::{
         model::Model,
-        plane::{ScreenStage, Schedule, base_losses, budgets},
+        plane::{Schedule, ScreenStage, base_losses, budgets},
         raster::{Raster, RasterOptions, Reduction, WORKGROUP},
         render::{RenderOptions, Renderer},
         views::Views,
@@ -31,7 +31,7 @@ use glint::{
         screen_prune::ScreenPrune,
         screen_tiles::ScreenTiles,
         ssim_forward,
-        types::{Frame, ScreenState, Quota},
+        types::{Frame, Quota, ScreenState},
     },
     verify::plane::{SMALL_FRAMES, Scattered, pixels_of},
 };

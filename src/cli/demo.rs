@@ -16,8 +16,8 @@ use crate::{
         enhance::{EnhanceOptions, Times},
         layers::{Layer, Layers},
         model::{Model, Room},
-        session::Session,
         render::RenderOptions,
+        session::Session,
         start::{photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -120,7 +120,8 @@ impl Args {
 
         let added = enhanced.lifted as usize;
         let joint_steps = options.join.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) = self.train(&session, &dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
+        let (plain, plain_seconds) =
+            self.train(&session, &dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
         let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| ());
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);

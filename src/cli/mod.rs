@@ -10,7 +10,7 @@ mod info;
 mod progress;
 mod render;
 mod train;
-//mod verify;
+mod verify;
 
 use std::{
     fmt::Display,
@@ -68,7 +68,7 @@ enum Command {
     Eval(eval::Args),
     Info(info::Args),
     Devices(devices::Args),
-    //V
+    Verify(verify::Args),
 }
 
 /// Why a command did not do what it should.
@@ -101,7 +101,7 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
         Command::Devices(args) => args.run(),
-        //V
+        Command::Verify(args) => args.run(),
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

@@ -67,13 +67,7 @@ impl<T: Pod> Buffer<T> {
         Self::create(context, name, len, location, false)
     }
 
-    fn create(
-        context: &Context,
-        name: &str,
-        len: usize,
-        location: Location,
-        unused: bool,
-    ) -> Result<Self, GpuError> {
+    fn create(context: &Context, name: &str, len: usize, location: Location, unused: bool) -> Result<Self, GpuError> {
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let limit = context.info().max_storage_bytes;
         if bytes > limit {

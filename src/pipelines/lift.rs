@@ -173,7 +173,14 @@ impl LiftPhase {
         self.record_scan(recorder, b, &b.point_counts, &b.point_firsts, POINTS);
     }
 
-    fn record_scan(&self, recorder: &mut Recorder, b: &LiftBuffers, values: &Buffer<u32>, to: &Buffer<u32>, total: u32) {
+    fn record_scan(
+        &self,
+        recorder: &mut Recorder,
+        b: &LiftBuffers,
+        values: &Buffer<u32>,
+        to: &Buffer<u32>,
+        total: u32,
+    ) {
         let extent = Extent { count: &b.counts, index: PLACES, args: &b.args, dispatch: 0 };
         let buffers = ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets: to };
         self.scan.record(recorder, &buffers, extent, total);

@@ -97,11 +97,7 @@ impl Photometric {
                 forward(options.map_pixels > 0, false, true)?,
                 forward(options.listed, true, false)?,
             ],
-            backward: [
-                backward(options.backward, false)?,
-                None,
-                backward(options.backward && options.listed, true)?,
-            ],
+            backward: [backward(options.backward, false)?, None, backward(options.backward && options.listed, true)?],
             sum: loss_sum::Stage::new(context, &sum_spec)?,
             buffers: LossBuffers::new(context, options)?,
             losses: Buffer::new(context, "losses", options.losses as usize, Location::Readback)?,

@@ -184,7 +184,8 @@ impl Model {
         let base = part(Segment::Base, counts[0].saturating_add(room.base).max(1))?;
         let supplement_part = part(Segment::Supplement, counts[1].saturating_add(room.supplement))?;
         let parts = [base, supplement_part];
-        for (part, gaussians, lobes) in [(&parts[0], &scene.base, None), (&parts[1], &supplement.gaussians, Some(&supplement.lobes))]
+        for (part, gaussians, lobes) in
+            [(&parts[0], &scene.base, None), (&parts[1], &supplement.gaussians, Some(&supplement.lobes))]
         {
             part.upload(gaussians, lobes, origin)?;
         }

@@ -35,7 +35,14 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for buffer in &self.0 {
-            writeln!(f, "{:<24} {:>14} × {:>3} = {:>15}", buffer.name, buffer.elements, buffer.element_bytes, buffer.bytes())?;
+            writeln!(
+                f,
+                "{:<24} {:>14} × {:>3} = {:>15}",
+                buffer.name,
+                buffer.elements,
+                buffer.element_bytes,
+                buffer.bytes()
+            )?;
         }
         writeln!(f, "{:<24} {:>14}   {:>3}   {:>15}", "all", "", "", self.bytes())
     }

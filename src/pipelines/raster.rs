@@ -442,21 +442,8 @@ impl Raster {
         background: [f32; 3],
         median_threshold: f32,
     ) {
-        self.record_blend_by(&self.blend, recorder, grid, frames, background, median_threshold);
-    }
-
-    /// The same by a stage of the caller's, made for this raster's tiles.
-    pub fn record_blend_by(
-        &self,
-        stage: &blend::Stage,
-        recorder: &mut Recorder,
-        grid: &Grid,
-        frames: &Buffer<Frame>,
-        background: [f32; 3],
-        median_threshold: f32,
-    ) {
         let f = &self.buffers;
-        stage.record(
+        self.blend.record(
             recorder,
             &blend::Buffers {
                 frames,

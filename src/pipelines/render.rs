@@ -168,33 +168,36 @@ impl Renderer {
         status: &Buffer<u32>,
     ) -> Result<Grid> {
         let grid = self.record_order(recorder, model, views, view, show, status)?;
-        let camera = &views.cameras[view as usize];
         self.raster.record_blend(recorder, &grid, &views.frames, show.background, self.options.median_threshold);
-        if let Some(median_depth) = &self.median_depth {
-            for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32) {
-                for (k, _, page) in model.pages(segment) {
-                    median_depth.record(
-                        recorder,
-                        &median_depth::Buffers {
-                            population: &model.population,
-                            views: &views.views,
-                            geometry: model.part(segment).geometry.page(k),
-                            median_ids: &self.raster.buffers.median_ids,
-                            depths: &self.depths,
-                        },
-                        &median_depth::Push {
-                            segment: segment.index(),
-                            page_first: page.first,
-                            stride: page.capacity,
-                            view,
-                            depth_first: 0,
-                        },
-                        camera.pixels(),
-                    );
-                }
+        self.record_depths(recorder, model, views, view, show);
+        Ok(grid)
+    }
+
+    /// The part after pixels, of a renderer made with depth: the depths of the Gaussians in the raster's `median_ids`.
+    pub fn record_depths(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
+        let Some(median_depth) = &self.median_depth else { return };
+        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32) {
+            for (k, _, page) in model.pages(segment) {
+                median_depth.record(
+                    recorder,
+                    &median_depth::Buffers {
+                        population: &model.population,
+                        views: &views.views,
+                        geometry: model.part(segment).geometry.page(k),
+                        median_ids: &self.raster.buffers.median_ids,
+                        depths: &self.depths,
+                    },
+                    &median_depth::Push {
+                        segment: segment.index(),
+                        page_first: page.first,
+                        stride: page.capacity,
+                        view,
+                        depth_first: 0,
+                    },
+                    views.cameras[view as usize].pixels(),
+                );
             }
         }
-        Ok(grid)
     }
 
     /// The part before pixels: splats, and the ordered lists of their tiles.

@@ -217,7 +217,10 @@ enum Job {
     /// The base's renders and depths.
     Base,
     /// The steps that lead up to draw `round`, and the draw.
-    Round { round: u32, steps: u32 },
+    Round {
+        round: u32,
+        steps: u32,
+    },
     Final,
 }
 

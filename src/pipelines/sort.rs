@@ -130,7 +130,10 @@ impl RadixSort {
             digit_bits,
             compact: if compact { Some((upsweep(true)?, downsweep(true)?)) } else { None },
             upsweep: upsweep(false)?,
-            spine: radix_spine::Stage::new(context, &radix_spine::Spec { workgroup_size: spine_size, block, digit_bits })?,
+            spine: radix_spine::Stage::new(
+                context,
+                &radix_spine::Spec { workgroup_size: spine_size, block, digit_bits },
+            )?,
             spine_groups: (1u32 << digit_bits).div_ceil(lanes),
             downsweep: downsweep(false)?,
         })

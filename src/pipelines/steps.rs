@@ -76,9 +76,8 @@ impl StepReport {
 
 impl Steps {
     pub fn new(context: &Context, batch: u32) -> Result<Self, GpuError> {
-        let readback = |i: usize| {
-            Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback)
-        };
+        let readback =
+            |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);
         Ok(Steps {
             context: context.clone(),
             status: Buffer::zeroed(context, "status", words::WORDS)?,

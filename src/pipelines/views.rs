@@ -49,12 +49,7 @@ impl Views {
     }
 
     /// In coordinates that count from `origin` (world, float64), see [`origin_for`].
-    pub fn upload_around(
-        context: &Context,
-        origin: DVec3,
-        cameras: &[Camera],
-        photographs: &[&[u8]],
-    ) -> Result<Self> {
+    pub fn upload_around(context: &Context, origin: DVec3, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
         let views = Self::without_photographs(context, origin, cameras, !photographs.is_empty())?;
         for (v, rgb) in photographs.iter().enumerate() {
             views.upload_photograph(v, &pack(rgb))?;
@@ -92,9 +87,8 @@ impl Views {
             target_pages.push(page);
         }
         // One word stands for photographs that are not there.
-        let page = |pixels: &usize| {
-            Buffer::new(context, "targets", if photographs { *pixels } else { 1 }, Location::Device)
-        };
+        let page =
+            |pixels: &usize| Buffer::new(context, "targets", if photographs { *pixels } else { 1 }, Location::Device);
         let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
         Ok(Views {
             views: Buffer::from_slice(context, "views", &list)?,

@@ -79,8 +79,7 @@ impl WorkDir {
         for (position, view) in refiner.views().enumerate() {
             let mine = || gaussians.iter().filter(|(_, g)| g.view as usize == view);
             let n = mine().count();
-            let flat =
-                |of: &dyn Fn(&ScreenGaussian) -> Vec<f32>| mine().flat_map(|(_, g)| of(g)).collect::<Vec<f32>>();
+            let flat = |of: &dyn Fn(&ScreenGaussian) -> Vec<f32>| mine().flat_map(|(_, g)| of(g)).collect::<Vec<f32>>();
             let (xy, color) = (flat(&|p| p.centre.to_vec()), flat(&|p| p.colour.to_vec()));
             let (opacity, log_scale) = (flat(&|p| vec![p.opacity_logit]), flat(&|p| p.log_scale.to_vec()));
             let (angle, depth) = (flat(&|p| vec![p.angle]), flat(&|p| vec![p.depth]));
@@ -101,8 +100,7 @@ impl WorkDir {
             write_exr_rgb(self.file(view, "base.exr"), camera.width, camera.height, &rgb)?;
             write_exr_channel(self.file(view, "depth.exr"), camera.width, camera.height, "Z", &depths)?;
 
-            let lifts: Vec<(Lift, f32)> =
-                mine().map(|&(place, _)| (lifted.lifts[place], lifted.taus[place])).collect();
+            let lifts: Vec<(Lift, f32)> = mine().map(|&(place, _)| (lifted.lifts[place], lifted.taus[place])).collect();
             write_lifts(&self.file(view, "lifted.safetensors"), &lifts)?;
         }
         Ok(())

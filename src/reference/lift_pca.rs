@@ -9,7 +9,7 @@ use super::NEAR;
 use super::lift_count::ScreenGaussians;
 use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
-use crate::scene::Camera;
+use crate::{scene::Camera, stages::types};
 
 /// 1/(2√π): the constant spherical harmonic.
 pub const SH_C0: f64 = 0.28209479177387814;
@@ -37,6 +37,22 @@ pub struct Lift {
     pub theta_bar: f64,
     /// Points of the prime group; 0: no lift.
     pub cluster_size: u32,
+}
+
+impl From<&types::Lift> for Lift {
+    fn from(l: &types::Lift) -> Self {
+        Lift {
+            mean: l.mean.map(f64::from),
+            log_scale: l.log_scale.map(f64::from),
+            quat: l.quat.map(f64::from),
+            dc: l.dc.map(f64::from),
+            opacity: f64::from(l.opacity),
+            lobe_dir: l.lobe_dir.map(f64::from),
+            lobe_width: f64::from(l.lobe_width),
+            theta_bar: f64::from(l.theta_bar),
+            cluster_size: l.cluster_size,
+        }
+    }
 }
 
 fn turn(value: &mut [f64; 3], off: &mut [[f64; 3]; 3], axes: &mut [DVec3; 3], p: usize, q: usize) {
@@ -361,7 +377,14 @@ mod tests {
     fn lift_one(plane: &[f64], views: &[Camera], depths: &[f64], train: &[u32]) -> Lift {
         let firsts: Vec<usize> =
             views.iter().scan(0, |at, v| Some(std::mem::replace(at, *at + v.pixels() as usize))).collect();
-        let g = ScreenGaussians { screen_planes: plane, stride: 1, screen_frames: &[0], views, pixel_firsts: &firsts, depths };
+        let g = ScreenGaussians {
+            screen_planes: plane,
+            stride: 1,
+            screen_frames: &[0],
+            views,
+            pixel_firsts: &firsts,
+            depths,
+        };
         let p = lift_points(&g);
         let c = lift_cluster(&p.points, &p.counts, &p.firsts, &p.heaviest, &p.start_taus, false);
         lift_pca(&g, &p, &c, train, 1.0, false)[0]

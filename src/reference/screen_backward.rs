@@ -43,7 +43,7 @@ pub fn screen_backward(
                     *sum += part;
                 }
             }
-            let [wu, wv, uu, uv, vv, d_opacity, d_r, d_g, d_b] = record;
+            let [wu, wv, d_opacity, uu, uv, vv, d_r, d_g, d_b] = record;
             let e = Shape::new([gaussian[LOG_SCALE], gaussian[LOG_SCALE + 1]], gaussian[ANGLE]);
             let sigma = sigmoid(gaussian[LOGIT]);
             // L times the axes of S, and W = Σ g wwᵀ times those: see the kernel.
@@ -77,7 +77,13 @@ pub struct ScreenMoments {
 }
 
 /// One step of every Gaussian that has a finite gradient.
-pub fn screen_step(gaussians: &mut [ScreenGaussian], grads: &[ScreenGrad], moments: &mut [ScreenMoments], width: u32, height: u32) {
+pub fn screen_step(
+    gaussians: &mut [ScreenGaussian],
+    grads: &[ScreenGrad],
+    moments: &mut [ScreenMoments],
+    width: u32,
+    height: u32,
+) {
     let (width, height) = (width as f64, height as f64);
     let log_scale_max = scale_max(width, height).ln();
     for ((gaussian, grad), state) in gaussians.iter_mut().zip(grads).zip(moments) {
@@ -119,8 +125,8 @@ mod tests {
         Background, Options,
         blend::{Blended, blend},
         blend_backward::blend_backward,
-        screen_project::screen_project,
         project::Projected,
+        screen_project::screen_project,
         tiles::Tiling,
     };
 
@@ -150,7 +156,11 @@ mod tests {
         (gaussians, depths, backdrop)
     }
 
-    fn forward(gaussians: &[ScreenGaussian], depths: &[f64], backdrop: &[[f64; 3]]) -> (Projected, Intersections, Blended) {
+    fn forward(
+        gaussians: &[ScreenGaussian],
+        depths: &[f64],
+        backdrop: &[[f64; 3]],
+    ) -> (Projected, Intersections, Blended) {
         let options = Options { tile_width: 8, tile_height: 8, ..Default::default() };
         let projected = screen_project(&mut gaussians.to_vec(), depths, SIZE[0], SIZE[1], &options);
         let tiling = Tiling::new(SIZE[0], SIZE[1], &options);

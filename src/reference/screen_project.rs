@@ -17,7 +17,13 @@ pub const DEPTH: usize = 9;
 
 /// `depths` is camera z by pixel, row-major. Of `options` only the tile sizes matter. The
 /// result's depths are `f64::MAX` where there is none (behind everything), ∞ where the Gaussian is not visible.
-pub fn screen_project(gaussians: &mut [ScreenGaussian], depths: &[f64], width: u32, height: u32, options: &Options) -> Projected {
+pub fn screen_project(
+    gaussians: &mut [ScreenGaussian],
+    depths: &[f64],
+    width: u32,
+    height: u32,
+    options: &Options,
+) -> Projected {
     let tiling = Tiling::new(width, height, options);
     let mut out = Projected {
         splats: vec![Splat::default(); gaussians.len()],

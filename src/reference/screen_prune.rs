@@ -17,7 +17,8 @@ pub fn covered_min(width: u32, height: u32) -> usize {
 /// Pixels of the image where α ≥ 1/255, whatever lies in front.
 pub fn covered(gaussian: &ScreenGaussian, width: u32, height: u32) -> usize {
     let log_scale = [gaussian[LOG_SCALE], gaussian[LOG_SCALE + 1]];
-    let footprint = make_footprint([gaussian[0], gaussian[1]], gaussian[LOGIT], log_scale, gaussian[ANGLE], [width, height]);
+    let footprint =
+        make_footprint([gaussian[0], gaussian[1]], gaussian[LOGIT], log_scale, gaussian[ANGLE], [width, height]);
     footprint.map_or(0, |f| f.pixels().filter(|&(x, y)| f.weight(x, y).is_some()).count())
 }
 

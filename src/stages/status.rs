@@ -52,6 +52,13 @@ impl Status {
         status
     }
 
+    /// As a kernel reports that `needed` of a resource would have been needed.
+    pub fn fail(&mut self, resource: Resource, needed: u32) {
+        self.0[STATUS_FAILED as usize] |= 1 << resource.index();
+        let most = &mut self.0[(STATUS_NEEDED + resource.index()) as usize];
+        *most = needed.max(*most);
+    }
+
     /// Steps completed.
     pub fn steps(&self) -> u32 {
         self.0[STATUS_STEPS as usize]

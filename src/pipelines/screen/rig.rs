@@ -85,9 +85,8 @@ impl Screen {
         let tile = policy.tile(context);
         let workgroup_size = WORKGROUP;
         let project = screen_project::Spec { workgroup_size, tile_width: tile.width, tile_height: tile.height };
-        let backward = |gradients| {
-            screen_backward::Stage::new(context, &screen_backward::Spec { workgroup_size, gradients })
-        };
+        let backward =
+            |gradients| screen_backward::Stage::new(context, &screen_backward::Spec { workgroup_size, gradients });
         Ok(Screen {
             raster: Raster::new(context, Self::raster_options(context, &sizes, policy))?,
             loss: Photometric::new(context, &Self::loss_options(&sizes))?,
@@ -211,8 +210,7 @@ impl Screen {
             forward_tiles,
             backward_tiles,
         };
-        let push =
-            screen_tiles::Push { count: self.current.places, tiles_per_frame: self.current.tiles_per_frame };
+        let push = screen_tiles::Push { count: self.current.places, tiles_per_frame: self.current.tiles_per_frame };
         self.tiles.record(recorder, &buffers, &push, self.current.places);
         for list in 0..2 {
             let buffers = dispatch_args::Buffers { count, dispatch_args: args, status };
