@@ -9,7 +9,7 @@ mod counts;
 mod data;
 mod geometry;
 mod parameters;
-mod plane;
+mod screen;
 mod stiffness;
 
 use glam::DVec3;

@@ -12,7 +12,7 @@ use glint::{
         screen_backward::{self, ScreenBackward},
         screen_draw::{self, ScreenDraw},
         screen_project::{self, ScreenProject},
-        types::{Frame, ScreenState, Quota},
+        types::{Frame, Quota, ScreenState},
     },
 };
 
