@@ -1,257 +1,41 @@
-//! The 2D stage from splats to steps, and as a whole; its kernels one by one are `glint verify`'s.
+//! The screen phase as a whole, and what its kernels leave alone; what they compute is judged by `glint verify`.
 
 mod common;
 
-use common::Gpu;
+use common::{Gpu, session};
 use glint::{
-    gpu::{Buffer, Location},
+    gpu::Recorder,
     pipelines::{
         model::Model,
-        plane::{Schedule, ScreenStage, base_losses, budgets},
-        raster::{Raster, RasterOptions, Reduction, WORKGROUP},
-        render::{RenderOptions, Renderer},
+        raster::Raster,
+        render::{Needs, RenderOptions, Renderer},
+        screen::{Refined, Refiner, Schedule, ScreenGaussian, base_losses, batch::ScreenSizes, budgets, rig::Screen},
+        session::{Policy, Session},
         views::Views,
     },
     reference::{
-        Background, Intersections, Options, Splat,
-        blend::blend,
-        blend_backward::blend_backward,
-        screen_backward::{ScreenMoments, screen_backward, screen_step},
+        Options,
         screen_project::screen_project,
-        screen_prune::covered,
         screen_tiles::{WINDOW_RADIUS, screen_tiles},
-        tiles::Tiling,
     },
     scene::{Camera, Gaussians, Scene},
     stages::{
-        self,
-        screen_backward::ScreenBackward,
-        screen_draw::ScreenDraw,
-        screen_project::ScreenProject,
-        screen_prune::ScreenPrune,
-        screen_tiles::ScreenTiles,
-        ssim_forward,
-        types::{Frame, Quota, ScreenState},
+        ssim,
+        status::{Resource, Status},
+        types::{Frame, Quota, ScreenState, View},
     },
-    verify::plane::{SMALL_FRAMES, Scattered, pixels_of},
+    verify::screen::{SMALL_FRAMES, Scattered, pixels_of},
 };
-use rand::RngExt;
-
-const NONE: u32 = u32::MAX;
-const FRAMES: [Frame; 2] = SMALL_FRAMES;
-const PIXELS: usize = 61 * 43 + 50 * 70;
 
 fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
     let error = (f64::from(got) - expected).abs();
     assert!(error <= tolerance * (1.0 + expected.abs()), "{what}: {got} for {expected}");
 }
 
-#[test]
-fn splats_images_gradients_and_steps_are_the_twins() {
-    let gpu = Gpu::new();
-    let count = 120;
-    let (scene, mut rng) = Scattered::new(&FRAMES, 3, count);
-    let options = RasterOptions {
-        splats: count as u32,
-        pixels: PIXELS as u32,
-        tiles: 2 * 8 * 9,
-        isects: 1 << 14,
-        batch: true,
-        background_image: true,
-        median: false,
-        backward: true,
-        reduction: Reduction::Deterministic,
-    };
-    let raster = Raster::new(&gpu, options).unwrap();
-    let tile = raster.tile;
-    let backdrop: Vec<[f32; 4]> = (0..PIXELS).map(|_| [0; 4].map(|_| rng.random_range(0.0..1.0))).collect();
-    raster.backdrop.upload(0, &backdrop).unwrap();
-    let frames = Buffer::from_slice(&gpu, "frames", &FRAMES).unwrap();
-    let screen_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
-    let states = Buffer::from_slice(&gpu, "states", &[ScreenState { count: 0, stepping: 1 }; 2]).unwrap();
-    let depths = Buffer::from_slice(&gpu, "depths", &scene.depths).unwrap();
-    let plane = Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap();
-    let status = Buffer::<u32>::zeroed(&gpu, "status", 2).unwrap();
-    let spec =
-        stages::screen_project::Spec { workgroup_size: WORKGROUP, tile_width: tile.width, tile_height: tile.height };
-    let project = ScreenProject::new(&gpu, &spec).unwrap();
-    let grid = raster.grid(0, 2, 61, 70);
-    let tiles = ScreenTiles::new(&gpu, WORKGROUP).unwrap();
-    let words = |len: usize| Buffer::<u32>::new(&gpu, "words", len, Location::Device).unwrap();
-    let (tile_marks, tile_count, lists) = (words(24), words(2), [words(12), words(12)]);
-    let mut recorder = gpu.recorder("forward").unwrap();
-    let buffers = stages::screen_project::Buffers {
-        frames: &frames,
-        screen_frames: &screen_frames,
-        screen_states: &states,
-        depths: &depths,
-        plane: &plane,
-        splats: &raster.splats,
-        depth_keys: &raster.depth_keys,
-        tile_counts: &raster.tile_counts,
-    };
-    let push = stages::screen_project::Push { count: count as u32, stride: count as u32 };
-    project.record(&mut recorder, &buffers, &push);
-    raster.record_order(&mut recorder, count as u32, &grid, &frames, &screen_frames, &status);
-    raster.record_blend(&mut recorder, &grid, &frames, [0.0; 3], 0.0);
-    let buffers = stages::screen_tiles::Buffers {
-        frames: &frames,
-        screen_frames: &screen_frames,
-        tile_counts: &raster.tile_counts,
-        splats: &raster.splats,
-        tile_marks: &tile_marks,
-        count: &tile_count,
-        forward_tiles: &lists[0],
-        backward_tiles: &lists[1],
-    };
-    tiles.record(&mut recorder, &buffers, &stages::screen_tiles::Push { slots: count as u32, tiles_per_frame: 6 });
+fn run(gpu: &Gpu, record: impl FnOnce(&mut Recorder)) {
+    let mut recorder = gpu.recorder("test").unwrap();
+    record(&mut recorder);
     recorder.submit().unwrap().wait().unwrap();
-    assert_eq!(status.download().unwrap()[0], 0);
-    let (splats, keys) = (raster.splats.download().unwrap(), raster.depth_keys.download().unwrap());
-    let tile_counts = raster.tile_counts.download().unwrap();
-    let image = raster.image.download().unwrap();
-
-    let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };
-    let depths64: Vec<f64> = scene.depths.iter().map(|&z| f64::from(z)).collect();
-    let mut image_grad = vec![0f32; 3 * PIXELS];
-    let mut twins = Vec::new();
-    let listed_tiles: Vec<Vec<u32>> = lists
-        .iter()
-        .zip(tile_count.download().unwrap())
-        .map(|(list, n)| {
-            let mut tiles = list.download_range(0, n as usize).unwrap();
-            tiles.sort_unstable();
-            tiles
-        })
-        .collect();
-    let (mut visible, mut listed, mut listed_twin) = (0, 0, 0);
-    for (f, &Frame { width, height, .. }) in FRAMES.iter().enumerate() {
-        let (mut planes, slots) = scene.of_frame(f as u32);
-        let projected = screen_project(&mut planes, pixels_of(&depths64, &FRAMES[f]), width, height, &options);
-        for (j, &i) in slots.iter().enumerate() {
-            if (keys[i] == NONE) != (projected.tile_counts[j] == 0) {
-                // An ellipse between pixel centres: the two list tiles with margins of their own.
-                assert_eq!(covered(&planes[j], width, height), 0);
-                continue;
-            }
-            if keys[i] == NONE {
-                continue;
-            }
-            visible += 1;
-            listed += tile_counts[i];
-            listed_twin += projected.tile_counts[j];
-            let z = planes[j][9];
-            assert_eq!(keys[i], if z > 0.0 { (z as f32).to_bits() } else { 0x7F80_0000 });
-            let (s, t): (_, Splat) = (splats[i], projected.splats[j]);
-            let pairs =
-                [(s.x, t.x), (s.y, t.y), (s.l11, t.l11), (s.l12, t.l12), (s.l22, t.l22), (s.opacity, t.opacity)];
-            for (got, expected) in pairs.into_iter().chain([(s.r, t.r), (s.g, t.g), (s.b, t.b), (s.z, t.z)]) {
-                // A dozen roundings of 6e-8, and sine and cosine within 1e-6.
-                close(got, expected, 5e-6, "splat");
-            }
-        }
-        for (list, halo) in listed_tiles.iter().zip([WINDOW_RADIUS, 0.0]) {
-            // At least the exact ones, at most those of boxes a hundredth of a pixel wider.
-            let (first, tile) = (6 * f as u32, ssim_forward::TILE);
-            let twin = |halo| screen_tiles(&projected.splats, &projected.tile_counts, width, height, tile, halo);
-            let got: Vec<u32> = list.iter().filter(|t| (first..first + 6).contains(t)).map(|t| t - first).collect();
-            assert!(got.is_sorted_by(|a, b| a < b), "a tile twice: {got:?}");
-            assert!(twin(halo).iter().all(|t| got.contains(t)), "{got:?}");
-            assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
-        }
-        let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(width, height, &options));
-        let behind: Vec<[f64; 3]> =
-            pixels_of(&backdrop, &FRAMES[f]).iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
-        let blended = blend(&projected.splats, &isects, Background::Image(&behind), 0.0);
-        let mut grads = vec![[0.0; 3]; behind.len()];
-        let mut unsure = 0;
-        for (pixel, (got, expected)) in pixels_of(&image, &FRAMES[f]).iter().zip(&blended.image).enumerate() {
-            // Float32 may decide otherwise within its own error of a threshold; those pixels pull at nothing below. The order
-            // is not in doubt: depths are the map's own, and equal ones go by index.
-            let margin = blended.margins[pixel];
-            if margin.alpha.min(margin.transmittance).min(margin.clamp) <= 1e-4 {
-                unsure += 1;
-                continue;
-            }
-            (0..4).for_each(|c| close(got[c], expected[c], 1e-5, "image"));
-            grads[pixel] = [0; 3].map(|_| f64::from(rng.random_range(-1.0..1.0f32)));
-            let at = 3 * (FRAMES[f].image_first as usize + pixel);
-            (0..3).for_each(|c| image_grad[at + c] = grads[pixel][c] as f32);
-        }
-        assert!(unsure * 10 < behind.len(), "{unsure} pixels of {}", behind.len());
-        let records = blend_backward(&projected.splats, &isects, &blended.image, &grads);
-        let grads = screen_backward(&planes, &projected.tile_counts, &isects, &records);
-        twins.push((planes, slots, grads));
-    }
-    // The kernel's and the twin's margins around an ellipse differ by less than a hundredth of a pixel.
-    assert!(visible > 60 && listed.abs_diff(listed_twin) * 50 < listed_twin, "{listed} for {listed_twin}");
-
-    raster.image_grad.upload(0, &image_grad).unwrap();
-    let start: Vec<f32> = (0..18 * count)
-        .map(|k| if k / count % 2 == 0 { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) })
-        .collect();
-    let ages: Vec<u32> = (0..count as u32).map(|i| [0, 1, 5, 80, 1500][i as usize % 5]).collect();
-    let screen_ages = Buffer::from_slice(&gpu, "ages", &ages).unwrap();
-    let moments = Buffer::from_slice(&gpu, "moments", &start).unwrap();
-    let gradients = Buffer::<f32>::zeroed(&gpu, "gradients", 18 * count).unwrap();
-    let mut recorder = gpu.recorder("backward").unwrap();
-    raster.record_blend_backward(&mut recorder, &grid, &frames, 0);
-    for (gradients_only, into) in [(true, &gradients), (false, &moments)] {
-        let spec = stages::screen_backward::Spec { workgroup_size: WORKGROUP, gradients: gradients_only };
-        let buffers = stages::screen_backward::Buffers {
-            status: &status,
-            frames: &frames,
-            screen_frames: &screen_frames,
-            screen_states: &states,
-            tile_counts: &raster.tile_counts,
-            first_slot: &raster.first_slot,
-            records: &raster.records,
-            plane: &plane,
-            screen_ages: &screen_ages,
-            screen_moments: into,
-        };
-        let push = stages::screen_backward::Push { count: count as u32, stride: count as u32, by_gaussian: 0 };
-        ScreenBackward::new(&gpu, &spec).unwrap().record(&mut recorder, &buffers, &push);
-    }
-    recorder.submit().unwrap().wait().unwrap();
-    let (gradients, moments) = (gradients.download().unwrap(), moments.download().unwrap());
-    let (after, new_ages) = (plane.download().unwrap(), screen_ages.download().unwrap());
-    for (f, (mut planes, slots, grads)) in twins.into_iter().enumerate() {
-        // What cancels in a sum over pixels is judged by the largest gradient of its plane.
-        let largest: [f64; 9] = std::array::from_fn(|p| grads.iter().map(|g| g[p].abs()).fold(0.0, f64::max));
-        for (j, &i) in slots.iter().enumerate() {
-            for p in 0..9 {
-                let (got, expected) = (f64::from(gradients[2 * p * count + i]), grads[j][p]);
-                let error = (got - expected).abs();
-                assert!(error < 2e-4 * expected.abs() + 2e-5 * largest[p], "plane {p}: {got} for {expected}");
-            }
-        }
-        // The step is judged by the kernel's own gradients.
-        let own: Vec<[f64; 9]> =
-            slots.iter().map(|&i| std::array::from_fn(|p| f64::from(gradients[2 * p * count + i]))).collect();
-        let mut state: Vec<ScreenMoments> = slots
-            .iter()
-            .map(|&i| ScreenMoments {
-                first: std::array::from_fn(|p| f64::from(start[2 * p * count + i])),
-                second: std::array::from_fn(|p| f64::from(start[(2 * p + 1) * count + i])),
-                age: ages[i],
-            })
-            .collect();
-        screen_step(&mut planes, &own, &mut state, FRAMES[f].width, FRAMES[f].height);
-        for (j, &i) in slots.iter().enumerate() {
-            assert_eq!(new_ages[i], state[j].age);
-            for p in 0..9 {
-                close(moments[2 * p * count + i], state[j].first[p], 1e-6, "first moment");
-                close(moments[(2 * p + 1) * count + i], state[j].second[p], 1e-5, "second moment");
-                close(after[p * count + i], planes[j][p], 1e-5, "stepped plane");
-            }
-        }
-    }
-    // Empty slots are as they were.
-    for i in (0..count).filter(|&i| scene.frames[i] == NONE) {
-        assert_eq!((keys[i], tile_counts[i], new_ages[i]), (NONE, 0, ages[i]));
-        assert!((0..9).all(|p| after[p * count + i] == scene.planes[i][p] as f32));
-    }
 }
 
 /// A few small 2D Gaussians in two large images: the loss is made where it can change, and nowhere else.
@@ -263,81 +47,35 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     let count = 28;
     let (mut scene, _) = Scattered::new(&frames, 12, count);
     // One beside an edge of tiles by 4 px, which the window crosses and the ellipse does not; one that is seen by nobody.
-    scene.planes[0][..9].copy_from_slice(&[156.0, 144.0, 0.5, 0.5, 0.5, -3.0, -0.5, -0.5, 0.0]);
-    scene.planes[1][..9].copy_from_slice(&[380.0, 16.0, 0.5, 0.5, 0.5, -9.0, 0.0, 0.0, 0.0]);
-    let raster = Raster::new(
-        &gpu,
-        RasterOptions {
-            splats: count as u32,
-            pixels: 1,
-            tiles: 1,
-            isects: 1,
-            batch: true,
-            background_image: false,
-            median: false,
-            backward: false,
-            reduction: Reduction::Deterministic,
-        },
-    )
-    .unwrap();
-    let frame_list = Buffer::from_slice(&gpu, "frames", &frames).unwrap();
-    let screen_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
-    let (tile_width, tile_height) = (raster.tile.width, raster.tile.height);
-    let spec = stages::screen_project::Spec { workgroup_size: WORKGROUP, tile_width, tile_height };
-    // 13 × 10 tiles of the loss and 9 × 11.
-    let per_frame = 130;
-    let words = |len: usize| Buffer::<u32>::zeroed(&gpu, "words", len).unwrap();
-    let (tile_marks, tile_count, lists) =
-        (words(4 * per_frame), words(2), [words(2 * per_frame), words(2 * per_frame)]);
-    let mut recorder = gpu.recorder("tiles").unwrap();
-    ScreenProject::new(&gpu, &spec).unwrap().record(
-        &mut recorder,
-        &stages::screen_project::Buffers {
-            frames: &frame_list,
-            screen_frames: &screen_frames,
-            screen_states: &Buffer::from_slice(&gpu, "states", &[ScreenState { count: 0, stepping: 1 }; 2]).unwrap(),
-            depths: &Buffer::from_slice(&gpu, "depths", &scene.depths).unwrap(),
-            plane: &Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap(),
-            splats: &raster.splats,
-            depth_keys: &raster.depth_keys,
-            tile_counts: &raster.tile_counts,
-        },
-        &stages::screen_project::Push { count: count as u32, stride: count as u32 },
-    );
-    ScreenTiles::new(&gpu, WORKGROUP).unwrap().record(
-        &mut recorder,
-        &stages::screen_tiles::Buffers {
-            frames: &frame_list,
-            screen_frames: &screen_frames,
-            tile_counts: &raster.tile_counts,
-            splats: &raster.splats,
-            tile_marks: &tile_marks,
-            count: &tile_count,
-            forward_tiles: &lists[0],
-            backward_tiles: &lists[1],
-        },
-        &stages::screen_tiles::Push { slots: count as u32, tiles_per_frame: per_frame as u32 },
-    );
-    recorder.submit().unwrap().wait().unwrap();
-    let counts = tile_count.download().unwrap();
-    let options = Options { tile_width, tile_height, ..Default::default() };
+    scene.gaussians[0][..9].copy_from_slice(&[156.0, 144.0, 0.5, 0.5, 0.5, -3.0, -0.5, -0.5, 0.0]);
+    scene.gaussians[1][..9].copy_from_slice(&[380.0, 16.0, 0.5, 0.5, 0.5, -9.0, 0.0, 0.0, 0.0]);
+    let mut screen = Screen::new(&gpu, ScreenSizes::of_frames(&frames, count as u32), Policy::default()).unwrap();
+    scene.upload(&mut screen, &frames).unwrap();
+    let status = screen.status().unwrap();
+    run(&gpu, |recorder| {
+        screen.record_render(recorder, &status);
+        screen.record_lists(recorder, &status);
+    });
+    let lists = [&screen.lists.forward_tiles, &screen.lists.backward_tiles];
+    let counts = screen.lists.count.download().unwrap();
+    let Raster { tile, .. } = screen.raster;
+    let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };
     let depths: Vec<f64> = scene.depths.iter().map(|&z| f64::from(z)).collect();
-    let mut listed = [0, 0];
-    for ((which, list), halo) in lists.iter().enumerate().zip([WINDOW_RADIUS, 0.0]) {
+    // 13 × 10 tiles of the loss and 9 × 11.
+    let (per_frame, mut listed) = (130, [0, 0]);
+    for ((which, list), halo) in lists.into_iter().enumerate().zip([WINDOW_RADIUS, 0.0]) {
         let mut all = list.download_range(0, counts[which] as usize).unwrap();
         all.sort_unstable();
         for (f, &Frame { width, height, .. }) in frames.iter().enumerate() {
-            let (mut planes, _) = scene.of_frame(f as u32);
-            let p = screen_project(&mut planes, pixels_of(&depths, &frames[f]), width, height, &options);
-            let twin = |halo| screen_tiles(&p.splats, &p.tile_counts, width, height, ssim_forward::TILE, halo);
+            let (mut gaussians, _) = scene.of_frame(f as u32);
+            let p = screen_project(&mut gaussians, pixels_of(&depths, &frames[f]), width, height, &options);
+            let twin = |halo| screen_tiles(&p.splats, &p.tile_counts, width, height, ssim::TILE, halo);
             let first = (f * per_frame) as u32;
             let own = first..first + per_frame as u32;
             let got: Vec<u32> = all.iter().filter(|t| own.contains(t)).map(|t| t - first).collect();
-            assert!(got.is_sorted_by(|a, b| a < b), "a tile twice: {got:?}");
-            assert!(twin(halo).iter().all(|t| got.contains(t)), "{got:?}");
-            assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
             // Nothing is within a hundredth of a pixel of another tile, so the twin's list is the only one.
             assert_eq!(twin(halo), twin(halo + 0.01));
+            assert!(got.iter().eq(twin(halo).iter()), "{got:?}");
             listed[which] += got.len();
         }
     }
@@ -345,35 +83,26 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     assert!(listed[1] > 20 && listed[1] < listed[0] && listed[0] < 180);
 }
 
-/// A draw into 20 empty slots of a view of 64 × 48 pixels; which pixels were drawn.
-fn drawn(gpu: &Gpu, loss: &[f32], overflow: u32) -> Vec<usize> {
+/// Something was too small for this step.
+fn failed() -> Status {
+    let mut status = Status::default();
+    status.fail(Resource::Intersections, 1);
+    status
+}
+
+/// A draw into 20 empty places of a view of 64 × 48 pixels; which pixels were drawn.
+fn drawn(gpu: &Gpu, loss: &[f32], status: Status) -> Vec<usize> {
     let frame = Frame { image_first: 0, target_first: 0, width: 64, height: 48 };
-    let slots = 20u32;
-    let words = |name: &str, len: usize| Buffer::<u32>::zeroed(gpu, name, len).unwrap();
-    let floats = |name: &str, len: usize| Buffer::<f32>::zeroed(gpu, name, len).unwrap();
-    let screen_frames = Buffer::from_slice(gpu, "plane frames", &[NONE; 20]).unwrap();
-    let plane = floats("plane", 10 * 20);
-    let mut recorder = gpu.recorder("draw").unwrap();
-    ScreenDraw::new(gpu, &stages::screen_draw::Spec { workgroup_size: 256 }).unwrap().record(
-        &mut recorder,
-        &stages::screen_draw::Buffers {
-            status: &Buffer::from_slice(gpu, "status", &[overflow, 0]).unwrap(),
-            frames: &Buffer::from_slice(gpu, "frames", &[frame]).unwrap(),
-            quotas: &Buffer::from_slice(gpu, "quotas", &[Quota { view: 0, first: 0, budget: slots }]).unwrap(),
-            loss_map: &Buffer::from_slice(gpu, "loss map", loss).unwrap(),
-            image: &Buffer::<[f32; 4]>::zeroed(gpu, "image", loss.len()).unwrap(),
-            drawn_pixels: &words("drawn", 20),
-            screen_states: &Buffer::<ScreenState>::zeroed(gpu, "states", 1).unwrap(),
-            screen_frames: &screen_frames,
-            plane: &plane,
-            screen_ages: &words("ages", 20),
-            screen_moments: &floats("moments", 18 * 20),
-        },
-        &stages::screen_draw::Push { frame_count: 1, stride: slots, round: 1, seed: 1 },
-    );
-    recorder.submit().unwrap().wait().unwrap();
-    let (taken, plane) = (screen_frames.download().unwrap(), plane.download().unwrap());
-    (0..20).filter(|&i| taken[i] == 0).map(|i| plane[20 + i] as usize * 64 + plane[i] as usize).collect()
+    let mut screen = Screen::new(gpu, ScreenSizes::of_frames(&[frame], 20), Policy::default()).unwrap();
+    screen.begin(&[frame], &[View::default()], &[Quota { view: 0, first: 0, budget: 20 }]).unwrap();
+    screen.loss.loss_map().upload(0, loss).unwrap();
+    screen.raster.buffers.image.upload(0, &vec![[0.0; 4]; loss.len()]).unwrap();
+    let words = screen.status().unwrap();
+    words.upload(0, &status.0).unwrap();
+    run(gpu, |recorder| screen.record_draw(recorder, 1, 1, &words));
+    let b = &screen.buffers;
+    let (taken, planes) = (b.screen_frames.download().unwrap(), b.screen_planes.download().unwrap());
+    (0..20).filter(|&i| taken[i] == 0).map(|i| planes[20 + i] as usize * 64 + planes[i] as usize).collect()
 }
 
 #[test]
@@ -381,40 +110,28 @@ fn pixels_without_a_usable_loss_are_never_drawn() {
     let gpu = Gpu::new();
     let bad = [0.0, -0.5, 1e-19, 1e-30, 1e19, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let mut loss: Vec<f32> = (0..64 * 48).map(|p| bad[p % bad.len()]).collect();
-    assert!(drawn(&gpu, &loss, 0).is_empty());
+    assert!(drawn(&gpu, &loss, Status::default()).is_empty());
     for p in [700, 2000] {
         loss[p] = 0.25;
     }
-    assert_eq!(drawn(&gpu, &loss, 0), [700, 2000]);
+    assert_eq!(drawn(&gpu, &loss, Status::default()), [700, 2000]);
 }
 
 #[test]
 fn waiting_views_and_overflow_leave_everything_alone() {
     let gpu = Gpu::new();
-    let count = 40;
-    let (scene, _) = Scattered::new(&FRAMES, 8, count);
-    let frames = Buffer::from_slice(&gpu, "frames", &FRAMES).unwrap();
-    let prune = ScreenPrune::new(&gpu, &stages::screen_prune::Spec { workgroup_size: WORKGROUP }).unwrap();
-    let plane = Buffer::from_slice(&gpu, "plane", &scene.columns()).unwrap();
-    for (overflow, stepping) in [(1, 1), (0, 0)] {
-        let screen_frames = Buffer::from_slice(&gpu, "plane frames", &scene.frames).unwrap();
-        let states = Buffer::from_slice(&gpu, "states", &[ScreenState { count: 0, stepping }; 2]).unwrap();
-        let status = Buffer::from_slice(&gpu, "status", &[overflow, 0]).unwrap();
-        let mut recorder = gpu.recorder("prune").unwrap();
-        let buffers = stages::screen_prune::Buffers {
-            status: &status,
-            frames: &frames,
-            screen_states: &states,
-            plane: &plane,
-            screen_frames: &screen_frames,
-        };
-        let push = stages::screen_prune::Push { count: count as u32, stride: count as u32 };
-        prune.record(&mut recorder, &buffers, &push);
-        recorder.submit().unwrap().wait().unwrap();
-        assert_eq!(screen_frames.download().unwrap(), scene.frames);
+    let (scene, _) = Scattered::new(&SMALL_FRAMES, 8, 40);
+    let mut screen = Screen::new(&gpu, ScreenSizes::of_frames(&SMALL_FRAMES, 40), Policy::default()).unwrap();
+    scene.upload(&mut screen, &SMALL_FRAMES).unwrap();
+    let (words, b) = (screen.status().unwrap(), &screen.buffers);
+    for (status, stepping) in [(failed(), 1), (Status::default(), 0)] {
+        b.screen_states.upload(0, &[ScreenState { count: 0, stepping }; 2]).unwrap();
+        words.upload(0, &status.0).unwrap();
+        run(&gpu, |recorder| screen.record_prune(recorder, &words));
+        assert_eq!(b.screen_frames.download().unwrap(), scene.frames);
     }
     let loss = vec![0.5; 64 * 48];
-    assert_eq!((drawn(&gpu, &loss, 0).len(), drawn(&gpu, &loss, 1).len()), (4, 0));
+    assert_eq!((drawn(&gpu, &loss, Status::default()).len(), drawn(&gpu, &loss, failed()).len()), (4, 0));
 }
 
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
@@ -450,52 +167,47 @@ fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     (Scene { base, supplement: None }, (0..views).map(camera).collect(), (0..views).map(photograph).collect())
 }
 
-const BLACK: [f32; 3] = [0.0; 3];
 const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3 };
 
-fn refine(
-    gpu: &Gpu,
-    views: usize,
-    budgets: &[u32],
-    isects: Option<u32>,
-) -> (Vec<glint::pipelines::plane::Plane>, glint::pipelines::plane::Refined) {
+fn refine(gpu: &Gpu, views: usize, budgets: &[u32], isects: Option<u32>) -> (Vec<ScreenGaussian>, Refined) {
     let (scene, cameras, photographs) = striped_wall(views);
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload(gpu, &cameras, &photographs).unwrap();
     let model = Model::upload(gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
-    let mut renderer = Renderer::new(gpu, model.count(), &views, options).unwrap();
-    let mut stage = ScreenStage::new(gpu, &views, budgets, SCHEDULE, 1, Reduction::Deterministic).unwrap();
-    assert!(stage.batches().iter().eq([&(0..cameras.len())]));
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, options).unwrap();
+    let session = Session { seed: 1, ..session(gpu) };
+    let mut refiner = Refiner::new(&session, &views, budgets, SCHEDULE).unwrap();
+    assert!(refiner.batches().iter().eq([&(0..cameras.len())]));
     if let Some(isects) = isects {
-        stage.raster.borrow_mut().grow(isects).unwrap();
+        refiner.screen.raster.grow(isects).unwrap();
     }
-    let losses = base_losses(&mut renderer, &model, &views, BLACK).unwrap();
+    let losses = base_losses(&session, &mut renderer, &model, &views).unwrap();
     let mut heard = 0;
-    let refined = stage.refine(&mut renderer, &model, &views, 0, BLACK, |p| {
+    let refined = refiner.refine(&mut renderer, &model, &views, 0, |p| {
         assert!(p.step <= p.steps && p.count <= p.budget);
         heard += 1;
     });
     let refined = refined.unwrap();
     assert!(heard > 0);
-    for (of_base, of_stage) in losses.iter().zip(&refined.base_losses) {
+    for (of_base, of_phase) in losses.iter().zip(&refined.base_losses) {
         // Sums of the same numbers in another order.
-        close(*of_stage, *of_base, 1e-6, "base loss");
+        close(*of_phase, *of_base, 1e-6, "base loss");
     }
-    (stage.download(0).unwrap(), refined)
+    (refiner.download().unwrap().into_iter().map(|(_, gaussian)| gaussian).collect(), refined)
 }
 
 #[test]
 fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() {
     let gpu = Gpu::new();
-    let (planes, refined) = refine(&gpu, 2, &[60, 31], None);
+    let (gaussians, refined) = refine(&gpu, 2, &[60, 31], None);
     for v in 0..2 {
         assert!(refined.losses[v] < 0.99 * refined.base_losses[v], "{refined:?}");
         assert!(refined.counts[v] <= [60, 31][v]);
-        assert_eq!(planes.iter().filter(|p| p.view == v as u32).count() as u32, refined.counts[v]);
+        assert_eq!(gaussians.iter().filter(|p| p.view == v as u32).count() as u32, refined.counts[v]);
     }
     assert!(refined.counts[0] >= 20 && refined.rounds <= SCHEDULE.max_rounds, "{refined:?}");
-    for p in &planes {
+    for p in &gaussians {
         assert!((0.0..=180.0).contains(&p.centre[0]) && (0.0..=160.0).contains(&p.centre[1]));
         assert!(p.colour.iter().all(|c| (0.0..=1.0).contains(c)));
         assert!(p.log_scale.iter().all(|s| *s <= 3.4f32.ln() + 1e-6));
@@ -505,11 +217,11 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
 
     let (alone, one) = refine(&gpu, 1, &[60], None);
     assert_eq!(one.losses[0], refined.losses[0]);
-    assert!(alone.iter().eq(planes.iter().filter(|p| p.view == 0)));
+    assert!(alone.iter().eq(gaussians.iter().filter(|p| p.view == 0)));
 
     let (cramped, small) = refine(&gpu, 2, &[60, 31], Some(20));
     assert!(small.grown > 0);
-    assert_eq!(cramped, planes);
+    assert_eq!(cramped, gaussians);
     assert_eq!(small.losses, refined.losses);
 }
 

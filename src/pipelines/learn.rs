@@ -29,6 +29,14 @@ pub struct Rates {
     pub sharpness: f32,
 }
 
+impl Rates {
+    /// In the order of [`groups`](crate::scene::layout::groups).
+    pub fn by_group(&self) -> [f32; 9] {
+        let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness } = *self;
+        [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness]
+    }
+}
+
 /// What the Gaussians of a segment learn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lesson {

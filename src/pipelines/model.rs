@@ -422,6 +422,16 @@ pub struct Rearrange {
     planes: u32,
 }
 
+/// What a segment's Gaussians become.
+#[derive(Clone, Copy)]
+pub struct Sources<'a> {
+    /// By new number the old one; [`NONE`] where all planes become 0.
+    pub sources: &'a Buffer<u32>,
+    /// Word `index` of `count` is the segment's new count.
+    pub count: &'a Buffer<u32>,
+    pub index: u32,
+}
+
 /// Planes that are moved at once: as few dispatches as 16 MiB of scratch allow for a million Gaussians.
 const PLANES_AT_ONCE: u32 = 4;
 
@@ -439,21 +449,19 @@ impl Rearrange {
         })
     }
 
-    /// Gaussian t of `segment` becomes what number `sources[t]` was, for t below word `count.1` of `count.0`, which is the
-    /// segment's new count; so do its planes in `others` (moments). Where a source is [`NONE`] all planes become 0. What does
-    /// not fit is reported in `status`, and the count kept within the room that there is.
+    /// Gives the Gaussians of `segment` new numbers, and their planes in `others` (moments) with them. What does not fit is
+    /// reported in `status`, and the count kept within the room that there is.
     pub fn record(
         &self,
         recorder: &mut Recorder,
         model: &Model,
         segment: Segment,
-        sources: &Buffer<u32>,
-        count: (&Buffer<u32>, u32),
+        from: Sources<'_>,
         others: &[&Planes],
         status: &Buffer<u32>,
     ) {
         let part = model.part(segment);
-        let (words, count_index) = count;
+        let Sources { sources, count: words, index: count_index } = from;
         self.dispatch_args.record(
             recorder,
             &dispatch_args::Buffers { count: words, dispatch_args: &self.args, status },

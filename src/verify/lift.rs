@@ -4,7 +4,10 @@ use glam::{DMat3, DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Bench, judge::Work};
+use super::{
+    Bench,
+    judge::{Row, Work},
+};
 use crate::{
     error::Result,
     gpu::{Buffer, Context},
@@ -181,6 +184,14 @@ pub fn covariance(quat: [f64; 4], log_scale: [f64; 3]) -> [f64; 9] {
     (scaled * r.transpose()).to_cols_array()
 }
 
+/// The rows of a case of one's own.
+pub fn judge(context: &Context, case: &Case, options: LiftOptions) -> Result<Vec<Row>> {
+    let mut bench = Bench::new(context, 0.0, 0);
+    lift(&mut bench, case, options)?;
+    bench.rows.iter_mut().for_each(Row::judge);
+    Ok(bench.rows)
+}
+
 fn lift(bench: &mut Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> {
     let context = bench.context;
     let count = case.screen_frames.len();
@@ -318,9 +329,14 @@ fn lift(bench: &mut Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> 
     );
     let made: Vec<(&types::Lift, &Lift)> =
         got_lifts.iter().zip(&want).filter(|(a, b)| a.cluster_size > 0 && b.cluster_size > 0).collect();
+    // Positions as seen from a camera: a scene may lie anywhere.
+    let eye = case.cameras[0].eye();
+    row.numbers(
+        made.iter()
+            .flat_map(|(a, b)| (0..3).map(move |c| ((f64::from(a.mean[c]) - eye[c]) as f32, b.mean[c] - eye[c]))),
+    );
     type Field = (fn(&types::Lift) -> Vec<f32>, fn(&Lift) -> Vec<f64>);
-    let fields: [Field; 6] = [
-        (|l| l.mean.to_vec(), |l| l.mean.to_vec()),
+    let fields: [Field; 5] = [
         (|l| l.dc.to_vec(), |l| l.dc.to_vec()),
         (|l| vec![l.opacity], |l| vec![l.opacity]),
         (|l| l.lobe_dir.to_vec(), |l| l.lobe_dir.to_vec()),

@@ -55,13 +55,7 @@ pub struct Report {
 /// Only where the device cannot do something at all; a wrong result is a [`Breach`] of a row.
 pub fn run(context: &Context, options: &Options) -> Result<Report> {
     let start = Instant::now();
-    let mut bench = Bench {
-        context,
-        perturb: options.perturb,
-        repeats: if options.quick { 3 } else { 9 },
-        rates: Rates::default(),
-        rows: Vec::new(),
-    };
+    let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 });
     floor::measure(&mut bench)?;
     sort::cases(&mut bench, options.quick)?;
     model::cases(&mut bench, options.quick)?;
@@ -94,7 +88,12 @@ struct Bench<'a> {
     rows: Vec<Row>,
 }
 
-impl Bench<'_> {
+impl<'a> Bench<'a> {
+    /// Times are medians of `repeats` runs.
+    fn new(context: &'a Context, perturb: f64, repeats: usize) -> Self {
+        Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new() }
+    }
+
     fn row(&self, stage: &'static str, variant: impl Into<String>) -> Row {
         Row::new(stage, variant, self.perturb)
     }

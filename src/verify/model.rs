@@ -6,7 +6,7 @@ use super::{Bench, sort::noise};
 use crate::{
     error::Result,
     gpu::Buffer,
-    pipelines::model::{Model, Planes, Rearrange, Room, Segment},
+    pipelines::model::{Model, Planes, Rearrange, Room, Segment, Sources},
     reference::{NONE, gather, random_scene, recount},
     stages::{
         WORKGROUP,
@@ -67,6 +67,7 @@ fn rearranged(bench: &mut Bench<'_>, model: &mut Model) -> Result<()> {
     }
     let there = Buffer::from_slice(context, "sources", &sources)?;
     let count = Buffer::from_slice(context, "count", &[new])?;
+    let from = Sources { sources: &there, count: &count, index: 0 };
     let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
     let stage = Rearrange::new(context, new)?;
     let planes = |model: &Model, segment: Segment| -> Result<Vec<Vec<f32>>> {
@@ -79,7 +80,7 @@ fn rearranged(bench: &mut Bench<'_>, model: &mut Model) -> Result<()> {
     };
     let before = Segment::ALL.map(|segment| planes(model, segment));
     let mut recorder = context.recorder("rearrange")?;
-    stage.record(&mut recorder, model, Segment::Base, &there, (&count, 0), &[&moments], &status);
+    stage.record(&mut recorder, model, Segment::Base, from, &[&moments], &status);
     recorder.submit()?.wait()?;
 
     let mut row = bench.row("gather", "");
@@ -93,7 +94,7 @@ fn rearranged(bench: &mut Bench<'_>, model: &mut Model) -> Result<()> {
         row.words(&bits(got), &bits(&before));
     }
     row.unequal(u64::from(model.learn_counts()?[0] != new || status.download()?.iter().any(|&word| word != 0)));
-    let times = bench.time(|r| stage.record(r, model, Segment::Base, &there, (&count, 0), &[&moments], &status))?;
+    let times = bench.time(|r| stage.record(r, model, Segment::Base, from, &[&moments], &status))?;
     row.time = times.all("gather");
     row.work.bytes = f64::from(new) * (8.0 * planes_moved.len() as f64 + 4.0);
     bench.push(row);

@@ -15,7 +15,7 @@ use crate::{
     },
     reference::{
         self, Options, Params,
-        adam::{PlaneRate, adam, lobe_rates},
+        adam::{PlaneRate, adam},
         blend::Margin,
         blend_backward::{Record, blend_backward_magnitudes},
         project_backward::{magnitudes, project_backward, sum_records},
@@ -185,13 +185,14 @@ impl Part {
         Work { bytes: records * slots + count * 4.0 * (2.0 + of_plane * planes as f64), operations: 0.0 }
     }
 
-    /// Groups of parameters that such a lesson moves.
-    fn groups(&self, scene: &Scene, opacity_only: bool) -> Vec<Group> {
-        let learns = |group: &Group| match opacity_only {
+    /// Groups of parameters that such a lesson moves, each with its rate.
+    fn groups(&self, scene: &Scene, opacity_only: bool) -> Vec<(Group, PlaneRate)> {
+        let learns = |(group, _): &(Group, f32)| match opacity_only {
             true => group.array == Array::Geometry && group.planes.start == OPACITY,
             false => group.array != Array::Lobes || self.segment == Segment::Supplement,
         };
-        layout::groups(scene.degree).into_iter().filter(learns).collect()
+        let groups = layout::groups(scene.degree).into_iter().zip(RATES.by_group()).filter(learns);
+        groups.map(|(group, rate)| (group.clone(), PlaneRate::of(&group, f64::from(rate)))).collect()
     }
 }
 
@@ -207,7 +208,7 @@ fn beside(group: &Group, of: &[Vec<f32>]) -> std::ops::Range<usize> {
 
 fn compare(row: &mut Row, scene: &Scene, part: &Part, got: &Columns, want: &Params, terms: &Params) {
     let opacity_only = got[1].is_empty();
-    for group in part.groups(scene, opacity_only) {
+    for (group, _) in part.groups(scene, opacity_only) {
         let of_group = &got[group.array as usize];
         let got = beside(&group, of_group).flat_map(|p| of_group[p][..part.count].iter().copied());
         let want = want.group(&group, part.first, part.count);
@@ -231,15 +232,9 @@ fn step(
     let original = read(parameters)?;
     let mut before = original.clone();
     // Some lobes stand at the ends of their ranges.
-    for j in 0..if part.segment == Segment::Supplement { count } else { 0 } {
-        let ends = match j % 4 {
-            0 => Some((0.0101, -1.999)),
-            1 => Some((0.9999, 7.999)),
-            _ => None,
-        };
-        if let Some((width, sharpness)) = ends {
-            before[2][layout::LOBE_WIDTH][j] = width;
-            before[2][layout::LOBE_SHARPNESS][j] = sharpness;
+    for (plane, ends) in [(layout::LOBE_WIDTH, [0.0101, 0.9999]), (layout::LOBE_SHARPNESS, [-1.999, 7.999])] {
+        for lobe in before[2].get_mut(plane).into_iter().flat_map(|values| values.chunks_mut(4)) {
+            lobe.iter_mut().zip(ends).for_each(|(value, end)| *value = end);
         }
     }
     write(parameters, &before)?;
@@ -284,10 +279,10 @@ fn step(
         let mut row = bench.row(stage, format!("{}, {name}{}", part.name, scene.suffix(false)));
         // Training steps at once.
         row.chosen = learner.gradients().is_none();
-        for group in part.groups(scene, lesson.opacity_only) {
+        for (group, rate) in part.groups(scene, lesson.opacity_only) {
             let array = group.array as usize;
             let planes = beside(&group, &own[array]);
-            for ((p, at), rate) in group.planes.clone().zip(planes).zip(rates(&group)) {
+            for (p, at) in group.planes.clone().zip(planes) {
                 let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
                 let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][at]));
                 let (mut first, mut second) = (wide(&start[array][2 * at]), wide(&start[array][2 * at + 1]));
@@ -325,24 +320,6 @@ fn write(planes: [&Planes; 3], columns: &Columns) -> Result<()> {
         planes.page(0).upload(0, &columns.concat())?;
     }
     Ok(())
-}
-
-/// How the planes of a group move.
-fn rates(group: &Group) -> Vec<PlaneRate> {
-    let [direction, .., width, sharpness] =
-        lobe_rates(f64::from(RATES.direction), f64::from(RATES.width), f64::from(RATES.sharpness));
-    let rate = match group.name {
-        "mean" => PlaneRate::free(f64::from(RATES.mean)),
-        "log scale" => PlaneRate::free(f64::from(RATES.log_scale)),
-        "quaternion" => PlaneRate::free(f64::from(RATES.quat)),
-        "opacity" => PlaneRate::free(f64::from(RATES.opacity)),
-        "DC" => PlaneRate::free(f64::from(RATES.dc)),
-        "SH" => PlaneRate::free(f64::from(RATES.sh)),
-        "lobe direction" => direction,
-        "lobe width" => width,
-        _ => sharpness,
-    };
-    vec![rate; group.planes.len()]
 }
 
 fn steps_done(bench: &mut Bench<'_>) -> Result<()> {

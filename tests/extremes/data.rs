@@ -121,7 +121,7 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);
     let moved = frozen.shoot(&before, &camera, &steep).stepped.base;
     for (new, old) in moved.opacities.iter().zip(&before.base.opacities) {
-        assert!(((new - old).abs() - RATES[3]).abs() < 1e-4 * RATES[3], "{old} → {new}");
+        assert!(((new - old).abs() - RATES.opacity).abs() < 1e-4 * RATES.opacity, "{old} → {new}");
     }
     assert_eq!(moved.means, before.base.means);
 }
