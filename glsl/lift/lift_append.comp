@@ -32,7 +32,7 @@ void main() {
     if (lift.cluster_size == 0) return;
     uint number = segment_first[SUPPLEMENT + 1] - segment_first[SUPPLEMENT] + lift_ranks[item];
     uint place = number - push.page_first;
-    if (!(number >= push.page_first && place < push.stride)) return;
+    if (!(number >= push.page_first && place < push.stride)) return; // guard: lifts within the room
     store_geometry3(MEAN, place, lift.mean);
     store_geometry3(LOG_SCALE, place, lift.log_scale);
     store_quat(place, lift.quat);

@@ -50,7 +50,7 @@ const uint SWEEPS = 8;                   // Jacobi on 3×3 converges quadratical
 // Annihilates the off-diagonal element pq; r is the third index. Entries are at most 1 (scaled by the trace), so what is
 // below 1e-30 changes nothing.
 void turn(inout float pp, inout float qq, inout float pq, inout float rp, inout float rq, inout vec3 axis_p, inout vec3 axis_q) {
-    if (!(abs(pq) > 1e-30)) return;
+    if (!(abs(pq) > 1e-30)) return; // guard: rotations of nothing
     float ratio = (qq - pp) / (2.0 * pq);
     // Beyond 1e15 the square would overflow and tan = 1/(2·ratio) is below all rounding.
     float tangent = abs(ratio) < 1e15 ? (ratio < 0.0 ? -1.0 : 1.0) / (abs(ratio) + sqrt(ratio * ratio + 1.0)) : 0.5 / ratio;
@@ -149,6 +149,7 @@ Lift make_lift(uint item, View view, uint source) {
 
     // Depth and position, in the camera's frame.
     uint heavy = min(heaviest[item], n - 1);
+    // guard: depth of a group without the heaviest
     float depth = labels[first + heavy] == prime ? points[first + heavy].z : origin.z + centred_mean.z;
     vec2 centre = vec2(screen_planes[item], screen_planes[stride + item]);
     vec2 ray = (centre - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
@@ -171,7 +172,7 @@ Lift make_lift(uint item, View view, uint source) {
         order(value.x, value.y, axis_1, axis_2);
         value *= trace / total;
     }
-    value = max(value, vec3(EIGENVALUE_MIN * unit * unit));
+    value = max(value, vec3(EIGENVALUE_MIN * unit * unit)); // guard: floor of the eigenvalues
     // The third axis looks at the camera, which is at the origin of this frame; the second makes the frame right-handed.
     if (dot(axis_3, position) > 0.0) axis_3 = -axis_3;
     if (dot(cross(axis_1, axis_2), axis_3) < 0.0) axis_2 = -axis_2;
@@ -202,6 +203,7 @@ Lift make_lift(uint item, View view, uint source) {
 
     bool sound = k2 > 0.0 && is_finite(vec4(lift.mean, lift.opacity)) && is_finite(vec4(lift.log_scale, lift.theta_bar)) &&
                  is_finite(lift.quat) && is_finite(vec4(lift.dc, 0.0)) && is_finite(vec4(lift.lobe_dir, 0.0));
+    // guard: lifts that are numbers (2 lines)
     if (sound) return lift;
     return NO_LIFT;
 }

@@ -72,7 +72,7 @@ void main() {
         uvec4 ballot = subgroupBallot(taken);
         uint at = written + subgroupBallotExclusiveBitCount(ballot);
         // at < n holds as the count was taken by the same arithmetic; tested, for a point out of place would be another's.
-        if (taken && at < n) {
+        if (taken && at < n) { // guard: points within the count
             vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
             points[first + at] = vec4(ray * depth, depth, weight);
             point_sets[first + at] = item;
@@ -91,6 +91,7 @@ void main() {
     if (subgroupElect()) {
         float centre_depth = screen_planes[9 * stride + item];
         heaviest[item] = winner;
+        // guard: τ without a depth
         taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;
     }
 }

@@ -53,14 +53,14 @@ layout(set = 0, binding = 4, scalar) readonly buffer FirstSlot { uint first_slot
 #include "../shared/colour.glsl"
 #include "../shared/adam.glsl"
 
-const uint MANY = 256;
-const uint UNROLL = 4;
+const uint MANY = 256; // guard: sum of many slots by the whole subgroup
+const uint UNROLL = 4; // guard: sum: several slots an iteration
 
 void main() {
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
     bool live = place < push.stride && i < segment_first[push.segment + 1];
-    if (status[STATUS_FAILED] != 0) return;
+    if (status[STATUS_FAILED] != 0) return; // guard: nothing moves after an overflow
 
     // Sums over the view's intersections. Of a Gaussian with more than MANY the whole subgroup sums, so that one which fills the
     // screen holds nobody up; UNROLL slots at a time, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them
@@ -89,7 +89,7 @@ void main() {
             [[unroll]] for (uint r = 0; r < RECORD; ++r) {
                 precise float term = few[r] - lost[r];
                 precise float sum = part[r] + term;
-                lost[r] = (sum - part[r]) - term;
+                lost[r] = (sum - part[r]) - term; // guard: compensated sum
                 part[r] = sum;
             }
         }
@@ -99,7 +99,7 @@ void main() {
             if (gl_SubgroupInvocationID == lane) record[r] = total;
         }
     }
-    if (!live) return;
+    if (!live) return; // guard: lanes beyond the last Gaussian
     float w_u = record[0], w_v = record[1], d_opacity = record[2], ww_uu = record[3], ww_uv = record[4], ww_vv = record[5];
     vec3 d_rgb = vec3(record[6], record[7], record[8]);
     // Blended: some derivative of this view's loss is not zero, or the record says so.
@@ -115,7 +115,7 @@ void main() {
         vec3 p = to_camera(view, mean);
         vec4 q = load_quat(place);
         float norm = to_unit(q);
-        if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(norm)) {
+        if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(norm)) { // guard: unit quaternion before a step
             store_quat(place, q);
             norm = 1.0;
         }
@@ -130,6 +130,7 @@ void main() {
             Lobe lobe = eval_lobe(load_lobe_direction(place), width, load_lobe(LOBE_SHARPNESS, place), -to_mean);
             factor = lobe.factor;
             if (factor > 0.0) {
+                // guard: unit direction before a step
                 if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(lobe.direction_length)) {
                     store_lobe_direction(place, lobe.axis);
                     lobe.direction_length = 1.0;
@@ -144,7 +145,7 @@ void main() {
             }
         }
         // 1 - sigmoid(x) as sigmoid(-x): from a logit of 17 on the difference is 0 in float32.
-        g.opacity = d_opacity * factor * compensation * opacity * sigmoid(-logit);
+        g.opacity = d_opacity * factor * compensation * opacity * sigmoid(-logit); // guard: slope of a high opacity
 
         if (!OPACITY_ONLY) {
             // Colour, clamped at 0 in the forward pass.
@@ -158,6 +159,7 @@ void main() {
             // n1 = l11 m1 + l12 m2 = (c m1 - b m2) / sqrt(c det), and m2 x (m1 x m2) = (m2.m2) m1 - b m2.
             float c = e.c + DILATION, root_c = inversesqrt(c), root_det = inversesqrt(e.det);
             float l22 = root_c, l11 = sqrt(c / e.det), l12 = -e.b * root_c * root_det;
+            // guard: gradient of needles
             vec3 n1 = (cross(e.m2, e.n) + DILATION * e.m1) * root_c * root_det, n2 = root_c * e.m2;
             vec3 k1 = ww_uu * n1 + ww_uv * n2, k2 = ww_uv * n1 + ww_vv * n2;
             vec3 j1 = l11 * e.jw1 + l12 * e.jw2, j2 = l22 * e.jw2;
@@ -200,6 +202,7 @@ void main() {
             vec2 d_xy = vec2(du * view.fx, dv * view.fy);
             vec3 d_p = vec3(d_xy, -dot(d_xy, p.xy) * e.inv_z - (g.log_scale.x + g.log_scale.y + g.log_scale.z));
             vec2 seen = abs(p.xy * e.inv_z);
+            // guard: gradient where the Jacobian is clamped (2 lines)
             if (seen.x < view.limit_x) d_p += d_t.x * vec3(1.0, 0.0, -e.t.x);
             if (seen.y < view.limit_y) d_p += d_t.y * vec3(0.0, 1.0, -e.t.y);
             d_p *= e.inv_z;
@@ -209,7 +212,7 @@ void main() {
 
     if (OPACITY_ONLY) {
         // The only plane that learns: it has the first moments.
-        if (!finite(g.opacity)) return;
+        if (!finite(g.opacity)) return; // guard: a base's NaN gradients
         if (!ACCUMULATE) {
             step_geometry(OPACITY, 0, place, g.opacity, push.rates.opacity);
         } else {
@@ -219,7 +222,7 @@ void main() {
         return;
     }
 
-    if (!finite(g) || !finite(d_colour)) return;
+    if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
     float basis[16];
     sh_basis(to_mean, basis);
     for (uint k = 0; k < COEFFICIENTS; ++k) {

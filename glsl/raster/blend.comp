@@ -74,7 +74,7 @@ void main() {
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
                 float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
                 Response e = respond(u0, l12, l22, dy, opacity);
-                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
+                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) { // guard: α from 1/255 on
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {
                         live &= ~(1u << k);
@@ -90,7 +90,7 @@ void main() {
 
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         uint py = corner.y + lane_y(k);
-        if (px < frame.width && py < frame.height) {
+        if (px < frame.width && py < frame.height) { // guard: pixels outside are not written
             uint at = frame.image_first + py * frame.width + px;
             vec3 behind = BACKGROUND_IMAGE ? backdrop[at].rgb : push.background;
             image[at] = vec4(colour[k] + T[k] * behind, T[k]);

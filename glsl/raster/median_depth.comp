@@ -55,12 +55,13 @@ void main() {
         vec2 slope = (px - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
         vec3 ray = slope.x * view.row_x.xyz + slope.y * view.row_y.xyz + view.row_z.xyz;
         vec3 log_scale = load_geometry3(LOG_SCALE, place);
+        // guard: flat Gaussians' depth
         vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
         vec4 q = load_quat(place);
         to_unit(q); // no median Gaussian is without a rotation: it was projected
         vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
         float best = -dot(o, d) / dot(d, d);
-        if (best > NEAR && best <= FLOAT_MAX) z = best;
+        if (best > NEAR && best <= FLOAT_MAX) z = best; // guard: depth before the near plane
     }
     depths[push.depth_first + pixel] = z;
 }

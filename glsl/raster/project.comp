@@ -48,7 +48,7 @@ void main() {
     View view = views[push.view];
     vec3 mean = load_geometry3(MEAN, place);
     vec3 p = to_camera(view, mean);
-    if (!(p.z > NEAR && p.z <= FLOAT_MAX)) return;
+    if (!(p.z > NEAR && p.z <= FLOAT_MAX)) return; // guard: near plane; camera z within float32
 
     float opacity = sigmoid(load_geometry(OPACITY, place));
     if (HAS_LOBES) {
@@ -59,9 +59,9 @@ void main() {
     if (!(opacity >= ALPHA_MIN)) return;
 
     vec4 q = load_quat(place);
-    if (!(to_unit(q) > 0.0)) return;
+    if (!(to_unit(q) > 0.0)) return; // guard: rotation without a direction
     Projection e = project_covariance(view, p, q, exp(load_geometry3(LOG_SCALE, place)));
-    if (!(e.det <= FLOAT_MAX)) return;
+    if (!(e.det <= FLOAT_MAX)) return; // guard: determinant within float32
     if (COMPENSATE) {
         opacity *= sqrt(e.det0 / e.det);
         if (!(opacity >= ALPHA_MIN)) return;
@@ -80,7 +80,7 @@ void main() {
 
     vec3 colour = colour_of(normalize(mean - view.eye), place);
     vec3 size = abs(colour);
-    if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return;
+    if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return; // guard: colour within float32
 
     splats[i] = s;
     splat_colours[i] = max(colour, vec3(0.0));

@@ -54,14 +54,14 @@ void step_one(uint p, uint i, float g, float rate, float c1, float c2, float lo,
         screen_moments[first] = g;
         return;
     }
-    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: 2D: gradients above 1e17
     float m = mix(g, screen_moments[first], BETA1), v = mix(g * g, screen_moments[second], BETA2);
     screen_moments[first] = m;
     screen_moments[second] = v;
     float moved = at(p, i) - rate * (m / c1) / (sqrt(v / c2) + EPSILON);
     // The ellipse is the same after half a turn; kept near 0, where sine and cosine are exact.
-    if (p == ANGLE) moved -= PI * round(moved / PI);
-    screen_planes[p * push.stride + i] = clamp(moved, lo, hi);
+    if (p == ANGLE) moved -= PI * round(moved / PI); // guard: 2D: angles near 0
+    screen_planes[p * push.stride + i] = clamp(moved, lo, hi); // guard: 2D: bounds of a step
 }
 
 bool finite(float x) { return !isnan(x) && !isinf(x); }
@@ -69,7 +69,7 @@ bool finite(float x) { return !isnan(x) && !isinf(x); }
 void main() {
     uint i = thread_index();
     if (i >= push.count) return;
-    if (!GRADIENTS && status[STATUS_FAILED] != 0) return;
+    if (!GRADIENTS && status[STATUS_FAILED] != 0) return; // guard: no 2D step after an overflow
     uint f = screen_frames[i];
     if (f == NONE || screen_states[f].stepping == 0) return;
 
@@ -90,7 +90,7 @@ void main() {
     g[COLOUR + 1] = d_rgb.g;
     g[COLOUR + 2] = d_rgb.b;
     // 1 - sigmoid(x) as sigmoid(-x): from a logit of 17 on the difference is 0 in float32.
-    g[LOGIT] = d_opacity * e.compensation * sigma / (1.0 + exp(at(LOGIT, i)));
+    g[LOGIT] = d_opacity * e.compensation * sigma / (1.0 + exp(at(LOGIT, i))); // guard: slope of a high 2D opacity
     // d/dSigma2D = L^T W L / 2 with W = sum g w w^T. Along the axes p, q of S = v1 p p^T + v2 q q^T this is
     // d/dv1 = (Lp)^T W (Lp) / 2, and turning p into q by d angle gives (v1 - v2) (Lp)^T W (Lq).
     vec2 p = vec2(e.l11 * e.cosine + e.l12 * e.sine, e.l22 * e.sine);
@@ -103,7 +103,7 @@ void main() {
     g[LOG_SCALE + 1] = e.variance.y * dot(q, wq) + growth.y;
     g[ANGLE] = (e.variance.x - e.variance.y) * dot(p, wq);
     for (uint k = 0; k < LEARNED; ++k) {
-        if (!finite(g[k])) return;
+        if (!finite(g[k])) return; // guard: 2D: NaN gradients
     }
 
     Frame frame = frames[f];

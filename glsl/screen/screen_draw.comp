@@ -44,7 +44,7 @@ const uint SHIFT[PASSES] = uint[](21, 10, 0), BITS[PASSES] = uint[](11, 11, 10);
 
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together: 3840 x 2160 pixels gone through five
 // times by 256 threads would be 162,000, four at a time they are 40,500.
-const uint UNROLL = 4;
+const uint UNROLL = 4; // guard: draw: several pixels an iteration
 
 shared uint bins[BINS];
 shared uvec2 subgroup_sums[gl_WorkGroupSize.x / 8]; // a subgroup has 8 lanes or more
@@ -66,7 +66,7 @@ uint hash(uint pixel, uint view) {
 // Bits of the key, which order as the keys do; NONE where the pixel cannot be drawn. `precise`: every pass must see the same.
 uint key_of(Frame frame, uint view, uint pixel) {
     float loss = loss_map[frame.image_first + pixel];
-    if (!(loss >= LOSS_MIN && loss <= LOSS_MAX)) return NONE;
+    if (!(loss >= LOSS_MIN && loss <= LOSS_MAX)) return NONE; // guard: 2D: losses that can be drawn
     uint h = hash(pixel, view);
     // -ln(u) for u = 1 - x, x = (h + 1/2) / 2^32. The pixels that are drawn are those of small x, where float32 has 1 - x
     // with few digits: there -ln(1 - x) is its series, exact to x^6/7 < 1e-8.
@@ -99,7 +99,7 @@ uvec4 scan(uvec2 value) {
 void main() {
     uint f = group_index();
     if (f >= push.frame_count) return;
-    if (status[STATUS_FAILED] != 0) return;
+    if (status[STATUS_FAILED] != 0) return; // guard: no drawing after an overflow
     Frame frame = frames[f];
     Quota quota = quotas[f];
     uint pixels = frame.width * frame.height, lane = gl_SubgroupInvocationID;

@@ -45,10 +45,11 @@ void main() {
     Frame frame = frames[f];
     vec2 centre = vec2(at(CENTRE, i), at(CENTRE + 1, i));
     // Steps keep centres in the image; what is not a number has no pixel.
+    // guard: 2D: centres in the image
     if (!(centre.x >= 0.0 && centre.y >= 0.0 && centre.x <= float(frame.width) && centre.y <= float(frame.height))) return;
     uvec2 pixel = uvec2(clamp(centre, vec2(0.0), vec2(frame.width, frame.height) - 0.5));
     float z = depths[frame.image_first + pixel.y * frame.width + pixel.x];
-    if (!(z > 0.0)) z = 0.0;
+    if (!(z > 0.0)) z = 0.0; // guard: 2D: depths that are none
     screen_planes[DEPTH * push.stride + i] = z;
 
     ScreenShape e = screen_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
@@ -64,7 +65,7 @@ void main() {
     if (tiles == 0) return;
     vec3 colour = vec3(at(COLOUR, i), at(COLOUR + 1, i), at(COLOUR + 2, i));
     float sum = colour.r + colour.g + colour.b;
-    if (isnan(sum) || isinf(sum)) return;
+    if (isnan(sum) || isinf(sum)) return; // guard: 2D: colours
     splats[i] = s;
     splat_colours[i] = colour;
     depth_keys[i] = z > 0.0 ? floatBitsToUint(z) : FARTHEST;

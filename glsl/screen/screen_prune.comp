@@ -39,7 +39,7 @@ float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
 void main() {
     uint i = subgroup_index();
     if (i >= push.count) return;
-    if (status[STATUS_FAILED] != 0) return;
+    if (status[STATUS_FAILED] != 0) return; // guard: no pruning after an overflow
     uint f = screen_frames[i];
     if (f == NONE || screen_states[f].stepping == 0) return;
 

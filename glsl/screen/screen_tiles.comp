@@ -41,7 +41,7 @@ uvec4 tiles_within(vec2 centre, vec2 reach, Frame frame) {
 
 void main() {
     uint i = thread_index();
-    if (i >= push.count || tile_counts[i] == 0) return;
+    if (i >= push.count || tile_counts[i] == 0) return; // guard: no tiles of unseen 2D Gaussians
     uint f = screen_frames[i];
     Frame frame = frames[f];
     Splat s = splats[i];
@@ -49,14 +49,16 @@ void main() {
     float t = 2.0 * log(255.0 * s.opacity);
     t += 1e-4 * (1.0 + abs(t));
     float root = sqrt(max(t, 0.0));
+    // guard: reach of 2D Gaussians
     vec2 reach = vec2(root * length(vec2(s.l12, s.l22)) / (s.l11 * s.l22), root / s.l22) + 1e-3;
     uint across = (frame.width + TILE - 1) / TILE;
     for (uint k = 0; k < 2; ++k) {
+        // guard: tiles around 2D Gaussians
         uvec4 box = tiles_within(vec2(s.x, s.y), reach + (k == 0 ? WINDOW_RADIUS : 0.0), frame);
         for (uint y = box.y; y <= box.w; ++y) {
             for (uint x = box.x; x <= box.z; ++x) {
                 uint tile = f * push.tiles_per_frame + y * across + x;
-                if (atomicExchange(tile_marks[2 * tile + k], 1) != 0) continue;
+                if (atomicExchange(tile_marks[2 * tile + k], 1) != 0) continue; // guard: each tile once
                 uint at = atomicAdd(count[k], 1);
                 if (k == 0) {
                     forward_tiles[at] = tile;

@@ -14,7 +14,7 @@ const float FREE = 1e30; // bound of a parameter that has none
 // at most (1 - BETA1) / sqrt((1 - BETA2) (1 - BETA1^2 / BETA2)) = 7.3 rates whatever the gradients (Cauchy and Schwarz).
 const float GRADIENT_MAX = 1e17;
 float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
-    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: gradients above 1e17
     m = mix(g, m, BETA1);
     v = mix(g * g, v, BETA2);
     return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
@@ -90,6 +90,6 @@ void step_all(Gradient g, bool has_lobes, uint place) {
     step_geometry(OPACITY, OPACITY, place, g.opacity, r.opacity);
     if (!has_lobes) return;
     for (uint c = 0; c < 3; ++c) step_lobe(LOBE_DIRECTION + c, place, g.direction[c], r.direction, -FREE, FREE);
-    step_lobe(LOBE_WIDTH, place, g.width, r.width, WIDTH_MIN, WIDTH_MAX);
-    step_lobe(LOBE_SHARPNESS, place, g.sharpness, r.sharpness, SHARPNESS_MIN, SHARPNESS_MAX);
+    step_lobe(LOBE_WIDTH, place, g.width, r.width, WIDTH_MIN, WIDTH_MAX); // guard: bounds of T
+    step_lobe(LOBE_SHARPNESS, place, g.sharpness, r.sharpness, SHARPNESS_MIN, SHARPNESS_MAX); // guard: bounds of β
 }

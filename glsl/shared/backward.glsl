@@ -55,7 +55,7 @@ void tile_backward() {
         behind[k] = 0.0;
         grad[k] = vec3(0.0);
         uint py = corner.y + lane_y(k);
-        if (px < frame.width && py < frame.height) {
+        if (px < frame.width && py < frame.height) { // guard: pixels outside do not pull
             uint at = frame.image_first + py * frame.width + px;
             grad[k] = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
             behind[k] = dot(grad[k], image[at].rgb);
@@ -102,7 +102,7 @@ void tile_backward() {
                         float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
                         T[k] = next;
                         sum_rgb += share * grad[k];
-                        if (e.alpha < ALPHA_MAX) {
+                        if (e.alpha < ALPHA_MAX) { // guard: no shape where α is clamped
                             sum_opacity += g_alpha * e.weight;
                             float g = g_alpha * e.alpha;
                             sum_w += g * vec2(e.u, e.v);
@@ -113,6 +113,7 @@ void tile_backward() {
             }
             if (subgroupAny(touched)) {
                 // Of what is frozen x says that it is blended, which SparseAdam asks.
+                // guard: blended without a gradient
                 Record total = Record(vec3(1.0, 0.0, subgroupAdd(sum_opacity)), vec3(0.0), vec3(0.0));
                 if (all) {
                     total.centre.xy = subgroupAdd(sum_w);

@@ -5,7 +5,7 @@ const uint GROUPS_PER_DIMENSION = 65535; // the least maxComputeWorkGroupCount t
 // a count of 0. Spread over the rows evenly: fewer than `rows` workgroups are beyond the end.
 uvec3 groups_for(uint items, uint per_group) {
     per_group = max(1u, per_group);
-    uint groups = max(1u, items / per_group + uint(items % per_group != 0));
-    uint rows = (groups - 1) / GROUPS_PER_DIMENSION + 1;
+    uint groups = max(1u, items / per_group + uint(items % per_group != 0)); // guard: one workgroup for nothing
+    uint rows = (groups - 1) / GROUPS_PER_DIMENSION + 1; // guard: folded dispatches
     return uvec3((groups - 1) / rows + 1, rows, 1);
 }

@@ -61,5 +61,5 @@ float footprint_weight(Footprint f, uvec2 pixel) {
 }
 
 bool is_depth(float depth) {
-    return depth > 0.0 && depth <= FLOAT_MAX;
+    return depth > 0.0 && depth <= FLOAT_MAX; // guard: depths that are NaN or none
 }

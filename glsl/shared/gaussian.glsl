@@ -32,7 +32,7 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     e.p = p;
     e.inv_z = 1.0 / p.z;
     vec2 limit = vec2(view.limit_x, view.limit_y);
-    e.t = clamp(p.xy * e.inv_z, -limit, limit);
+    e.t = clamp(p.xy * e.inv_z, -limit, limit); // guard: clamp of the Jacobian
     e.jw1 = view.fx * e.inv_z * (view.row_x.xyz - e.t.x * view.row_z.xyz);
     e.jw2 = view.fy * e.inv_z * (view.row_y.xyz - e.t.y * view.row_z.xyz);
     e.axes = rotation(unit_quat);
@@ -43,7 +43,7 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     e.b = dot(e.m1, e.m2);
     e.c = dot(e.m2, e.m2);
     e.n = cross(e.m1, e.m2);
-    e.det0 = dot(e.n, e.n);
+    e.det0 = dot(e.n, e.n); // guard: determinant of needles
     e.det = e.det0 + DILATION * (e.a + e.c) + DILATION * DILATION;
     return e;
 }
@@ -70,16 +70,17 @@ Lobe eval_lobe(vec3 direction, float width, float sharpness, vec3 v) {
     vec3 normal = cross(l.axis, v);
     l.cos_theta = dot(l.axis, v);
     float sin_theta = length(normal);
-    float theta = atan(sin_theta, l.cos_theta);
+    float theta = atan(sin_theta, l.cos_theta); // guard: angle by its tangent
     l.psi = theta / width;
-    if (!(l.direction_length > 0.0 && l.psi < PI)) return l;
+    if (!(l.direction_length > 0.0 && l.psi < PI)) return l; // guard: lobe without a direction; support of a lobe
     float half_psi = 0.5 * l.psi;
     l.exponent = exp(sharpness);
     // Near 0 the logarithm of the cosine is -x^2/2 - x^4/12: exact to 1e-9 below 0.03, where log(cos) keeps no digits.
     float x2 = half_psi * half_psi;
-    l.log_cos = half_psi < 0.03 ? -x2 * (0.5 + x2 / 12.0) : log(max(cos(half_psi), 1e-30));
+    l.log_cos = half_psi < 0.03 ? -x2 * (0.5 + x2 / 12.0) : log(max(cos(half_psi), 1e-30)); // guard: logarithm near 1
     l.factor = exp(2.0 * l.exponent * l.log_cos);
     // sin(theta) is small at theta near pi too, where a width of 1 still has a value and no such limit.
+    // guard: limit at θ = 0; no limit at θ = π
     l.tan_over_sin = sin_theta > 1e-4 || l.cos_theta < 0.0 ? tan(half_psi) / sin_theta : 0.5 / width;
     return l;
 }

@@ -10,7 +10,7 @@ layout(set = 0, binding = RECORD_COLOURS, scalar) readonly buffer RecordColours 
 
 // Where the records of Gaussian i are: the first index and how many. Those of its intersections are contiguous.
 uvec2 records_of(uint i, bool by_gaussian) {
-    if (by_gaussian) return uvec2(i, 1);
+    if (by_gaussian) return uvec2(i, 1); // guard: consumers told of atomics
     uint count = tile_counts[i];
     return uvec2(count == 0 ? 0 : first_slot[i], count);
 }

@@ -46,6 +46,7 @@ ScreenShape screen_shape(vec2 log_scale, float angle) {
     e.cosine = cos(angle);
     e.sine = sin(angle);
     vec2 dilated = e.variance + DILATION;
+    // guard: determinant of 2D needles (3 lines)
     float det = dilated.x * dilated.y;
     float b = e.cosine * e.sine * (e.variance.x - e.variance.y);
     float c = e.sine * e.sine * dilated.x + e.cosine * e.cosine * dilated.y;

@@ -7,7 +7,8 @@ const float FLOAT_MAX = 3.402823466e38;
 float to_unit(inout vec4 v) {
     vec4 a = abs(v);
     float largest = max(max(a.x, a.y), max(a.z, a.w));
-    if (!(largest >= FLOAT_MIN && largest <= FLOAT_MAX)) return 0.0;
+    if (!(largest >= FLOAT_MIN && largest <= FLOAT_MAX)) return 0.0; // guard: no direction in what has none
+    // guard: length through the largest component (4 lines)
     v /= largest;
     float length_of = length(v);
     v /= length_of;

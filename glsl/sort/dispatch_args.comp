@@ -24,7 +24,7 @@ void main() {
     if (!(thread_index() == 0)) return;
     uint items = count[push.count_index];
     if (items > push.capacity) {
-        status[STATUS_FAILED] |= 1u << push.resource_index;
+        status[STATUS_FAILED] |= 1u << push.resource_index; // guard: what does not fit is told
         uint needed = STATUS_NEEDED + push.resource_index;
         status[needed] = max(status[needed], items);
         items = push.capacity;

@@ -121,6 +121,7 @@ pub(super) struct SourceCamera {
 impl SourceCamera {
     /// What is wrong with the numbers, before any image is known.
     pub(super) fn check(&self) -> Result<(), String> {
+        // guard: focal lengths
         let positive = |v: &f64| v.is_finite() && *v > 0.0;
         let angle = |v: &f64| *v > 0.0 && *v < std::f64::consts::PI;
         if let Some(size) = self.size.filter(|size| !size.iter().all(positive)) {
@@ -135,6 +136,7 @@ impl SourceCamera {
             }
             _ => {}
         }
+        // guard: principal points
         if let Some(center) = self.center.filter(|center| !center.iter().all(|v| v.is_finite())) {
             return Err(format!("the principal point {center:?} is not finite"));
         }
@@ -172,6 +174,7 @@ impl SourceCamera {
 /// `name` without what could lead out of a folder, so that outputs may be named after photos.
 fn clean_name(name: &str) -> String {
     let parts = Path::new(name).components().filter_map(|part| match part {
+        // guard: names within a folder (2 lines)
         Component::Normal(part) => Some(part.to_string_lossy()),
         _ => None,
     });
@@ -274,6 +277,7 @@ fn prepare(shot: Shot, index: usize, options: &DatasetOptions) -> Result<(Photo,
     let lens = shot.camera.for_image(size).map_err(fail)?;
     let numbers = [lens.fx, lens.fy, lens.cx, lens.cy].into_iter().chain(shot.translation.to_array());
     // What reaches the device is float32.
+    // guard: cameras within float32
     if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
         return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
     }

@@ -132,10 +132,12 @@ fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 
     let densest = if reader.format() == Some(ImageFormat::Jpeg) { JPEG_PIXELS_PER_BYTE } else { PNG_PIXELS_PER_BYTE };
     let (width, height) = reader.into_dimensions().map_err(|error| decode_error(path, error))?;
     let pixels = width as u64 * height as u64;
+    // guard: images: sizes
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         let what = format!("is {width} × {height}; sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels are read");
         return Err(Error::input(path, what));
     }
+    // guard: images: what their bytes can hold
     if pixels > length.saturating_mul(densest) {
         let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
@@ -166,6 +168,7 @@ pub(super) fn load(
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
     let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?;
+    // guard: images: the size they had
     if found != expected {
         let [[w, h], [ew, eh]] = [found, expected];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
@@ -187,6 +190,7 @@ fn decode(
     to: [u32; 2],
     background: [f32; 3],
 ) -> Result<Image> {
+    // guard: images: ends
     if jpeg_is_cut(bytes) {
         return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
     }

@@ -131,6 +131,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
             return Ok(());
         }
         let position = xyz.map(|p| values[p] as f32);
+        // guard: PLY: points
         if let Some(axis) = position.iter().position(|v| !v.is_finite()) {
             let name = ["x", "y", "z"][axis];
             return Err(fail(format!("row {row} of element `{BASE}`: `{name}` is not a finite number")));
@@ -284,6 +285,7 @@ fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
         return Err(format!("`{element}` has {n} means but other numbers of scales, rotations, opacities or SH"));
     }
     let bad = |row: usize, name: &str| format!("row {row} of element `{element}`: `{name}` is not a finite number");
+    // guard: PLY: numbers
     let vector = |row: usize, values: &[f32], names: &[&str]| match values.iter().position(|v| !v.is_finite()) {
         Some(i) => Err(bad(row, names[i])),
         None => Ok(()),
@@ -295,10 +297,12 @@ fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
         vector(i, &gaussians.log_scales[i], &FIXED[7..10])?;
         let quat = gaussians.quats[i];
         vector(i, &quat, &FIXED[10..])?;
+        // guard: PLY: rotations
         if !has_direction(&quat) {
             return Err(format!("row {i} of element `{element}`: the rotation `rot_0..3` = {quat:?} has no direction"));
         }
         for (coefficient, rgb) in gaussians.sh[i * k + 1..(i + 1) * k].iter().enumerate() {
+            // guard: PLY: SH
             if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
                 return Err(bad(i, &format!("f_rest_{}", channel * (k - 1) + coefficient)));
             }
@@ -321,13 +325,16 @@ fn check_lobes(supplement: &Supplement) -> Result<(), String> {
         let place = |what: String| Err(format!("row {i} of element `{SUPPLEMENT}`: {what}"));
         let [x, y, z] = lobes.directions[i];
         for (value, name) in [x, y, z, lobes.widths[i], lobes.sharpness[i]].into_iter().zip(LOBE) {
+            // guard: PLY: lobes
             if !value.is_finite() {
                 return place(format!("`{name}` is not a finite number"));
             }
         }
+        // guard: PLY: directions
         if !has_direction(&[x, y, z]) {
             return place(format!("the lobe direction {:?} has no direction", [x, y, z]));
         }
+        // guard: PLY: widths
         if !LOBE_WIDTHS.contains(&lobes.widths[i]) {
             return place(format!("`lobe_width` is {}, expected 0.01 to 1", lobes.widths[i]));
         }

@@ -68,8 +68,10 @@ impl<T: Pod> Buffer<T> {
     }
 
     fn create(context: &Context, name: &str, len: usize, location: Location, unused: bool) -> Result<Self, GpuError> {
+        // guard: buffers of nothing
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let limit = context.info().max_storage_bytes;
+        // guard: buffers that the device cannot bind
         if bytes > limit {
             return Err(GpuError::BufferTooLarge { name: name.into(), bytes, limit });
         }

@@ -128,6 +128,7 @@ impl Recorder {
         push: &K::Push,
         groups: u32,
     ) {
+        // guard: dispatches of nothing
         if groups == 0 {
             return;
         }

@@ -313,6 +313,7 @@ impl Model {
 
     /// Fails where `views` count from another origin.
     pub fn check_origin(&self, views: &Views) -> Result<()> {
+        // guard: one origin for model and views
         match self.origin == views.origin {
             true => Ok(()),
             false => {
@@ -367,6 +368,7 @@ impl Part {
             for i in numbers.clone() {
                 let mut planes = layout::geometry(gaussians, i);
                 for c in 0..3 {
+                    // guard: model around the origin
                     planes[MEAN + c] = moved(planes[MEAN + c], -origin[c]);
                 }
                 planes.into_iter().enumerate().for_each(|(p, v)| values[p * capacity + i - first] = v);
@@ -395,6 +397,7 @@ impl Part {
         let mut out = Lobes::default();
         for i in 0..count {
             let value = |p: usize| match p {
+                // guard: download around the origin
                 MEAN..3 => moved(geometry[p][i], origin[p]),
                 _ => geometry[p][i],
             };
@@ -409,6 +412,7 @@ impl Part {
 
 /// The coordinate seen from elsewhere, rounded once; from the same place it keeps its bits, −0 and NaN too.
 fn moved(coordinate: f32, by: f64) -> f32 {
+    // guard: bits at the world's origin
     if by == 0.0 { coordinate } else { (f64::from(coordinate) + by) as f32 }
 }
 

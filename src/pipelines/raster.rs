@@ -42,6 +42,7 @@ impl TileShape {
         let area = width.checked_mul(height)?;
         let fits = width > 0 && lanes.is_multiple_of(width) && area > 0 && area.is_multiple_of(lanes);
         // The pixels of a lane that are not finished are the bits of a word.
+        // guard: tiles that a subgroup covers
         (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
     }
 
@@ -221,12 +222,14 @@ impl Backward {
             Ok((Backward::Atomic(blend_backward_atomic::Stage::new(context, &spec)?), records))
         };
         match options.policy.reduction {
+            // guard: deterministic or nothing
             Reduction::Deterministic => deterministic(),
             Reduction::Atomic if !context.info().float_atomics => {
                 Err(GpuError::Missing { device: context.info().name.clone(), feature: "float atomics".into() })
             }
             Reduction::Atomic => atomic(),
             Reduction::Auto => deterministic().or_else(|error| match error {
+                // guard: atomics take over
                 GpuError::BufferTooLarge { .. } | GpuError::Allocation { .. } if context.info().float_atomics => {
                     tracing::warn!(
                         "no room for the gradients of {} intersections: float atomics add them up by Gaussian, so two runs \
@@ -329,6 +332,7 @@ impl Raster {
     /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
     /// be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
+        // guard: room that stops growing
         self.options.isects = needed.saturating_add(needed / 4);
         self.isects.remake(&self.context, &self.options)?;
         if let Some(Backward::Deterministic(_)) = self.backward {
@@ -423,6 +427,7 @@ impl Raster {
             extent(ISECTS, ISECT_BLOCKS),
             ISECTS_SORTED,
         );
+        // guard: tile ranges begin empty
         recorder.fill(&f.tile_ranges, 0);
         self.ranges.record_indirect(
             recorder,
@@ -485,6 +490,7 @@ impl Raster {
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
+        // guard: sums begin at 0 (3 lines)
         recorder.fill(record_centres, 0);
         recorder.fill(record_shapes, 0);
         recorder.fill(record_colours, 0);

@@ -269,6 +269,7 @@ impl Renderer {
             self.record(&mut recorder, model, views, view, show, &self.status)?;
             recorder.submit()?.wait()?;
             let status = Status::read(&self.status.download()?);
+            // guard: a view that did not fit is drawn again
             match status.needed(Resource::Intersections) {
                 None => return Ok(()),
                 Some(needed) => self.raster.grow(needed)?,

@@ -102,6 +102,7 @@ pub struct ScreenGaussian {
 /// Number of 2D Gaussians of each view: n_i = ⌈⌈ratio · gaussians⌉ · ℓ_i / Σℓ⌉. A view whose loss is not a positive number
 /// gets none.
 pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
+    // guard: budgets of usable losses
     let usable = |loss: f64| if loss > 0.0 && loss.is_finite() { loss } else { 0.0 };
     let total: f64 = losses.iter().map(|&l| usable(l)).sum();
     let budget = (ratio * f64::from(gaussians)).ceil();

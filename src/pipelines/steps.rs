@@ -129,6 +129,7 @@ impl Steps {
             let mut kept = [0; words::WORDS];
             kept[words::STEPS] = found.steps();
             status.upload(0, &kept)?;
+            // guard: steps that did not fit are done again
             run.next = found.steps();
         }
         Ok(Some(found.steps()))

@@ -39,6 +39,7 @@ pub fn origin_for(cameras: &[Camera]) -> DVec3 {
     let eyes: Vec<DVec3> = cameras.iter().map(Camera::eye).filter(|eye| eye.is_finite()).collect();
     let middle = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
     let spread = eyes.iter().map(|eye| eye.distance(middle)).fold(0.0, f64::max);
+    // guard: origin of a far scene; origin of a near scene
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }
 
@@ -67,6 +68,7 @@ impl Views {
         cameras: &[Camera],
         photographs: bool,
     ) -> Result<Self> {
+        // guard: views around the origin
         let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.around(origin)).collect();
         let most = (context.info().max_storage_bytes / size_of::<u32>() as u64).min(u64::from(u32::MAX)) as usize;
         let mut frames = Vec::with_capacity(cameras.len());

@@ -143,6 +143,7 @@ fn read_lifts(path: &Path) -> Result<Vec<Lift>> {
     };
     let n = sizes.len();
     let floats = |name: &str, width: usize| match get(name)? {
+        // guard: lifts of a file
         Tensor { values: Values::F32(v), .. } if v.len() == n * width && v.iter().all(|x| x.is_finite()) => {
             Ok(v.clone())
         }
@@ -172,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lifts_that_are_no_numbers_are_refused_by_name() {
+    fn lifts_that_are_nan_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let work = WorkDir::open(folder.path(), "{}", vec!["a".into()]).unwrap();
         let lift = Lift { mean: [1.0; 3], quat: [1.0, 0.0, 0.0, 0.0], cluster_size: 4, ..Default::default() };

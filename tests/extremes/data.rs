@@ -12,7 +12,7 @@ use super::{
 
 /// Every parameter of one Gaussian, base and supplementary, is in turn not a number: all that is not its own stays the same to the last bit.
 #[test]
-fn what_is_not_a_number_stays_where_it_is() {
+fn what_is_nan_stays_where_it_is() {
     let gpu = Gpu::new();
     let camera = usual();
     let mut probe = Probe::new(&gpu, 512, &camera, Setup { degree: 1, ..Default::default() });
