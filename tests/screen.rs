@@ -20,9 +20,10 @@ use glint::{
     },
     scene::{Camera, Gaussians, Scene},
     stages::{
+        constants::screen::{DRAWING, WAITING},
         ssim,
         status::{Resource, Status},
-        types::{Frame, Quota, ScreenState, View},
+        types::{Frame, Quota, View},
     },
     verify::screen::{SMALL_FRAMES, Scattered, pixels_of},
 };
@@ -99,7 +100,7 @@ fn drawn(gpu: &Gpu, loss: &[f32], status: Status) -> Vec<usize> {
     screen.raster.buffers.image.upload(0, &vec![[0.0; 4]; loss.len()]).unwrap();
     let words = screen.status().unwrap();
     words.upload(0, &status.0).unwrap();
-    run(gpu, |recorder| screen.record_draw(recorder, 1, 1, &words));
+    run(gpu, |recorder| screen.record_draw(recorder, 1, 1, 0, &words));
     let b = &screen.buffers;
     let (taken, planes) = (b.screen_frames.download().unwrap(), b.screen_planes.download().unwrap());
     (0..20).filter(|&i| taken[i] == 0).map(|i| planes[20 + i] as usize * 64 + planes[i] as usize).collect()
@@ -124,8 +125,8 @@ fn waiting_views_and_overflow_leave_everything_alone() {
     let mut screen = Screen::new(&gpu, ScreenSizes::of_frames(&SMALL_FRAMES, 40), Policy::default()).unwrap();
     scene.upload(&mut screen, &SMALL_FRAMES).unwrap();
     let (words, b) = (screen.status().unwrap(), &screen.buffers);
-    for (status, stepping) in [(failed(), 1), (Status::default(), 0)] {
-        b.screen_states.upload(0, &[ScreenState { count: 0, stepping }; 2]).unwrap();
+    for (status, mode) in [(failed(), DRAWING), (Status::default(), WAITING)] {
+        screen.set_mode(mode).unwrap();
         words.upload(0, &status.0).unwrap();
         run(&gpu, |recorder| screen.record_prune(recorder, &words));
         assert_eq!(b.screen_frames.download().unwrap(), scene.frames);
@@ -167,7 +168,7 @@ fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     (Scene { base, supplement: None }, (0..views).map(camera).collect(), (0..views).map(photograph).collect())
 }
 
-const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3 };
+const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3, shared_steps: false };
 
 fn refine(gpu: &Gpu, views: usize, budgets: &[u32], isects: Option<u32>) -> (Vec<ScreenGaussian>, Refined) {
     let (scene, cameras, photographs) = striped_wall(views);
@@ -223,6 +224,30 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     assert!(small.grown > 0);
     assert_eq!(cramped, gaussians);
     assert_eq!(small.losses, refined.losses);
+}
+
+/// Every draw is followed by the steps of a round and a prune, the one that fills the budget too; then all take the last steps.
+/// 50 places fill in five draws of ten where nothing is pruned.
+#[test]
+fn what_is_drawn_last_has_a_round_too() {
+    let gpu = Gpu::new();
+    let (scene, cameras, photographs) = striped_wall(1);
+    let views = Views::upload(&gpu, &cameras, &[&photographs[0]]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let options = RenderOptions { depth: true, ..Default::default() };
+    let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, options).unwrap();
+    for (shared_steps, want) in [(false, [120, 140, 160, 180, 200]), (true, [200; 5])] {
+        let schedule = Schedule { round_steps: 20, final_steps: 100, max_rounds: 20, shared_steps };
+        let mut refiner = Refiner::new(&session(&gpu), &views, &[50], schedule).unwrap();
+        let refined = refiner.refine(&mut renderer, &model, &views, 0, |_| ()).unwrap();
+        let b = &refiner.screen.buffers;
+        let (frames, ages) = (b.screen_frames.download().unwrap(), b.screen_ages.download().unwrap());
+        assert_eq!((refined.counts[0], refined.rounds, frames), (50, 5, vec![0; 50]), "something was pruned");
+        for age in want {
+            let times = want.iter().filter(|&&a| a == age).count();
+            assert_eq!(ages.iter().filter(|&&a| a == age).count(), 10 * times, "{ages:?}");
+        }
+    }
 }
 
 #[test]

@@ -31,7 +31,7 @@ void main() {
         View view = views[v];
         Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
             vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
-            uvec2(view.width, view.height));
+            uvec2(view.width, view.height), false);
         uint pixels = f.size.x * f.size.y;
         for (uint k = gl_SubgroupInvocationID; k < pixels; k += gl_SubgroupSize) {
             uvec2 pixel = f.low + uvec2(k % f.size.x, k / f.size.x);

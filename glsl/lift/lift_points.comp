@@ -53,7 +53,7 @@ void main() {
     uint first = point_firsts[item];
     Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
         vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
-        uvec2(view.width, view.height));
+        uvec2(view.width, view.height), false);
     uint pixels = f.size.x * f.size.y;
     uint written = 0;
     float best_weight = 0.0;

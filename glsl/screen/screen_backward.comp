@@ -71,7 +71,7 @@ void main() {
     if (i >= push.count) return;
     if (!GRADIENTS && status[STATUS_FAILED] != 0) return; // guard: no 2D step after an overflow
     uint f = screen_frames[i];
-    if (f == NONE || screen_states[f].stepping == 0) return;
+    if (f == NONE || screen_states[f].mode == WAITING) return;
 
     float record[RECORD];
     [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;

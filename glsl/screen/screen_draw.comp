@@ -9,6 +9,7 @@
 // m = min(max(1, round(budget / 5)), empty slots, pixels that can be drawn). (The method's round(0.2 n) is 0 for n < 3, and
 // such a view would never get its Gaussians.)
 // loss_map, image, quotas, frames, screen_frames -> screen_planes, screen_frames, screen_ages, screen_moments, screen_states; drawn_pixels is scratch
+// A view whose draw fills its budget has one more round, and waits after it.
 // Limits: a pixel with a loss outside 1e-18..1e18 (whose square float32 cannot hold), or NaN, is never drawn. Nothing
 // happens once status says that a step did not fit.
 #extension GL_GOOGLE_include_directive : require
@@ -22,6 +23,7 @@ layout(push_constant, scalar) uniform Push {
     uint stride;      // of the planes
     uint round;       // from 1
     uint seed;
+    uint age;         // of new Gaussians: 0, or the steps of the views so far
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Status { uint status[]; };
@@ -30,7 +32,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Quotas { Quota quotas[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer LossMap { float loss_map[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 5, scalar) coherent buffer DrawnPixels { uint drawn_pixels[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer ScreenStates { ScreenState screen_states[]; };
+layout(set = 0, binding = 6, scalar) buffer ScreenStates { ScreenState screen_states[]; };
 layout(set = 0, binding = 7, scalar) buffer ScreenFrames { uint screen_frames[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer ScreenAges { uint screen_ages[]; };
@@ -100,6 +102,11 @@ void main() {
     uint f = group_index();
     if (f >= push.frame_count) return;
     if (status[STATUS_FAILED] != 0) return; // guard: no drawing after an overflow
+    uint mode = screen_states[f].mode;
+    if (mode != DRAWING) {
+        if (mode == FILLED && gl_LocalInvocationIndex == 0) screen_states[f].mode = WAITING;
+        return;
+    }
     Frame frame = frames[f];
     Quota quota = quotas[f];
     uint pixels = frame.width * frame.height, lane = gl_SubgroupInvocationID;
@@ -192,13 +199,13 @@ void main() {
                 screen_planes[ANGLE * push.stride + i] = 0.0;
                 screen_planes[DEPTH * push.stride + i] = 0.0;
                 for (uint m = 0; m < 2 * LEARNED; ++m) screen_moments[m * push.stride + i] = 0.0;
-                screen_ages[i] = 0;
+                screen_ages[i] = push.age;
                 screen_frames[i] = f;
             }
         }
     }
     if (gl_LocalInvocationIndex == 0) {
         uint taken = quota.budget - empty.z + wanted;
-        screen_states[f] = ScreenState(taken, uint(taken < quota.budget));
+        screen_states[f] = ScreenState(taken, taken < quota.budget ? DRAWING : FILLED);
     }
 }

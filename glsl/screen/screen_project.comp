@@ -40,7 +40,7 @@ void main() {
     depth_keys[i] = NONE;
     tile_counts[i] = 0;
     uint f = screen_frames[i];
-    if (f == NONE || screen_states[f].stepping == 0) return;
+    if (f == NONE || screen_states[f].mode == WAITING) return;
 
     Frame frame = frames[f];
     vec2 centre = vec2(at(CENTRE, i), at(CENTRE + 1, i));

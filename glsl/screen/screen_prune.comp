@@ -41,13 +41,13 @@ void main() {
     if (i >= push.count) return;
     if (status[STATUS_FAILED] != 0) return; // guard: no pruning after an overflow
     uint f = screen_frames[i];
-    if (f == NONE || screen_states[f].stepping == 0) return;
+    if (f == NONE || screen_states[f].mode == WAITING) return;
 
     Frame frame = frames[f];
     float logit = at(LOGIT, i);
     Footprint e = make_footprint(vec2(at(CENTRE, i), at(CENTRE + 1, i)), logit,
                                  vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i),
-                                 uvec2(frame.width, frame.height));
+                                 uvec2(frame.width, frame.height), true);
     uint pixels = e.size.x * e.size.y, covered = 0, enough = covered_min(frame);
     // Enough is enough: most Gaussians that stay have their pixels within the first rows.
     for (uint first = 0; first < pixels && covered < enough; first += gl_SubgroupSize) {

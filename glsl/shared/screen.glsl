@@ -16,9 +16,14 @@ struct Quota {
     uint budget;
 };
 
+// What becomes of a view's Gaussians. A draw that fills the budget is followed by a round of steps and a prune like any other.
+const uint WAITING = 0; // nothing: they are as they are, and are not rendered
+const uint DRAWING = 1; // rendered, stepped and pruned, and more are drawn
+const uint FILLED = 2;  // the same for one more round, without a draw at its end
+
 struct ScreenState {
-    uint count;    // slots taken after the last draw
-    uint stepping; // 1: the view's Gaussians are rendered, stepped and pruned; 0: they wait as they are
+    uint count; // places taken after the last draw
+    uint mode;
 };
 
 struct ScreenShape {

@@ -33,10 +33,10 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "PLY")]
     output: PathBuf,
     /// Steps, one photo each
-    #[arg(long, value_name = "N", default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     iterations: u32,
     /// Degree of the spherical harmonics, 0 to 3
-    #[arg(long, value_name = "L", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     /// Gaussians: of more sparse points a random selection is taken, and as many random points are made where there are no
     /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at

@@ -23,10 +23,13 @@ use crate::{
     error::{Error, Result},
     gpu::{Buffer, Location, Recorder},
     stages::{
-        constants::constants::NONE,
+        constants::{
+            constants::NONE,
+            screen::{DRAWING, FILLED},
+        },
         ssim::tiles_per_frame,
         status::Resource,
-        types::{Frame, Quota, ScreenState},
+        types::{Frame, Quota},
     },
 };
 
@@ -44,13 +47,16 @@ pub struct Schedule {
     /// so 20 are enough up to p = 3/4. A view that loses more than that has no use for more Gaussians: it goes into the last
     /// steps with what it has, and its other places stay empty.
     pub max_rounds: u32,
+    /// ⚖ Adam's bias correction counts the steps of the view, as the one optimiser of the authors' release does, and not those
+    /// of each Gaussian: the first steps of what is drawn later are some three times as long.
+    pub shared_steps: bool,
 }
 
 impl Schedule {
     /// AuGS, appendix A.
-    pub const PAPER: Schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20 };
+    pub const PAPER: Schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
     /// Ten and more times fewer steps, for previews and machines without a GPU.
-    pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 40, max_rounds: 8 };
+    pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 40, max_rounds: 8, shared_steps: false };
 }
 
 /// How far a batch is.
@@ -58,7 +64,7 @@ impl Schedule {
 pub struct Progress {
     /// Draws done.
     pub round: u32,
-    /// Steps done in this round, of how many; the last round is that of the final steps.
+    /// Steps done in this round, of how many; the last is that of the final steps.
     pub step: u32,
     pub steps: u32,
     /// 2D Gaussians of the batch after its last draw, of how many.
@@ -184,8 +190,15 @@ struct Round<'a> {
     screen: &'a mut Screen,
     targets: &'a Buffer<u32>,
     steps: u32,
-    /// Round and seed.
-    draw: Option<(u32, u32)>,
+    draw: Option<Draw>,
+}
+
+#[derive(Clone, Copy)]
+struct Draw {
+    round: u32,
+    seed: u32,
+    /// Of what is drawn.
+    age: u32,
 }
 
 impl Looped for Round<'_> {
@@ -199,8 +212,8 @@ impl Looped for Round<'_> {
             screen.record_prune(recorder, status);
             screen.record_render(recorder, status);
             screen.record_loss_map(recorder, self.targets);
-            if let Some((round, seed)) = self.draw {
-                screen.record_draw(recorder, round, seed, status);
+            if let Some(Draw { round, seed, age }) = self.draw {
+                screen.record_draw(recorder, round, seed, age, status);
             }
         }
         Ok(())
@@ -222,6 +235,8 @@ enum Job {
         round: u32,
         steps: u32,
     },
+    /// The steps after the last draw.
+    LastRound,
     Final,
 }
 
@@ -320,6 +335,7 @@ impl Refiner {
                 Job::Idle => return Ok(None),
                 Job::Base => 0,
                 Job::Round { steps, .. } => steps,
+                Job::LastRound => self.schedule.round_steps,
                 Job::Final => self.schedule.final_steps,
             };
             let advanced = match self.job {
@@ -333,7 +349,11 @@ impl Refiner {
                 }
                 _ => {
                     let draw = match self.job {
-                        Job::Round { round, .. } => Some((round, self.seed)),
+                        Job::Round { round, .. } => {
+                            let before = (round - 1) * self.schedule.round_steps;
+                            let age = if self.schedule.shared_steps { before } else { 0 };
+                            Some(Draw { round, seed: self.seed, age })
+                        }
                         _ => None,
                     };
                     self.steps.advance(&mut Round { screen: &mut self.screen, targets, steps, draw })?
@@ -387,13 +407,16 @@ impl Refiner {
                 if self.refined.base_losses.is_empty() {
                     self.refined.base_losses = losses;
                 }
-                if round >= self.schedule.max_rounds || states.iter().all(|s| s.stepping == 0) {
-                    let awake = vec![ScreenState { count: 0, stepping: 1 }; self.frames.len()];
-                    self.screen.buffers.screen_states.upload(0, &awake)?;
-                    Job::Final
-                } else {
+                if round < self.schedule.max_rounds && states.iter().any(|s| s.mode == DRAWING) {
                     Job::Round { round: round + 1, steps: self.schedule.round_steps }
+                } else {
+                    Job::LastRound
                 }
+            }
+            Job::LastRound => {
+                self.refined.grown += grown;
+                self.screen.set_mode(FILLED)?;
+                Job::Final
             }
             Job::Final => {
                 self.refined.grown += grown;
@@ -412,6 +435,7 @@ impl Refiner {
             Job::Idle => return Ok(()),
             Job::Base => self.frames.len() as u32,
             Job::Round { steps, .. } => steps + 1,
+            Job::LastRound => self.schedule.round_steps + 1,
             Job::Final => self.schedule.final_steps + 1,
         };
         self.steps.start(steps, false)

@@ -234,6 +234,13 @@ pub struct BaseOptions {
     pub sh_degree: u32,
 }
 
+impl Default for BaseOptions {
+    /// 3DGS's.
+    fn default() -> Self {
+        BaseOptions { iterations: 30_000, sh_degree: 3 }
+    }
+}
+
 impl BaseOptions {
     /// What step `step` does; `extent` is the session's.
     pub fn plan(&self, extent: f32, step: u32) -> StepPlan {

@@ -55,6 +55,7 @@ impl ScreenGaussians<'_> {
             [self.get(6, item), self.get(7, item)],
             self.get(8, item),
             [camera.width, camera.height],
+            false,
         )
     }
 }
@@ -67,7 +68,7 @@ pub struct Footprint {
     pub l11: f64,
     pub l12: f64,
     pub l22: f64,
-    /// σ(logit) · compensation.
+    /// σ(logit), compensated or not.
     pub opacity: f64,
     /// First pixel of the bounding box, and its size.
     pub low: [u32; 2],
@@ -87,12 +88,14 @@ pub fn make_footprint(
     log_scale: [f64; 2],
     angle: f64,
     image: [u32; 2],
+    compensate: bool,
 ) -> Option<Footprint> {
     let s = screen_covariance(log_scale, angle);
     let [v, w] = log_scale.map(|l| (2.0 * l).exp());
     let (a, c) = (s[0] + DILATION, s[2] + DILATION);
     let whole = v * w + DILATION * (v + w) + DILATION * DILATION;
-    let opacity = (v * w / whole).sqrt() / (1.0 + (-logit).exp());
+    let compensation = if compensate { (v * w / whole).sqrt() } else { 1.0 };
+    let opacity = compensation / (1.0 + (-logit).exp());
     let visible = opacity >= ALPHA_MIN && whole.is_finite() && centre.iter().all(|x| x.abs() <= 1e9);
     if !visible {
         return None;
@@ -187,7 +190,7 @@ mod tests {
             let s = screen_covariance([a, b], angle);
             let (p, q, r) = (s[0] + 0.3, s[1], s[2] + 0.3);
             let det = p * r - q * q;
-            let o = ((s[0] * s[2] - s[1] * s[1]) / det).max(0.0).sqrt() / (1.0 + (-logit).exp());
+            let o = 1.0 / (1.0 + (-logit).exp());
             let mut want = 0;
             let mut unsure = 0;
             for j in 0..30 {

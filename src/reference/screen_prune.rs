@@ -18,7 +18,7 @@ pub fn covered_min(width: u32, height: u32) -> usize {
 pub fn covered(gaussian: &ScreenGaussian, width: u32, height: u32) -> usize {
     let log_scale = [gaussian[LOG_SCALE], gaussian[LOG_SCALE + 1]];
     let footprint =
-        make_footprint([gaussian[0], gaussian[1]], gaussian[LOGIT], log_scale, gaussian[ANGLE], [width, height]);
+        make_footprint([gaussian[0], gaussian[1]], gaussian[LOGIT], log_scale, gaussian[ANGLE], [width, height], true);
     footprint.map_or(0, |f| f.pixels().filter(|&(x, y)| f.weight(x, y).is_some()).count())
 }
 

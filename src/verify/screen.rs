@@ -27,6 +27,7 @@ use crate::{
         tiles::Tiling,
     },
     stages::{
+        constants::screen::{DRAWING, FILLED, WAITING},
         ssim::{TILE, tiles_per_frame},
         status::{self, Status},
         types::{Frame, Quota, ScreenState, View},
@@ -117,7 +118,6 @@ impl Scattered {
         let b = &screen.buffers;
         b.screen_planes.upload(0, &self.columns())?;
         b.screen_frames.upload(0, &self.frames)?;
-        b.screen_states.upload(0, &[ScreenState { count: 0, stepping: 1 }; 2])?;
         Ok(b.depths.upload(0, &self.depths)?)
     }
 }
@@ -457,6 +457,8 @@ fn prune(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
 }
 
 fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
+    const CASES: u32 = 6;
+    const AGE: u32 = 3;
     let context = bench.context;
     let pixels = pixel_count(&all);
     let mut rng = ChaCha8Rng::seed_from_u64(9);
@@ -473,6 +475,7 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
         ([600, 3000], 0.02, 0.1),
         ([50, 60], 0.0, 0.5),
         ([many, 1], 0.5, 0.3),
+        ([40, 50], 0.5, 0.3),
     ]) {
         let places = (budgets[0] + budgets[1]) as usize;
         let losses: Vec<f32> = (0..pixels)
@@ -486,6 +489,8 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             Quota { view: 12, first: budgets[0], budget: budgets[1] },
         ];
         screen.begin(&all, &[View::default(); 2], &quotas)?;
+        // In the last case the second view has its number and draws no more.
+        let modes = [DRAWING, if round == CASES { FILLED } else { DRAWING }];
         screen.loss.loss_map().upload(0, &losses)?;
         let b = &screen.buffers;
         let stride = screen.sizes.places as usize;
@@ -494,9 +499,10 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             || {
                 b.screen_frames.upload(0, &before)?;
                 b.screen_ages.upload(0, &ages_before)?;
+                b.screen_states.upload(0, &modes.map(|mode| ScreenState { count: 9, mode }))?;
                 Ok(b.screen_moments.upload(0, &moments_before)?)
             },
-            |recorder| screen.record_draw(recorder, round, 5, &status),
+            |recorder| screen.record_draw(recorder, round, 5, AGE, &status),
         )?;
         let (after, state) = (b.screen_frames.download()?, b.screen_states.download()?);
         let (columns, moments) = (b.screen_planes.download()?, b.screen_moments.download()?);
@@ -506,7 +512,7 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             let which = Draw { seed: 5, view: quotas[f].view, round };
             let losses: Vec<f64> = pixels_of(&losses, frame).iter().map(|&l| f64::from(l)).collect();
             let empty: Vec<usize> = (first..first + budget).filter(|&i| before[i] == NONE).collect();
-            let wanted = empty.len().min(draw_size(budgets[f]) as usize);
+            let wanted = if modes[f] == DRAWING { empty.len().min(draw_size(budgets[f]) as usize) } else { 0 };
             let twin = screen_draw(which, &losses, wanted);
             let image: Vec<[f64; 4]> = pixels_of(&image, frame).iter().map(|p| p.map(f64::from)).collect();
             let drawn: Vec<u32> = empty[..twin.len()]
@@ -530,7 +536,7 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             let wrong = (first..first + budget)
                 .filter(|i| match written.binary_search(i) {
                     Ok(_) => {
-                        (after[*i], ages[*i]) != (f as u32, 0)
+                        (after[*i], ages[*i]) != (f as u32, AGE)
                             || (0..2 * LEARNED).any(|m| moments[m * stride + i] != 0.0)
                     }
                     // All other places are as they were.
@@ -538,7 +544,10 @@ fn draw(bench: &mut Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
                 })
                 .count();
             let count = (budget - empty.len() + twin.len()) as u32;
-            let expected = ScreenState { count, stepping: u32::from(count < budgets[f]) };
+            let expected = match modes[f] {
+                DRAWING => ScreenState { count, mode: if count < budgets[f] { DRAWING } else { FILLED } },
+                _ => ScreenState { count: 9, mode: WAITING },
+            };
             row.unequal(wrong as u64 + u64::from(state[f] != expected));
         }
         row.time = times.of("screen_draw");

@@ -14,7 +14,7 @@ use glint::{
         screen_project::{ScreenGaussian, screen_project},
         tiles::Tiling,
     },
-    stages::types::{Frame, Quota, ScreenState, View},
+    stages::types::{Frame, Quota, View},
 };
 
 use super::{
@@ -59,7 +59,6 @@ impl<'a> Flat<'a> {
         let columns: Vec<f32> = (0..SCREEN_PLANES * PLACES).map(|k| gaussians[k % PLACES][k / PLACES] as f32).collect();
         b.screen_planes.upload(0, &columns).unwrap();
         b.screen_frames.upload(0, frames).unwrap();
-        b.screen_states.upload(0, &[ScreenState { count: PLACES as u32, stepping: 1 }]).unwrap();
         b.depths.upload(0, depths).unwrap();
         b.screen_ages.upload(0, &[0; PLACES]).unwrap();
         b.screen_moments.upload(0, &[0.0; 2 * LEARNED * PLACES]).unwrap();
@@ -223,7 +222,7 @@ fn pixels_at_the_end_of_a_4k_image_can_be_drawn() {
     screen.loss.loss_map().upload(0, &loss).unwrap();
     let mut recorder = gpu.recorder("draw").unwrap();
     recorder.fill(&screen.raster.buffers.image, 0);
-    screen.record_draw(&mut recorder, 1, 1, &screen.status().unwrap());
+    screen.record_draw(&mut recorder, 1, 1, 0, &screen.status().unwrap());
     recorder.submit().unwrap().wait().unwrap();
     let b = &screen.buffers;
     let taken = b.screen_frames.download().unwrap().iter().filter(|&&f| f == 0).count();

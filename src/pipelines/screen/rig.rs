@@ -137,6 +137,12 @@ impl Screen {
         raster.and(Photometric::plan(&Self::loss_options(sizes))).and(lists).and(ScreenBuffers::plan(sizes))
     }
 
+    /// Puts all views into a mode of `glsl/shared/screen.glsl`. Waits.
+    pub fn set_mode(&self, mode: u32) -> Result<(), GpuError> {
+        let b = &self.buffers.screen_states;
+        b.upload(0, &vec![ScreenState { count: 0, mode }; b.len()])
+    }
+
     /// Takes up a batch of which all places are empty and all views draw. Waits.
     pub fn begin(&mut self, frames: &[Frame], views: &[View], quotas: &[Quota]) -> Result<()> {
         let places = quotas.iter().map(|q| q.budget).sum::<u32>();
@@ -149,8 +155,8 @@ impl Screen {
         b.population_args.upload(0, &[blocks, 1, 1])?;
         let mut recorder = self.context.recorder("screen begin")?;
         recorder.fill(&b.screen_frames, NONE);
-        recorder.fill(&b.screen_states, 0);
         recorder.submit()?.wait()?;
+        self.set_mode(screen::DRAWING)?;
         let width = frames.iter().map(|f| f.width).max().unwrap_or(1);
         let height = frames.iter().map(|f| f.height).max().unwrap_or(1);
         self.current = Current {
@@ -299,8 +305,8 @@ impl Screen {
         self.loss.record_sum(recorder, &batch, 0);
     }
 
-    /// New Gaussians where the loss map is high.
-    pub fn record_draw(&self, recorder: &mut Recorder, round: u32, seed: u32, status: &Buffer<u32>) {
+    /// New Gaussians where the loss map is high, which begin at an age.
+    pub fn record_draw(&self, recorder: &mut Recorder, round: u32, seed: u32, age: u32, status: &Buffer<u32>) {
         let b = &self.buffers;
         let buffers = screen_draw::Buffers {
             status,
@@ -315,7 +321,8 @@ impl Screen {
             screen_ages: &b.screen_ages,
             screen_moments: &b.screen_moments,
         };
-        let push = screen_draw::Push { frame_count: self.current.frames, stride: self.sizes.places, round, seed };
+        let (frame_count, stride) = (self.current.frames, self.sizes.places);
+        let push = screen_draw::Push { frame_count, stride, round, seed, age };
         self.draw.record(recorder, &buffers, &push, self.current.frames);
     }
 
