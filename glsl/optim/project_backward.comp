@@ -149,8 +149,9 @@ void main() {
 
         if (!OPACITY_ONLY) {
             // Colour, clamped at 0 in the forward pass.
-            d_colour = d_rgb * vec3(greaterThan(colour_of(to_mean, place), vec3(0.0)));
-            vec3 d_to_mean = colour_backward(to_mean, place, d_colour);
+            ColourAt at = colour_at(to_mean);
+            d_colour = d_rgb * vec3(greaterThan(colour_of(at, place), vec3(0.0)));
+            vec3 d_to_mean = colour_backward(at, place, d_colour);
             g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
 
             // Centre and covariance: d/dSigma2D = L^T W L / 2 with W = sum g w w^T, d/dcentre = L^T sum g w. With N = L M (rows n1,
@@ -223,10 +224,9 @@ void main() {
     }
 
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
-    float basis[16];
-    sh_basis(to_mean, basis);
+    ColourAt at = colour_at(to_mean);
     for (uint k = 0; k < COEFFICIENTS; ++k) {
-        vec3 by_coefficient = basis[k] * d_colour;
+        vec3 by_coefficient = coefficient_gradient(at, k, d_colour);
         for (uint c = 0; c < 3; ++c) {
             uint p = 3 * k + c;
             if (ACCUMULATE) sh_moments[p * push.stride + place] += by_coefficient[c];

@@ -1,8 +1,8 @@
-// The colour of a Gaussian toward a view, and its gradient: the pair of functions that projection and its backward pass call.
-// Another colour model is another file with these functions, included here and chosen by a specialisation constant.
+// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023).
 //
-// Real spherical harmonics with 3DGS's signs (Kerbl 2023). The bands in use are a specialisation constant: what a scene does
-// not have, or training has not reached, is not in the pipeline.
+// Kernels know colour_at, colour_of, colour_backward and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
+// channels. Another colour model is another file with these four, and a choice between the two here. The bands in use are a
+// specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
 layout(constant_id = 10) const uint SH_DEGREE = 3;
 const uint COEFFICIENTS = (SH_DEGREE + 1) * (SH_DEGREE + 1);
 
@@ -54,20 +54,33 @@ vec3 sh_basis_gradient(vec3 d, uint k) {
     return vec3(0.0);
 }
 
-// Before it is clamped at 0. `direction` is the unit vector from the eye to the Gaussian.
-vec3 colour_of(vec3 direction, uint place) {
+// What depends on the direction alone, the unit vector from the eye to the Gaussian.
+struct ColourAt {
+    vec3 direction;
     float basis[16];
-    sh_basis(direction, basis);
+};
+ColourAt colour_at(vec3 direction) {
+    ColourAt at;
+    at.direction = direction;
+    sh_basis(direction, at.basis);
+    return at;
+}
+
+// Before it is clamped at 0.
+vec3 colour_of(ColourAt at, uint place) {
     vec3 colour = vec3(0.5);
-    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) colour += basis[k] * load_sh3(k, place);
+    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) colour += at.basis[k] * load_sh3(k, place);
     return colour;
 }
 
-// The gradient by the direction, not yet made tangent to the sphere; that by coefficient k is colour_weight(k) times d_colour.
-vec3 colour_backward(vec3 direction, uint place, vec3 d_colour) {
+// The gradient by the direction, not yet made tangent to the sphere.
+vec3 colour_backward(ColourAt at, uint place, vec3 d_colour) {
     vec3 d_direction = vec3(0.0);
     [[unroll]] for (uint k = 1; k < COEFFICIENTS; ++k) {
-        d_direction += dot(d_colour, load_sh3(k, place)) * sh_basis_gradient(direction, k);
+        d_direction += dot(d_colour, load_sh3(k, place)) * sh_basis_gradient(at.direction, k);
     }
     return d_direction;
 }
+
+// The gradient by coefficient k.
+vec3 coefficient_gradient(ColourAt at, uint k, vec3 d_colour) { return at.basis[k] * d_colour; }

@@ -171,19 +171,7 @@ fn color_backward(
     let offset = params.mean(i) - view.eye;
     let distance = offset.length();
     let direction = offset / distance;
-    let degree = options.active_degree.min(params.sh_degree);
-    let basis = harmonics::basis(degree, direction);
-    let basis_grad = harmonics::basis_gradient(degree, direction);
-    let mut direction_grad = DVec3::ZERO;
-    for k in 0..((degree + 1) * (degree + 1)) as usize {
-        let coefficient = params.coefficient(i, k);
-        let mut sum = 0.0;
-        for c in 0..3 {
-            out.sh[(3 * k + c) * params.stride + i] = basis[k] * color_grad[c];
-            sum += coefficient[c] * color_grad[c];
-        }
-        direction_grad += basis_grad[k] * sum;
-    }
+    let direction_grad = harmonics::colour_backward(params, i, options.active_degree, direction, color_grad, out);
     (direction_grad - direction * direction.dot(direction_grad)) / distance
 }
 
