@@ -9,7 +9,7 @@ use super::{
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
-    gpu::{Buffer, Context, GpuError, Recorder, Unused},
+    gpu::{Buffer, Context, GpuError, Kernel, Recorder, Unused},
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
         blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
@@ -322,6 +322,14 @@ impl Raster {
     /// Intersections that fit.
     pub fn capacity(&self) -> u32 {
         self.options.isects
+    }
+
+    /// The stage that makes gradient records, if there is one.
+    pub fn backward_stage(&self) -> Option<&'static str> {
+        self.backward.as_ref().map(|backward| match backward {
+            Backward::Deterministic(_) => blend_backward::Kernel::NAME,
+            Backward::Atomic(_) => blend_backward_atomic::Kernel::NAME,
+        })
     }
 
     /// Records are by Gaussian, added up by atomics.

@@ -15,6 +15,17 @@ pub enum Reduction {
     Atomic,
 }
 
+impl Reduction {
+    /// Those that a device can do, as they are named.
+    pub fn offered(context: &Context) -> Vec<Reduction> {
+        let mut all = vec![Reduction::Deterministic];
+        if context.info().float_atomics {
+            all.push(Reduction::Atomic);
+        }
+        all
+    }
+}
+
 /// Which variant of the kernels runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Policy {

@@ -301,9 +301,14 @@ fn case(
     if chosen {
         step::cases(bench, scene, &ordered, twin, &options)?;
     }
-    if chosen && !compensate && bench.context.info().float_atomics {
-        let policy = Policy { reduction: Reduction::Atomic, ..policy };
-        atomics(bench, scene, twin, &options, &Ordered::new(bench, scene, policy, tile)?, &variant)?;
+    if chosen && !compensate {
+        // What is chosen where deterministic gradients find no room.
+        for reduction in Reduction::offered(bench.context).into_iter().filter(|r| *r != policy.reduction) {
+            let ordered = Ordered::new(bench, scene, Policy { reduction, ..policy }, tile)?;
+            blend_backwards(bench, scene, &ordered, &calm, &variant, false)?;
+            let name = if reduction == Reduction::Atomic { step::ATOMIC } else { step::DETERMINISTIC };
+            step::whole(bench, scene, &ordered, twin, &options, &format!("{name}{}", scene.suffix(false)))?;
+        }
     }
     Ok(())
 }
@@ -561,52 +566,32 @@ fn blend_backwards(
     chosen: bool,
 ) -> Result<()> {
     let wanted = Wanted::new(scene, ordered, own)?;
-    let (records, count) = (&ordered.renderer.raster.records, wanted.records.len());
+    let raster = &ordered.renderer.raster;
+    let by_gaussian = |records: Vec<Record>| match raster.by_gaussian() {
+        true => blend_backward_atomic(&ordered.isects, &records, scene.params.count),
+        false => records,
+    };
+    let (want, magnitudes) = (by_gaussian(wanted.records.clone()), by_gaussian(wanted.magnitudes.clone()));
+    let Some(stage) = raster.backward_stage() else { return Ok(()) };
     for (name, frozen) in [("opacity only", FROZEN), ("all", 0)] {
         let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, frozen))?;
-        let got = read_records(records, count)?;
-        let mut row = bench.row("blend_backward", format!("{variant}, {name}"));
-        // Sums in a fixed order: another run gives the same bits.
-        let mut recorder = bench.context.recorder("again")?;
-        ordered.record_blend_backward(&mut recorder, scene, frozen);
-        recorder.submit()?.wait()?;
-        let bits = |values: &[Record32]| -> Vec<u32> { values.iter().flatten().map(|v| v.to_bits()).collect() };
-        row.words(&bits(&read_records(records, count)?), &bits(&got));
-        compare_records(&mut row, &got, &wanted.records, &wanted.magnitudes, frozen == 0);
+        let got = read_records(&raster.records, want.len())?;
+        let mut row = bench.row(stage, format!("{variant}, {name}"));
+        if ordered.policy.reduction == Reduction::Deterministic {
+            // Sums in a fixed order: another run gives the same bits.
+            let mut recorder = bench.context.recorder("again")?;
+            ordered.record_blend_backward(&mut recorder, scene, frozen);
+            recorder.submit()?.wait()?;
+            let bits = |values: &[Record32]| -> Vec<u32> { values.iter().flatten().map(|v| v.to_bits()).collect() };
+            row.words(&bits(&read_records(&raster.records, want.len())?), &bits(&got));
+        }
+        compare_records(&mut row, &got, &want, &magnitudes, frozen == 0);
         row.chosen = chosen;
         row.time = times.sum();
-        row.work = wanted.work(scene, ordered, count, frozen == 0);
+        row.work = wanted.work(scene, ordered, want.len(), frozen == 0);
         bench.push(row);
     }
     Ok(())
-}
-
-/// What is chosen where deterministic gradients find no room.
-fn atomics(
-    bench: &mut Bench<'_>,
-    scene: &Scene,
-    twin: &reference::Rendered,
-    options: &Options,
-    ordered: &Ordered,
-    variant: &str,
-) -> Result<()> {
-    let count = scene.params.count;
-    let own = blend(&ordered.splats, &ordered.isects, Background::Color(BACKGROUND.map(f64::from)), 0.5);
-    let wanted = Wanted::new(scene, ordered, &own)?;
-    let by_gaussian = |records: &[Record]| blend_backward_atomic(&ordered.isects, records, count);
-    let (want, magnitudes) = (by_gaussian(&wanted.records), by_gaussian(&wanted.magnitudes));
-    for (name, frozen) in [("opacity only", FROZEN), ("all", 0)] {
-        let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, frozen))?;
-        let got = read_records(&ordered.renderer.raster.records, count)?;
-        let mut row = bench.row("blend_backward_atomic", format!("{variant}, {name}"));
-        compare_records(&mut row, &got, &want, &magnitudes, frozen == 0);
-        row.chosen = false;
-        row.time = times.sum();
-        row.work = wanted.work(scene, ordered, 2 * count, frozen == 0);
-        bench.push(row);
-    }
-    let suffix = scene.suffix(false);
-    step::whole(bench, scene, ordered, twin, options, &format!("{}{suffix}", step::ATOMIC))
 }
 
 /// As many segments as learn their opacity only: all of them.
