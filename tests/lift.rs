@@ -22,8 +22,7 @@ use rand::{Rng, RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 fn context() -> Context {
-    Context::new(&ContextOptions { validation: std::env::var_os("GLINT_VALIDATION").is_some(), ..Default::default() })
-        .expect("a Vulkan device")
+    Context::new(&ContextOptions::from_env()).expect("a Vulkan device")
 }
 
 fn buffer<T: bytemuck::Pod>(context: &Context, name: &str, data: &[T]) -> Buffer<T> {

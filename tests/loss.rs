@@ -13,7 +13,7 @@ use glint::{
 };
 
 fn context() -> Context {
-    Context::new(&ContextOptions::default()).unwrap()
+    Context::new(&ContextOptions::from_env()).unwrap()
 }
 
 /// The buffers of a batch on the GPU. What the kernels do not write is NaN.

@@ -124,7 +124,7 @@ impl LiftStage {
             &dispatch_args::Push {
                 count_index: SLOTS,
                 capacity: slots,
-                items_per_group: items_per_group(context.info().subgroup_size),
+                items_per_group: items_per_group(context.info()),
                 args_index: 0,
                 status_index: 0,
             },

