@@ -159,7 +159,7 @@ fn splats_images_gradients_and_steps_are_the_twins() {
             assert!(twin(halo).iter().all(|t| got.contains(t)), "{got:?}");
             assert!(got.iter().all(|t| twin(halo + 0.01).contains(t)), "{got:?}");
         }
-        let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(width, height, &options));
+        let isects = Intersections::new(&projected, Tiling::new(width, height, &options));
         let behind: Vec<[f64; 3]> =
             pixels_of(&backdrop, &FRAMES[f]).iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
         let blended = blend(&projected.splats, &isects, Background::Image(&behind), 0.0);

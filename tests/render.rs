@@ -264,3 +264,32 @@ fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
     assert!((opacities[0] - (12.0 - 0.02 * 0.45 / 0.24975f32.sqrt())).abs() < 1e-5, "{opacities:?}");
     assert_eq!((got[1], got[3], opacities[1]), (m, v, 12.0));
 }
+
+/// Slots that were counted and are not needed drop out of the sort by tile: the image is the same to the last bit.
+#[test]
+fn tiles_counted_in_vain_change_no_pixel() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(8, 1500, 300, 1), random_camera(97, 71));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, model.count(), &views, RenderOptions::default()).unwrap();
+    renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+    let raster = &renderer.raster;
+    let pixels = camera.pixels() as usize;
+    let want = raster.image.download_range(0, pixels).unwrap();
+    let mut counts = raster.tile_counts.download().unwrap();
+    counts.iter_mut().enumerate().filter(|(_, n)| **n > 0).for_each(|(i, n)| *n += [1, 0, 30][i % 3]);
+    raster.tile_counts.upload(0, &counts).unwrap();
+    assert!(counts.iter().sum::<u32>() < raster.capacity());
+    let grid = raster.grid(0, 1, camera.width, camera.height);
+    let status = Buffer::<u32>::zeroed(&gpu, "status", STATUS_WORDS).unwrap();
+    // Twice, so that what an earlier order left in the lists is there to be taken for tiles.
+    for _ in 0..2 {
+        let mut recorder = gpu.recorder("order again").unwrap();
+        raster.record_order(&mut recorder, model.count(), &grid, &views.frames, &raster.tile_counts, &status);
+        raster.record_blend(&mut recorder, &grid, &views.frames, BACKGROUND, 0.5);
+        recorder.submit().unwrap().wait().unwrap();
+        assert_eq!(status.download().unwrap(), [0; STATUS_WORDS]);
+        assert!(raster.image.download_range(0, pixels).unwrap() == want);
+    }
+}

@@ -51,7 +51,7 @@ void main() {
     plane[DEPTH * push.stride + i] = z;
 
     PlaneShape e = plane_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
-    Splat s;
+    precise Splat s; // emit, which reads it from memory, must see what is counted here
     s.x = centre.x;
     s.y = centre.y;
     s.l11 = e.l11;

@@ -410,6 +410,7 @@ impl Raster {
                 global_from_rank,
                 rank_first_slot: &self.rank_first_slot,
                 splats: &self.splats,
+                tile_counts: &self.tile_counts,
                 splat_frames,
                 isect_tiles: &isects.tiles,
                 global_from_slot: &isects.global_from_slot,
@@ -439,7 +440,7 @@ impl Raster {
         self.ranges.record(
             recorder,
             &tile_ranges::Buffers { count: &self.count, isect_tiles: by_tile.keys, tile_ranges: &self.tile_ranges },
-            &tile_ranges::Push { count_index: ISECTS },
+            &tile_ranges::Push { count_index: ISECTS_SORTED },
             &self.args,
             ISECT_THREADS,
         );
