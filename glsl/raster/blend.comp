@@ -63,14 +63,14 @@ void main() {
         }
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
-            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
-            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
+            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
+            vec3 rgb = subgroupBroadcast(vec3(s.r, s.g, s.b), j);
+            precise float u0 = shape.x * (x - centre.x);
             uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                Response e = respond(u0, l12, l22, dy, opacity);
+                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
+                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
                 if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {

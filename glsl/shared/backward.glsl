@@ -70,18 +70,18 @@ void tile_backward() {
         bool blended = false;
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
-            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
+            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
+            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
+            vec3 rgb = subgroupBroadcast(vec3(s.r, s.g, s.b), j);
             bool full = subgroupBroadcast(global, j) >= push.full_first;
-            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            precise float u0 = shape.x * (x - centre.x);
             vec2 sum_w = vec2(0.0);
             vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
             float sum_opacity = 0.0;
             bool touched = false;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                Response e = respond(u0, l12, l22, dy, opacity);
+                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
+                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
                 if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {
@@ -107,14 +107,13 @@ void tile_backward() {
                 [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
                 total[5] = subgroupAdd(sum_opacity);
                 if (full) {
-                    total[0] = subgroupAdd(sum_w.x);
-                    total[1] = subgroupAdd(sum_w.y);
-                    total[2] = subgroupAdd(sum_ww.x);
-                    total[3] = subgroupAdd(sum_ww.y);
-                    total[4] = subgroupAdd(sum_ww.z);
-                    total[6] = subgroupAdd(sum_rgb.r);
-                    total[7] = subgroupAdd(sum_rgb.g);
-                    total[8] = subgroupAdd(sum_rgb.b);
+                    vec2 w = subgroupAdd(sum_w);
+                    vec3 ww = subgroupAdd(sum_ww), d_rgb = subgroupAdd(sum_rgb);
+                    [[unroll]] for (uint c = 0; c < 2; ++c) total[c] = w[c];
+                    [[unroll]] for (uint c = 0; c < 3; ++c) {
+                        total[2 + c] = ww[c];
+                        total[6 + c] = d_rgb[c];
+                    }
                 } else {
                     total[6] = 1.0; // says that it is blended, which SparseAdam asks
                 }
