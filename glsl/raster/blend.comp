@@ -71,16 +71,13 @@ void main() {
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
                 float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
                 Response e = respond(u0, shape.y, shape.z, dy, shape.w);
-                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
-                    precise float next = T[k] * (1.0 - e.alpha);
-                    if (next < T_MIN) {
-                        live &= ~(1u << k);
-                    } else {
-                        colour[k] += e.alpha * T[k] * rgb;
-                        T[k] = next;
-                        if (MEDIAN && median[k] == NONE && next < push.median_threshold) median[k] = id;
-                    }
-                }
+                // Chosen, not branched to, as there is little to pass over.
+                precise float next = T[k] * (1.0 - e.alpha);
+                bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN, last = met && next < T_MIN, taken = met && !last;
+                live &= ~(uint(last) << k);
+                colour[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
+                T[k] = taken ? next : T[k];
+                if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
             }
         }
     }

@@ -82,6 +82,7 @@ void tile_backward() {
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
                 float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
                 Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+                // Branched to, unlike in blend: where no lane takes a row of pixels, much is passed over.
                 if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {
