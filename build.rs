@@ -151,7 +151,9 @@ pub struct Demands {
 
 impl Demands {
     pub fn of(module: &[u32]) -> Result<Self, String> {
-        const WORKGROUP: u32 = 2; // scope
+        // Scopes.
+        const WORKGROUP: u32 = 2;
+        const SUBGROUP: u32 = 3;
         let mut demands = Demands::default();
         let (mut constants, mut widths) = (BTreeMap::new(), BTreeMap::new());
         for i in instructions(module)? {
@@ -167,7 +169,12 @@ impl Demands {
                 op::TYPE_INT | op::TYPE_FLOAT => drop(widths.insert(i[1], i[2])),
                 op::TYPE_VECTOR => drop(widths.get(&i[2]).copied().map(|width| widths.insert(i[1], width))),
                 op::CONSTANT => drop(constants.insert(i[2], i[3])),
-                op::CONTROL_BARRIER => demands.barriers |= constants.get(&i[1]) == Some(&WORKGROUP),
+                op::CONTROL_BARRIER => match constants.get(&i[1]) {
+                    Some(&WORKGROUP) => demands.barriers = true,
+                    // Declares no capability of its own.
+                    Some(&SUBGROUP) => demands.subgroup_operations |= 1,
+                    other => return Err(format!("a barrier of scope {other:?}, expected workgroup or subgroup")),
+                },
                 code @ op::GROUP_NON_UNIFORM_FIRST..=op::GROUP_NON_UNIFORM_LAST => {
                     if code == op::GROUP_NON_UNIFORM_BROADCAST && !constants.contains_key(&i[5]) {
                         demands.features.insert("SubgroupBroadcastDynamicId");

@@ -5,7 +5,7 @@ mod common;
 use ash::vk;
 use common::Gpu;
 use glint::{
-    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, Recorder},
+    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Recorder},
     pipelines::{
         model::Model,
         raster::Reduction,
@@ -105,6 +105,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         let commands = device.allocate_command_buffers(&info).unwrap()[0];
         device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
+        assert!(matches!(Recorder::borrow(&context, commands).submit(), Err(GpuError::NotOurs)));
         let mut recorder = Recorder::borrow(&context, commands);
         renderer.record(&mut recorder, &model, &views, 0, 3, [0.5; 3], &status);
         let kept = recorder.finish();

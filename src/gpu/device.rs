@@ -365,3 +365,157 @@ pub(super) fn open(instance: &ash::Instance, physical: &Physical, family: u32) -
     // SAFETY: `physical` belongs to the instance and offers all that is asked for; the structures live for the call.
     unsafe { instance.create_device(physical.handle, &info, None) }.check("vkCreateDevice")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extension(name: &CStr) -> vk::ExtensionProperties {
+        let mut extension = vk::ExtensionProperties::default();
+        for (to, from) in extension.extension_name.iter_mut().zip(name.to_bytes()) {
+            *to = *from as std::ffi::c_char;
+        }
+        extension
+    }
+
+    /// A device that has all that glint asks for, and offers one size of subgroups.
+    fn physical() -> Physical {
+        Physical {
+            handle: vk::PhysicalDevice::null(),
+            extensions: vec![extension(khr::push_descriptor::NAME)],
+            offered: Feature::REQUIRED.into(),
+            limits: Limits {
+                workgroup: 1024,
+                workgroup_subgroups: 16,
+                shared_bytes: 16384,
+                storage_buffers: needs::STORAGE_BUFFERS,
+                push_bytes: 128,
+                storage_bytes: 1 << 27,
+                timestamp_period: 1.0,
+            },
+            queue_family: Some((0, 64)),
+            memory: Default::default(),
+            api_version: vk::API_VERSION_1_2,
+            name: "a device".into(),
+            driver: String::new(),
+            driver_id: vk::DriverId::default(),
+            device_type: vk::PhysicalDeviceType::DISCRETE_GPU,
+            preferred_lanes: 32,
+            subgroup_operations: needs::SUBGROUP_OPERATIONS,
+            subgroup_sizes: [32, 32],
+            requires_lanes: true,
+            preserves_nan: true,
+        }
+    }
+
+    fn wants(subgroup_size: Option<u32>) -> ContextOptions {
+        ContextOptions { subgroup_size, ..Default::default() }
+    }
+
+    /// Lanes, and whether they are required at each pipeline.
+    fn lanes(p: &Physical, wanted: Option<u32>) -> Option<(u32, bool)> {
+        p.check(&wants(wanted), &p.offered).ok().map(|s| (s.lanes, s.require))
+    }
+
+    #[test]
+    fn one_size_of_subgroups_is_taken_that_the_device_offers_and_kernels_know() {
+        let with = |subgroup_sizes, preferred_lanes, requires_lanes| Physical {
+            subgroup_sizes,
+            preferred_lanes,
+            requires_lanes,
+            ..physical()
+        };
+        // NVIDIA, Intel, RDNA, Adreno, one whose own choice is small.
+        assert_eq!(lanes(&with([32, 32], 32, true), None), Some((32, true)));
+        assert_eq!(lanes(&with([8, 32], 32, true), None), Some((32, true)));
+        assert_eq!(lanes(&with([32, 64], 64, true), None), Some((64, true)));
+        assert_eq!(lanes(&with([64, 128], 128, true), None), Some((64, true)));
+        assert_eq!(lanes(&with([4, 16], 4, true), None), Some((8, true)));
+        // A size of the caller's, if it is offered.
+        assert_eq!([8, 16, 32].map(|n| lanes(&with([8, 32], 32, true), Some(n))), [8, 16, 32].map(|n| Some((n, true))));
+        assert_eq!([0, 4, 24, 64, 128].map(|n| lanes(&with([4, 32], 32, true), Some(n))), [None; 5]);
+        // MoltenVK takes no demand, and has one size.
+        assert_eq!(lanes(&with([32, 32], 32, false), None), Some((32, false)));
+        assert_eq!(lanes(&with([32, 32], 32, false), Some(32)), Some((32, false)));
+        assert_eq!(lanes(&with([32, 32], 32, false), Some(16)), None);
+        // Not to be had or not known.
+        let refused =
+            [([8, 32], 32, false), ([4, 4], 4, true), ([4, 4], 4, false), ([128, 128], 128, true), ([0, 0], 32, false)];
+        for (sizes, preferred, required) in refused {
+            let p = with(sizes, preferred, required);
+            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
+            assert!(
+                error.contains("from 8 to 64 lanes") && error.contains(&format!("{} to {}", sizes[0], sizes[1])),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_a_device_lacks_is_named() {
+        let says = |change: fn(&mut Physical)| {
+            let mut p = physical();
+            change(&mut p);
+            p.check(&wants(None), &p.offered).unwrap_err().to_string()
+        };
+        assert!(physical().check(&wants(None), &BTreeSet::new()).is_ok());
+        assert_eq!(says(|p| p.api_version = vk::API_VERSION_1_1), "device a device lacks Vulkan 1.2");
+        assert_eq!(says(|p| p.queue_family = None), "device a device lacks a compute queue");
+        assert_eq!(says(|p| p.extensions.clear()), "device a device lacks extension VK_KHR_push_descriptor");
+        for feature in Feature::REQUIRED {
+            let mut p = physical();
+            p.offered.remove(&feature);
+            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
+            assert_eq!(error, format!("device a device lacks feature {}", feature.name()));
+        }
+        let ballot = says(|p| p.subgroup_operations &= !vk::SubgroupFeatureFlags::BALLOT.as_raw());
+        assert_eq!(ballot, "device a device lacks subgroup operations in compute: BALLOT");
+        let few = needs::STORAGE_BUFFERS - 1;
+        let buffers = format!("device a device allows {few} storage buffers of a kernel, {} are needed", few + 1);
+        assert_eq!(says(|p| p.limits.storage_buffers -= 1), buffers);
+        let push = format!("device a device allows 1 bytes of push constants, {} are needed", needs::PUSH_BYTES);
+        assert_eq!(says(|p| p.limits.push_bytes = 1), push);
+    }
+
+    #[test]
+    fn lanes_are_kept_together_by_what_the_device_offers_best() {
+        let how = |driver_id, features: &[Feature]| {
+            let p = Physical { driver_id, ..physical() };
+            let enabled = features.iter().copied().collect();
+            let subgroups = p.check(&wants(None), &enabled).unwrap();
+            let info = p.info(Some(subgroups), &enabled, 64);
+            let modes = subgroups.modes(&info, true).iter().map(|m| m.mode).collect::<Vec<_>>();
+            // Kernels without subgroup operations are not told of it.
+            assert_eq!(subgroups.modes(&info, false), [SIGNED_ZERO_INF_NAN_PRESERVE]);
+            (subgroups.reconvergence, info.workgroup(128), modes)
+        };
+        let (maximal, uniform) = (Feature::ShaderMaximalReconvergence, Feature::ShaderSubgroupUniformControlFlow);
+        let (any, llvmpipe) = (vk::DriverId::MESA_RADV, vk::DriverId::MESA_LLVMPIPE);
+        assert_eq!(how(any, &[maximal, uniform]), (Reconvergence::Maximal, 128, vec![4461, 6023]));
+        assert_eq!(how(any, &[uniform]), (Reconvergence::SubgroupUniform, 128, vec![4461, 4421]));
+        assert_eq!(how(llvmpipe, &[]), (Reconvergence::Masked, 128, vec![4461]));
+        assert_eq!(how(any, &[]), (Reconvergence::OneSubgroup, 32, vec![4461]));
+    }
+
+    #[test]
+    fn workgroups_and_timestamps_are_what_the_limits_allow() {
+        let info = |change: fn(&mut Physical), bits| {
+            let mut p = physical();
+            change(&mut p);
+            p.info(p.check(&wants(None), &p.offered).ok(), &p.offered, bits)
+        };
+        assert_eq!(info(|_| (), 64).max_workgroup, 512);
+        assert_eq!(info(|p| p.limits.workgroup = 200, 64).max_workgroup, 192);
+        assert_eq!((info(|_| (), 36).timestamp_period, info(|_| (), 0).timestamp_period), (1.0, 0.0));
+        // A device that cannot be used is described too.
+        assert_eq!(info(|p| p.subgroup_sizes = [4, 4], 64).subgroup_size, 32);
+    }
+
+    #[test]
+    fn a_device_that_is_not_all_of_vulkan_is_told_that_we_know() {
+        let mut p = physical();
+        assert_eq!(p.own_extensions(), [khr::push_descriptor::NAME]);
+        p.extensions.push(extension(khr::portability_subset::NAME));
+        assert!(p.own_extensions().contains(&khr::portability_subset::NAME));
+    }
+}

@@ -230,3 +230,95 @@ impl Reader {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WORKGROUP_SIZE: u32 = 0;
+
+    /// A module of the instructions, each given as opcode and operands.
+    fn module(list: &[(u32, &[u32])]) -> Vec<u32> {
+        let mut words = vec![MAGIC, 0x0001_0500, 0, 99, 0];
+        list.iter().for_each(|(opcode, operands)| push(&mut words, *opcode, operands));
+        words
+    }
+
+    fn opcodes(module: &[u32]) -> Vec<u32> {
+        instructions(module).unwrap().into_iter().map(opcode).collect()
+    }
+
+    #[test]
+    fn what_is_not_a_module_is_said_not_to_be_one() {
+        assert!(words(&[]).is_err() && words(&[3, 2, 35, 7]).is_err() && words(&[0; 24]).is_err());
+        let whole = module(&[(op::CAPABILITY, &[1])]);
+        let bytes: Vec<u8> = whole.iter().flat_map(|w| w.to_le_bytes()).collect();
+        assert_eq!(words(&bytes).unwrap(), whole);
+        assert!(words(&bytes[..bytes.len() - 1]).is_err());
+        // Cut short, and an instruction of no words.
+        assert!(instructions(&whole[..whole.len() - 1]).is_err());
+        assert!(instructions(&[&whole[..], &[op::CAPABILITY]].concat()).is_err());
+        assert!(instructions(&whole[..3]).is_err());
+        assert!(with_modes(&whole, &[]).is_err(), "no entry point");
+    }
+
+    #[test]
+    fn modes_come_in_the_order_that_spirv_asks_for() {
+        let before = module(&[
+            (op::CAPABILITY, &[1]),
+            (op::CAPABILITY, &[61]),
+            (11, &[1, 0]),
+            (14, &[0, 1]),
+            (op::ENTRY_POINT, &[5, 7, 0x6E69_616D, 0]),
+            (op::EXECUTION_MODE, &[7, 17, 8, 1, 1]),
+            (op::TYPE_BOOL, &[3]),
+        ]);
+        let modes = [SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW];
+        let after = with_modes(&before, &modes).unwrap();
+        assert_eq!(opcodes(&after), [17, 17, 17, 10, 11, 14, 15, 16, 16, 16, 20]);
+        let list = instructions(&after).unwrap();
+        assert_eq!(list[2][1..], [4466]);
+        let name: Vec<u8> = list[3][1..].iter().flat_map(|w| w.to_le_bytes()).collect();
+        let text = b"SPV_KHR_subgroup_uniform_control_flow";
+        assert!(name.starts_with(text) && name[text.len()..].iter().all(|&b| b == 0) && name.len() > text.len());
+        assert_eq!((&list[7][1..], &list[8][1..]), (&[7, 4461, 32][..], &[7, 4421][..]));
+        assert_eq!(with_modes(&before, &[]).unwrap(), before);
+        // What is there already stays, in front of an extension too.
+        let twice = with_modes(&after, &[MAXIMALLY_RECONVERGES]).unwrap();
+        assert_eq!(opcodes(&twice), [17, 17, 17, 10, 10, 11, 14, 15, 16, 16, 16, 16, 20]);
+        assert_eq!(instructions(&twice).unwrap()[8][1..], [7, 6023]);
+    }
+
+    #[test]
+    fn shared_memory_is_measured_at_the_constants_that_are_set() {
+        // uint[(workgroup size / 8) << 3], vec3[2], and a float that is not shared.
+        let shared = module(&[
+            (op::DECORATE, &[10, 1, WORKGROUP_SIZE]),
+            (op::TYPE_INT, &[1, 32, 0]),
+            (op::TYPE_FLOAT, &[2, 32]),
+            (op::TYPE_VECTOR, &[3, 2, 3]),
+            (op::SPEC_CONSTANT, &[1, 10, 64]),
+            (op::CONSTANT, &[1, 11, 8]),
+            (op::CONSTANT, &[1, 12, 3]),
+            (op::CONSTANT, &[1, 13, 2]),
+            (op::SPEC_CONSTANT_COMPOSITE, &[4, 14, 10, 11, 11]),
+            (op::SPEC_CONSTANT_OP, &[1, 15, op::COMPOSITE_EXTRACT, 14, 0]),
+            (op::SPEC_CONSTANT_OP, &[1, 16, op::U_DIV, 15, 11]),
+            (op::SPEC_CONSTANT_OP, &[1, 17, op::SHIFT_LEFT, 16, 12]),
+            (op::TYPE_ARRAY, &[5, 1, 17]),
+            (op::TYPE_ARRAY, &[6, 3, 13]),
+            (op::TYPE_POINTER, &[7, 4, 5]),
+            (op::TYPE_POINTER, &[8, 4, 6]),
+            (op::TYPE_POINTER, &[9, 6, 2]),
+            (op::VARIABLE, &[7, 20, 4]),
+            (op::VARIABLE, &[8, 21, 4]),
+            (op::VARIABLE, &[9, 22, 6]),
+        ]);
+        assert_eq!(shared_bytes(&shared, &[]), Ok(4 * 64 + 2 * 16));
+        // The second begins on the next multiple of 16.
+        assert_eq!(shared_bytes(&shared, &[(WORKGROUP_SIZE, 8), (3, 5)]), Ok(4 * 8 + 2 * 16));
+        assert_eq!(shared_bytes(&shared, &[(WORKGROUP_SIZE, 128)]), Ok(4 * 128 + 2 * 16));
+        let unknown = module(&[(op::TYPE_POINTER, &[7, 4, 5]), (op::VARIABLE, &[7, 20, 4])]);
+        assert!(shared_bytes(&unknown, &[]).is_err());
+    }
+}
