@@ -3,7 +3,7 @@
 //! Rust code that records it, and that is a compile error.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     env,
     fmt::Write as _,
     fs,
@@ -16,62 +16,205 @@ use spirq::{
     var::Variable,
 };
 
+use spirv::{instructions, op, opcode};
+
+#[allow(dead_code, reason = "reading instructions is all that is wanted here")]
+#[path = "src/gpu/spirv.rs"]
+mod spirv;
+
 fn main() {
     let out = PathBuf::from(env::var("OUT_DIR").unwrap());
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=src/gpu/spirv.rs");
     println!("cargo:rerun-if-changed=glsl");
+    let software = env::var_os("CARGO_FEATURE_SOFTWARE_SUBGROUPS").is_some();
 
     let mut sources = Vec::new();
     collect(Path::new("glsl"), &mut sources);
     sources.sort();
+    let mut types = Types::new();
+    let mut kernels = Vec::new();
+    let mut failed = false;
+    for path in &sources {
+        match Kernel::build(path, software, &mut types) {
+            Ok(kernel) => {
+                let write = |name: String, words: &[u32]| {
+                    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+                    fs::write(out.join(name), bytes).unwrap();
+                };
+                write(format!("{}.spv", kernel.name), &kernel.spirv);
+                if let Some(words) = &kernel.software {
+                    write(format!("{}.software.spv", kernel.name), words);
+                }
+                kernels.push(kernel);
+            }
+            Err(e) => {
+                // Cargo shows lines that begin with cargo:warning even when the output is folded away.
+                e.lines().for_each(|line| println!("cargo:warning={line}"));
+                failed = true;
+            }
+        }
+    }
+    assert!(!failed, "kernels did not compile, see the warnings above");
+    fs::write(out.join("kernels.rs"), generate(&kernels, &types, software) + &constants()).unwrap();
+    fs::write(out.join("needs.rs"), needs(&kernels)).unwrap();
+}
 
-    let compiler = shaderc::Compiler::new().expect("shaderc");
-    let mut options = shaderc::CompileOptions::new().expect("shaderc options");
+/// A kernel's modules and all that is generated from them.
+pub struct Kernel {
+    pub name: String,
+    pub file: String,
+    pub spirv: Vec<u32>,
+    /// With subgroup operations through shared memory, where there are any and the cargo feature wants it.
+    pub software: Option<Vec<u32>>,
+    pub interface: Interface,
+    pub demands: Demands,
+}
+
+impl Kernel {
+    fn build(path: &Path, software: bool, types: &mut Types) -> Result<Self, String> {
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let file = path.to_str().unwrap().to_owned();
+        let source = fs::read_to_string(path).unwrap();
+        let in_kernel = |e: String| format!("{file}: {e}");
+        let spirv = compile(&source, &file, false)?;
+        let demands = Demands::of(&spirv).map_err(in_kernel)?;
+        let software = match software && demands.subgroup_operations != 0 {
+            true => Some(compile(&source, &file, true)?),
+            false => None,
+        };
+        let interface = Interface::reflect(&spirv, types).map_err(in_kernel)?;
+        Ok(Kernel { name, file, spirv, software, interface, demands })
+    }
+}
+
+/// SPIR-V of a GLSL kernel, or what the compiler says. `software`: its subgroups are those of `glsl/shared/subgroup.glsl`.
+pub fn compile(source: &str, file: &str, software: bool) -> Result<Vec<u32>, String> {
+    // Names that begin with gl_ can be neither defined nor declared.
+    let rename = move |text: String| match software {
+        true => text.replace("gl_Subgroup", "software_Subgroup").replace("gl_NumSubgroups", "software_NumSubgroups"),
+        false => text,
+    };
+    let compiler = shaderc::Compiler::new().map_err(|e| e.to_string())?;
+    let mut options = shaderc::CompileOptions::new().map_err(|e| e.to_string())?;
     // 1.2 keeps LocalSizeId (and so maintenance4) out of what an embedding application must enable.
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
     // Drivers optimise; unoptimised SPIR-V keeps the names that reflection, RenderDoc and Nsight read.
     options.set_optimization_level(shaderc::OptimizationLevel::Zero);
     options.set_warnings_as_errors();
-    options.set_include_callback(|name, kind, from, _| {
+    if software {
+        options.add_macro_definition("SOFTWARE_SUBGROUPS", None);
+    }
+    options.set_include_callback(move |name, kind, from, _| {
         let base = match kind {
             shaderc::IncludeType::Relative => Path::new(from).parent().unwrap().to_owned(),
             shaderc::IncludeType::Standard => PathBuf::from("glsl"),
         };
         let path = base.join(name);
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content })
+        Ok(shaderc::ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content: rename(content) })
     });
+    let compute = shaderc::ShaderKind::Compute;
+    let spirv = compiler.compile_into_spirv(&rename(source.to_owned()), compute, file, "main", Some(&options));
+    spirv.map(|s| s.as_binary().to_vec()).map_err(|e| e.to_string())
+}
 
-    let mut types = BTreeMap::new();
-    let mut kernels = String::new();
-    let mut failed = false;
-    for path in &sources {
-        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
-        let source = fs::read_to_string(path).unwrap();
-        let file = path.to_str().unwrap();
-        let spirv =
-            match compiler.compile_into_spirv(&source, shaderc::ShaderKind::Compute, file, "main", Some(&options)) {
-                Ok(spirv) => spirv,
-                Err(e) => {
-                    // Cargo shows lines that begin with cargo:warning even when the output is folded away.
-                    for line in e.to_string().lines() {
-                        println!("cargo:warning={line}");
-                    }
-                    failed = true;
-                    continue;
+/// SPIR-V capabilities, each with the subgroup operations (bits of VkSubgroupFeatureFlagBits) and the feature that it needs of a
+/// device. A kernel that declares another one is not built: it would need something that nobody asks a device for.
+const CAPABILITIES: [(u32, u32, Option<&str>); 13] = [
+    (1, 0, None),                                    // Shader
+    (61, 0x01, None),                                // GroupNonUniform
+    (62, 0x02, None),                                // GroupNonUniformVote
+    (63, 0x04, None),                                // GroupNonUniformArithmetic
+    (64, 0x08, None),                                // GroupNonUniformBallot
+    (65, 0x10, None),                                // GroupNonUniformShuffle
+    (66, 0x20, None),                                // GroupNonUniformShuffleRelative
+    (9, 0, Some("ShaderFloat16")),                   // Float16
+    (22, 0, Some("ShaderInt16")),                    // Int16
+    (39, 0, Some("ShaderInt8")),                     // Int8
+    (4433, 0, Some("StorageBuffer16BitAccess")),     // StorageBuffer16BitAccess
+    (4448, 0, Some("StorageBuffer8BitAccess")),      // StorageBuffer8BitAccess
+    (6033, 0, Some("ShaderBufferFloat32AtomicAdd")), // AtomicFloat32AddEXT
+];
+
+/// What a module needs of a device, beyond Vulkan 1.2.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Demands {
+    /// Bits of VkSubgroupFeatureFlagBits.
+    pub subgroup_operations: u32,
+    /// The threads of a workgroup meet at barriers.
+    pub barriers: bool,
+    /// Variants of `gpu::Feature`.
+    pub features: BTreeSet<&'static str>,
+}
+
+impl Demands {
+    pub fn of(module: &[u32]) -> Result<Self, String> {
+        // Scopes.
+        const WORKGROUP: u32 = 2;
+        const SUBGROUP: u32 = 3;
+        let mut demands = Demands::default();
+        let (mut constants, mut widths) = (BTreeMap::new(), BTreeMap::new());
+        for i in instructions(module)? {
+            match opcode(i) {
+                op::CAPABILITY => {
+                    let known = CAPABILITIES.iter().find(|(capability, ..)| *capability == i[1]);
+                    let (_, operations, feature) = known.ok_or_else(|| {
+                        format!("SPIR-V capability {} is not known: say in build.rs what it needs of a device", i[1])
+                    })?;
+                    demands.subgroup_operations |= operations;
+                    demands.features.extend(feature);
                 }
-            };
-        fs::write(out.join(format!("{name}.spv")), spirv.as_binary_u8()).unwrap();
-        kernels += &Interface::reflect(&name, spirv.as_binary(), &mut types).generate(&name, file);
+                op::TYPE_INT | op::TYPE_FLOAT => drop(widths.insert(i[1], i[2])),
+                op::TYPE_VECTOR => drop(widths.get(&i[2]).copied().map(|width| widths.insert(i[1], width))),
+                op::CONSTANT => drop(constants.insert(i[2], i[3])),
+                op::CONTROL_BARRIER => match constants.get(&i[1]) {
+                    Some(&WORKGROUP) => demands.barriers = true,
+                    // Declares no capability of its own.
+                    Some(&SUBGROUP) => demands.subgroup_operations |= 1,
+                    other => return Err(format!("a barrier of scope {other:?}, expected workgroup or subgroup")),
+                },
+                code @ op::GROUP_NON_UNIFORM_FIRST..=op::GROUP_NON_UNIFORM_LAST => {
+                    if code == op::GROUP_NON_UNIFORM_BROADCAST && !constants.contains_key(&i[5]) {
+                        demands.features.insert("SubgroupBroadcastDynamicId");
+                    }
+                    if widths.get(&i[1]).is_some_and(|&width| width != 32) {
+                        demands.features.insert("ShaderSubgroupExtendedTypes");
+                    }
+                }
+                _ => {}
+            }
+        }
+        if demands.subgroup_operations != 0 {
+            demands.features.extend(["SubgroupSizeControl", "ComputeFullSubgroups"]);
+        }
+        Ok(demands)
     }
-    assert!(!failed, "GLSL did not compile, see the warnings above");
+}
 
-    let types: String = types.values().map(|t: &(String, StructType)| t.0.as_str()).collect();
-    let code = format!(
-        "/// Structs that kernels share with the host, in scalar block layout.\npub mod types {{\n{types}}}\n{kernels}"
-    );
-    fs::write(out.join("kernels.rs"), code + &constants()).unwrap();
+/// What all kernels together need of a device that any of them would run on.
+fn needs(kernels: &[Kernel]) -> String {
+    let operations = kernels.iter().fold(0, |all, k| all | k.demands.subgroup_operations);
+    let most = |of: fn(&Interface) -> usize| kernels.iter().map(|k| of(&k.interface)).max().unwrap_or(0);
+    format!(
+        "/// Bits of VkSubgroupFeatureFlagBits.\npub const SUBGROUP_OPERATIONS: u32 = {operations};\n\
+         /// Of the kernel that binds most.\npub const STORAGE_BUFFERS: u32 = {};\n\
+         /// Of the kernel that takes most.\npub const PUSH_BYTES: u32 = {};\n",
+        most(|i| i.bindings.len()),
+        most(Interface::push_bytes),
+    )
+}
+
+/// Every module of kernels.rs but the constants.
+fn generate(kernels: &[Kernel], types: &Types, software: bool) -> String {
+    let structs: String = types.values().map(|t| t.code.as_str()).collect();
+    let all: String = kernels.iter().map(|k| format!("    KernelInfo::of::<{}::Kernel>(),\n", k.name)).collect();
+    format!(
+        "/// Structs that kernels share with the host, in scalar block layout.\npub mod types {{\n{structs}}}\n\
+         use crate::gpu::KernelInfo;\n/// Every kernel, by name.\npub const ALL: [KernelInfo; {}] = [\n{all}];\n",
+        kernels.len(),
+    ) + &kernels.iter().map(|k| k.generate(software)).collect::<String>()
 }
 
 /// Every `const uint|float NAME = number;` of glsl/shared/, a module for each file, so that the host writes none of them again.
@@ -117,72 +260,110 @@ fn collect(dir: &Path, into: &mut Vec<PathBuf>) {
     }
 }
 
-type Types = BTreeMap<String, (String, StructType)>;
+/// Structs by name.
+pub type Types = BTreeMap<String, Struct>;
 
-struct Interface {
+/// A struct that kernels share with the host.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Struct {
+    pub code: String,
+    layout: Layout,
+}
+
+/// Bytes of a type and what they are a multiple of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    size: usize,
+    align: usize,
+}
+
+/// A member of a block or struct.
+#[derive(Debug)]
+pub struct Field {
+    pub name: String,
+    pub ty: String,
+    layout: Layout,
+}
+
+/// What the host must give to a kernel.
+#[derive(Debug)]
+pub struct Interface {
     /// Per binding: field name, element type in Rust, access.
-    bindings: Vec<(String, String, AccessType)>,
-    /// Name and type of each push constant member, in order.
-    push: Vec<(String, String)>,
+    pub bindings: Vec<(String, String, AccessType)>,
+    /// Members of the push constants, in order.
+    pub push: Vec<Field>,
     /// Id, name and type of each specialisation constant.
-    spec: Vec<(u32, String, &'static str)>,
+    pub spec: Vec<(u32, String, &'static str)>,
 }
 
 impl Interface {
-    fn reflect(kernel: &str, words: &[u32], types: &mut Types) -> Self {
-        let entry = ReflectConfig::new()
-            .spv(without_expressions(words))
-            .ref_all_rscs(true)
-            .reflect()
-            .unwrap_or_else(|e| panic!("{kernel}: reflection failed: {e}"))
-            .pop()
-            .unwrap_or_else(|| panic!("{kernel}: no entry point"));
+    pub fn reflect(words: &[u32], types: &mut Types) -> Result<Self, String> {
+        let module = without_expressions(words)?;
+        let entries = ReflectConfig::new().spv(module).ref_all_rscs(true).reflect();
+        let entry = entries.map_err(|e| format!("reflection failed: {e}"))?.pop().ok_or("no entry point")?;
         let mut bindings = BTreeMap::new();
         let mut push = Vec::new();
         let mut spec = BTreeMap::from([(0, ("workgroup_size".to_owned(), "u32"))]);
         for var in entry.vars {
             match var {
                 Variable::Descriptor { desc_bind, desc_ty: DescriptorType::StorageBuffer(access), ty, .. } => {
-                    assert!(desc_bind.set() == 0, "{kernel}: every buffer is in set 0");
-                    let (name, element) = block_element(kernel, &ty, types);
-                    let old = bindings.insert(desc_bind.bind(), (name, element, access));
-                    assert!(old.is_none(), "{kernel}: binding {} is used twice", desc_bind.bind());
+                    if desc_bind.set() != 0 {
+                        return Err(format!("a buffer is in set {}, expected 0", desc_bind.set()));
+                    }
+                    let (name, element) = block_element(&ty, types)?;
+                    if bindings.insert(desc_bind.bind(), (name, element, access)).is_some() {
+                        return Err(format!("binding {} is used twice", desc_bind.bind()));
+                    }
                 }
-                Variable::PushConstant { ty: Type::Struct(block), .. } => push = members(kernel, &block, types),
+                Variable::PushConstant { ty: Type::Struct(block), .. } => push = members(&block, types)?,
                 Variable::SpecConstant { name, spec_id, ty } if spec_id != 0 => {
-                    let name =
-                        name.unwrap_or_else(|| panic!("{kernel}: specialisation constant {spec_id} has no name"));
-                    let ty = match ty {
+                    let name = name.ok_or_else(|| format!("specialisation constant {spec_id} has no name"))?;
+                    let ty = match &ty {
                         Type::Scalar(ScalarType::Boolean) => "bool",
-                        Type::Scalar(ScalarType::Float { .. }) => "f32",
-                        _ => "u32",
+                        Type::Scalar(s) => match scalar(s)? {
+                            (ty @ ("f32" | "u32" | "i32"), _) => ty,
+                            (ty, _) => return Err(format!("specialisation constant {name} is {ty}, expected 32 bits")),
+                        },
+                        other => return Err(format!("specialisation constant {name} is {other:?}")),
                     };
                     spec.insert(spec_id, (name.to_lowercase(), ty));
                 }
                 Variable::Input { .. } | Variable::SpecConstant { .. } => {}
-                other => panic!("{kernel}: {other:?} is not a storage buffer, push or specialisation constant"),
+                other => return Err(format!("{other:?} is not a storage buffer, push or specialisation constant")),
             }
         }
-        assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{kernel}: bindings must be 0, 1, 2, …");
-        Interface {
+        if !bindings.keys().copied().eq(0..bindings.len() as u32) {
+            let list: Vec<u32> = bindings.into_keys().collect();
+            return Err(format!("bindings are {list:?}, expected 0, 1, 2, …"));
+        }
+        let interface = Interface {
             bindings: bindings.into_values().collect(),
             push,
             spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect(),
+        };
+        // vkCmdPushConstants takes words.
+        match interface.push_bytes() {
+            bytes if bytes.is_multiple_of(4) => Ok(interface),
+            bytes => Err(format!("push constants of {bytes} bytes, expected a multiple of 4")),
         }
     }
 
-    fn generate(&self, name: &str, file: &str) -> String {
-        let Interface { bindings, push, spec } = self;
+    pub fn push_bytes(&self) -> usize {
+        self.push.iter().map(|f| f.layout.size).sum()
+    }
+}
+
+impl Kernel {
+    /// The module of the kernel's interface.
+    fn generate(&self, software: bool) -> String {
+        let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, .. } = self;
         let mut s = String::new();
-        let fields = |list: &[(String, String)]| {
-            list.iter().fold(String::new(), |s, (n, t)| s + &format!("    pub {n}: {t},\n"))
-        };
         writeln!(s, "/// `{file}`\npub mod {name} {{").unwrap();
         writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
         writeln!(s, "#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]").unwrap();
-        writeln!(s, "pub struct Push {{\n{}}}", fields(push)).unwrap();
-        let spec_fields: Vec<_> = spec.iter().map(|(_, n, t)| (n.clone(), (*t).to_owned())).collect();
-        writeln!(s, "#[derive(Clone, Copy, Debug)]\npub struct Spec {{\n{}}}", fields(&spec_fields)).unwrap();
+        writeln!(s, "pub struct Push {{\n{}}}", fields(push.iter().map(|f| (&f.name, f.ty.as_str())))).unwrap();
+        writeln!(s, "#[derive(Clone, Copy, Debug)]").unwrap();
+        writeln!(s, "pub struct Spec {{\n{}}}", fields(spec.iter().map(|(_, n, t)| (n, *t)))).unwrap();
         writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
         for (n, t, a) in bindings {
             writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
@@ -190,17 +371,18 @@ impl Interface {
         writeln!(s, "}}\npub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
         writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
         writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
-        writeln!(s, "    const SPIRV: &'static [u8] = include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"));")
-            .unwrap();
-        let access: Vec<_> = bindings
-            .iter()
-            .map(|(_, _, a)| match a {
-                AccessType::ReadOnly => "crate::gpu::Access::Read",
-                AccessType::WriteOnly => "crate::gpu::Access::Write",
-                AccessType::ReadWrite => "crate::gpu::Access::ReadWrite",
-            })
-            .collect();
+        let module = |file: &str| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))");
+        writeln!(s, "    const SPIRV: &'static [u8] = {};", module(name)).unwrap();
+        if software {
+            let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
+            writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
+        }
+        let access: Vec<_> = bindings.iter().map(|(_, _, a)| access(a)).collect();
         writeln!(s, "    const ACCESS: &'static [crate::gpu::Access] = &[{}];", access.join(", ")).unwrap();
+        writeln!(s, "    const SUBGROUPS: bool = {};", demands.subgroup_operations != 0).unwrap();
+        writeln!(s, "    const BARRIERS: bool = {};", demands.barriers).unwrap();
+        let features: Vec<_> = demands.features.iter().map(|f| format!("crate::gpu::Feature::{f}")).collect();
+        writeln!(s, "    const FEATURES: &'static [crate::gpu::Feature] = &[{}];", features.join(", ")).unwrap();
         writeln!(s, "    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;").unwrap();
         let words: Vec<_> = spec
             .iter()
@@ -218,120 +400,133 @@ impl Interface {
     }
 }
 
+fn access(access: &AccessType) -> &'static str {
+    match access {
+        AccessType::ReadOnly => "crate::gpu::Access::Read",
+        AccessType::WriteOnly => "crate::gpu::Access::Write",
+        AccessType::ReadWrite => "crate::gpu::Access::ReadWrite",
+    }
+}
+
+fn fields<'a>(list: impl Iterator<Item = (&'a String, &'a str)>) -> String {
+    list.fold(String::new(), |s, (n, t)| s + &format!("    pub {n}: {t},\n"))
+}
+
 /// Expressions of specialisation constants (`!A`, `gl_WorkGroupSize.x / 8`) are more than spirq 1.3 can evaluate, and the
 /// interface does not depend on them: for the reflection (only) they become the constants `false` or 1.
-fn without_expressions(words: &[u32]) -> Vec<u32> {
-    const HEADER: usize = 5;
-    const TYPE_BOOL: u32 = 20;
-    const TYPE_INT: u32 = 21;
-    const TYPE_FLOAT: u32 = 22;
-    const CONSTANT_FALSE: u32 = 42;
-    const CONSTANT: u32 = 43;
-    const SPEC_CONSTANT_OP: u32 = 52;
-    let mut out = words[..HEADER].to_vec();
+fn without_expressions(words: &[u32]) -> Result<Vec<u32>, String> {
+    let list = instructions(words)?;
+    let header = words.len() - list.iter().map(|i| i.len()).sum::<usize>();
+    let mut out = words[..header].to_vec();
     let mut scalar_types = BTreeMap::new();
-    let mut at = HEADER;
-    while at < words.len() {
-        let (length, opcode) = ((words[at] >> 16) as usize, words[at] & 0xFFFF);
-        let instruction = &words[at..at + length];
-        if [TYPE_BOOL, TYPE_INT, TYPE_FLOAT].contains(&opcode) {
-            scalar_types.insert(instruction[1], opcode);
+    for i in list {
+        if [op::TYPE_BOOL, op::TYPE_INT, op::TYPE_FLOAT].contains(&opcode(i)) {
+            scalar_types.insert(i[1], opcode(i));
         }
-        match scalar_types.get(instruction.get(1).unwrap_or(&0)) {
-            Some(&TYPE_BOOL) if opcode == SPEC_CONSTANT_OP => {
-                out.extend([3 << 16 | CONSTANT_FALSE, instruction[1], instruction[2]]);
+        match scalar_types.get(i.get(1).unwrap_or(&0)) {
+            Some(&op::TYPE_BOOL) if opcode(i) == op::SPEC_CONSTANT_OP => {
+                out.extend([3 << 16 | op::CONSTANT_FALSE, i[1], i[2]]);
             }
-            Some(_) if opcode == SPEC_CONSTANT_OP => {
-                out.extend([4 << 16 | CONSTANT, instruction[1], instruction[2], 1]);
-            }
-            _ => out.extend_from_slice(instruction),
+            Some(_) if opcode(i) == op::SPEC_CONSTANT_OP => out.extend([4 << 16 | op::CONSTANT, i[1], i[2], 1]),
+            _ => out.extend_from_slice(i),
         }
-        at += length;
     }
-    out
+    Ok(out)
 }
 
 /// Field name and element type of a storage block: the array's element, or the block itself if it has no array.
-fn block_element(kernel: &str, ty: &Type, types: &mut Types) -> (String, String) {
-    let Type::Struct(block) = ty else { panic!("{kernel}: a buffer is not a block") };
-    let block_name = block.name.clone().unwrap_or_else(|| panic!("{kernel}: a block has no name"));
+fn block_element(ty: &Type, types: &mut Types) -> Result<(String, String), String> {
+    let Type::Struct(block) = ty else { return Err("a buffer is not a block".into()) };
+    let block_name = block.name.clone().ok_or("a block has no name")?;
     let field = snake(&block_name);
-    match block.members.as_slice() {
-        [member] if matches!(&member.ty, Type::Array(a) if a.nelement.is_none()) => {
-            let Type::Array(array) = &member.ty else { unreachable!() };
-            let (element, size) = rust_type(kernel, &array.element_ty, types);
-            assert_eq!(array.stride, Some(size), "{kernel}: {block_name} has padding between elements");
-            (field, element)
+    if let [member] = block.members.as_slice()
+        && let Type::Array(array) = &member.ty
+        && array.nelement.is_none()
+    {
+        let (element, layout) = rust_type(&array.element_ty, types)?;
+        if array.stride != Some(layout.size) {
+            return Err(format!("{block_name} has padding between elements of {element}"));
         }
-        _ => (field, rust_type(kernel, ty, types).0),
+        return Ok((field, element));
     }
+    Ok((field, rust_type(ty, types)?.0))
 }
 
-/// Rust type and its size in bytes; a struct is generated on first sight and must be the same at every later one.
-fn rust_type(kernel: &str, ty: &Type, types: &mut Types) -> (String, usize) {
+/// Rust type and layout; a struct is generated on first sight and must be the same at every later one.
+fn rust_type(ty: &Type, types: &mut Types) -> Result<(String, Layout), String> {
     match ty {
-        Type::Scalar(s) => (scalar(kernel, s).to_owned(), 4),
-        Type::Vector(v) => (format!("[{}; {}]", scalar(kernel, &v.scalar_ty), v.nscalar), 4 * v.nscalar as usize),
+        Type::Scalar(s) => scalar(s).map(|(name, size)| (name.to_owned(), Layout { size, align: size })),
+        Type::Vector(v) => {
+            let (name, size) = scalar(&v.scalar_ty)?;
+            let layout = Layout { size: size * v.nscalar as usize, align: size };
+            Ok((format!("[{name}; {}]", v.nscalar), layout))
+        }
         Type::Array(a) => {
-            let (element, size) = rust_type(kernel, &a.element_ty, types);
-            let n = a.nelement.unwrap_or_else(|| panic!("{kernel}: unsized array inside a struct")) as usize;
-            assert_eq!(a.stride, Some(size), "{kernel}: an array has padding between elements");
-            (format!("[{element}; {n}]"), size * n)
+            let (element, Layout { size, align }) = rust_type(&a.element_ty, types)?;
+            let n = a.nelement.ok_or("an unsized array inside a struct")? as usize;
+            if a.stride != Some(size) {
+                return Err(format!("an array has padding between elements of {element}"));
+            }
+            Ok((format!("[{element}; {n}]"), Layout { size: size * n, align }))
         }
         Type::Struct(st) => {
-            let name = st.name.clone().unwrap_or_else(|| panic!("{kernel}: a struct has no name"));
-            let list = members(kernel, st, types);
-            let size = list.iter().map(|(_, t)| size_of_rust(t, types)).sum();
-            if let Some((_, known)) = types.get(&name) {
-                let same = known.members.len() == st.members.len()
-                    && known.members.iter().zip(&st.members).all(|(a, b)| a.name == b.name && a.offset == b.offset);
-                assert!(same, "{kernel}: struct {name} differs from another kernel's");
-            } else {
-                let fields = list.iter().fold(String::new(), |s, (n, t)| s + &format!("    pub {n}: {t},\n"));
-                let code = format!(
-                    "#[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]\n\
-                     pub struct {name} {{\n{fields}}}\n"
-                );
-                types.insert(name.clone(), (code, st.clone()));
+            let name = st.name.clone().ok_or("a struct has no name")?;
+            let list = members(st, types)?;
+            let layout = Layout {
+                size: list.iter().map(|f| f.layout.size).sum(),
+                align: list.iter().map(|f| f.layout.align).max().unwrap_or(1),
+            };
+            if !layout.size.is_multiple_of(layout.align) {
+                return Err(format!("struct {name} of {} bytes ends in padding to {}", layout.size, layout.align));
             }
-            (name, size)
+            let code = format!(
+                "#[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]\n\
+                 pub struct {name} {{\n{}}}\n",
+                fields(list.iter().map(|f| (&f.name, f.ty.as_str())))
+            );
+            let new = Struct { code, layout };
+            match types.get(&name) {
+                Some(known) if *known != new => Err(format!("struct {name} differs from another kernel's")),
+                _ => {
+                    types.insert(name.clone(), new);
+                    Ok((name, layout))
+                }
+            }
         }
-        other => panic!("{kernel}: {other:?} has no counterpart on the host"),
+        other => Err(format!("{other:?} has no counterpart on the host")),
     }
 }
 
-fn members(kernel: &str, st: &StructType, types: &mut Types) -> Vec<(String, String)> {
+fn members(st: &StructType, types: &mut Types) -> Result<Vec<Field>, String> {
     let mut at = 0;
-    st.members
-        .iter()
-        .map(|m| {
-            let name = m.name.clone().unwrap_or_else(|| panic!("{kernel}: a member has no name"));
-            let (ty, size) = rust_type(kernel, &m.ty, types);
-            assert_eq!(m.offset, Some(at), "{kernel}: {name} is padded; declare the block with layout(scalar)");
-            at += size;
-            (name, ty)
-        })
-        .collect()
+    let field = |m: &spirq::ty::StructMember| {
+        let name = m.name.clone().ok_or("a member has no name")?;
+        let (ty, layout) = rust_type(&m.ty, types)?;
+        if m.offset != Some(at) {
+            let offset = m.offset.map_or("nowhere".to_owned(), |o| o.to_string());
+            return Err(format!(
+                "{name} lies at {offset}, expected {at}: order or pad the members, with layout(scalar)"
+            ));
+        }
+        at += layout.size;
+        Ok(Field { name, ty, layout })
+    };
+    st.members.iter().map(field).collect()
 }
 
-fn size_of_rust(ty: &str, types: &Types) -> usize {
-    if let Some(inner) = ty.strip_prefix('[').and_then(|t| t.strip_suffix(']')) {
-        let (element, n) = inner.rsplit_once("; ").unwrap();
-        return size_of_rust(element, types) * n.parse::<usize>().unwrap();
-    }
-    match types.get(ty) {
-        Some((_, st)) => st.members.iter().map(|m| m.ty.nbyte().unwrap()).sum(),
-        None => 4,
-    }
-}
-
-fn scalar(kernel: &str, ty: &ScalarType) -> &'static str {
-    match ty {
-        ScalarType::Float { bits: 32 } => "f32",
-        ScalarType::Integer { bits: 32, is_signed: false } => "u32",
-        ScalarType::Integer { bits: 32, is_signed: true } => "i32",
-        other => panic!("{kernel}: {other:?} is not a 32-bit scalar"),
-    }
+/// Name in Rust and bytes.
+fn scalar(ty: &ScalarType) -> Result<(&'static str, usize), String> {
+    Ok(match ty {
+        ScalarType::Float { bits: 32 } => ("f32", 4),
+        ScalarType::Float { bits: 16 } => ("crate::gpu::f16", 2),
+        ScalarType::Integer { bits: 32, is_signed: false } => ("u32", 4),
+        ScalarType::Integer { bits: 32, is_signed: true } => ("i32", 4),
+        ScalarType::Integer { bits: 16, is_signed: false } => ("u16", 2),
+        ScalarType::Integer { bits: 16, is_signed: true } => ("i16", 2),
+        ScalarType::Integer { bits: 8, is_signed: false } => ("u8", 1),
+        ScalarType::Integer { bits: 8, is_signed: true } => ("i8", 1),
+        other => return Err(format!("{other:?} is not a scalar of 8, 16 or 32 bits")),
+    })
 }
 
 fn snake(name: &str) -> String {

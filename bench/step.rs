@@ -63,7 +63,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<()> {
-    let context = Context::new(&ContextOptions { device: args.device.clone(), validation: false })?;
+    let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     check(&context)?;
     let dataset = match &args.dataset {
         Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?,

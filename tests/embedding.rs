@@ -2,10 +2,10 @@
 
 mod common;
 
-use ash::{khr, vk};
+use ash::vk;
 use common::Gpu;
 use glint::{
-    gpu::{BorrowedDevice, Buffer, Context, Recorder},
+    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Recorder},
     pipelines::{
         model::Model,
         render::{Needs, RenderOptions, Renderer, Show},
@@ -40,9 +40,10 @@ impl Application {
                 families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).unwrap() as u32;
             let queues =
                 [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&[1.0])];
-            let extensions = [khr::push_descriptor::NAME.as_ptr()];
-            let mut features =
-                vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
+            let needed = Context::requirements();
+            let extensions: Vec<_> = needed.extensions.iter().map(|e| e.as_ptr()).collect();
+            let mut chain = FeatureChain::new(needed.features);
+            let mut features = chain.link();
             let info = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queues)
                 .enabled_extension_names(&extensions)
@@ -64,7 +65,7 @@ impl Application {
             device: self.device.clone(),
             queue_family: self.queue_family,
             queue: self.queue(),
-            float_atomics: false,
+            optional: Default::default(),
         };
         unsafe { Context::borrow(borrowed) }.unwrap()
     }
@@ -104,6 +105,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         let commands = device.allocate_command_buffers(&info).unwrap()[0];
         device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
+        assert!(matches!(Recorder::borrow(&context, commands).submit(), Err(GpuError::NotOurs)));
         let mut recorder = Recorder::borrow(&context, commands);
         renderer.record(&mut recorder, &model, &views, 0, &Show::all(&model, [0.5; 3]), &status).unwrap();
         let kept = recorder.finish();

@@ -7,7 +7,7 @@ mod probe;
 use common::Gpu;
 use glam::DVec3;
 use glint::{
-    gpu::GpuError,
+    gpu::{ContextOptions, GpuError},
     pipelines::{
         raster::{Raster, RasterOptions},
         session::{Policy, Reduction},
@@ -43,6 +43,20 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
         median: false,
         backward: true,
         policy: Policy { reduction, ..Default::default() },
+    }
+}
+
+/// A driver that moves memory to the host would give what the device has not; the budget says no before.
+#[test]
+fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
+    let isects = 1_000_000;
+    // The lists take 20 MB and more, the records 36 MB.
+    let gpu = Gpu::with(ContextOptions { memory_budget: Some(30_000_000), ..ContextOptions::from_env() });
+    let refused = Raster::new(&gpu, options(isects, Reduction::Deterministic)).err().unwrap();
+    assert!(matches!(&refused, GpuError::OverBudget { name, .. } if name == "isect grads"), "{refused}");
+    match Raster::new(&gpu, options(isects, Reduction::Auto)) {
+        Ok(raster) => assert!(gpu.info().float_atomics && raster.by_gaussian()),
+        Err(e) => assert!(!gpu.info().float_atomics && e.is_no_room(), "{e}"),
     }
 }
 

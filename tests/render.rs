@@ -10,6 +10,7 @@ use glint::{
     pipelines::{
         learn::{Learner, Lesson, Rates, Seen},
         model::{Model, Segment},
+        raster::SplatCount,
         render::{Needs, RenderOptions, Renderer, Show},
         views::Views,
     },
@@ -88,4 +89,36 @@ fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
     assert!((got[0] - 0.9 * m).abs() < 1e-6 && (got[2] - 0.999 * v).abs() < 1e-6, "{got:?}");
     assert!((opacities[0] - (12.0 - 0.02 * 0.45 / 0.24975f32.sqrt())).abs() < 1e-5, "{opacities:?}");
     assert_eq!((got[1], got[3], opacities[1]), (m, v, 12.0));
+}
+
+/// Slots that were counted and are not needed drop out of the sort by tile: the image is the same to the last bit.
+#[test]
+fn tiles_counted_in_vain_change_no_pixel() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(8, 1500, 300, 1), random_camera(97, 71));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    renderer.render_on_device(&model, &views, 0, &Show::all(&model, BACKGROUND)).unwrap();
+    let raster = &renderer.raster;
+    let pixels = camera.pixels() as usize;
+    let want = raster.buffers.image.download_range(0, pixels).unwrap();
+    let mut counts = raster.buffers.tile_counts.download().unwrap();
+    counts.iter_mut().enumerate().filter(|(_, n)| **n > 0).for_each(|(i, n)| *n += [1, 0, 30][i % 3]);
+    raster.buffers.tile_counts.upload(0, &counts).unwrap();
+    assert!(counts.iter().sum::<u32>() < raster.capacity());
+    let grid = raster.grid(0, 1, camera.width, camera.height);
+    let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
+    let (upto, args) = (Segment::Supplement, &model.population_args);
+    let splats =
+        SplatCount { count: &model.population, index: upto.index() + 1, args, dispatch: model.blocks_dispatch(upto) };
+    // Twice, so that what an earlier order left in the lists is there to be taken for tiles.
+    for _ in 0..2 {
+        let mut recorder = gpu.recorder("order again").unwrap();
+        raster.record_order(&mut recorder, splats, &grid, &views.frames, None, &status);
+        raster.record_blend(&mut recorder, &grid, &views.frames, BACKGROUND, 0.5);
+        recorder.submit().unwrap().wait().unwrap();
+        assert_eq!(status.download().unwrap(), [0; status::WORDS]);
+        assert!(raster.buffers.image.download_range(0, pixels).unwrap() == want);
+    }
 }

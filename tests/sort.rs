@@ -16,7 +16,7 @@ const NO_KEY: u32 = u32::MAX;
 const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
 
 fn context() -> Context {
-    Context::new(&ContextOptions::default()).unwrap()
+    Context::new(&ContextOptions::from_env()).unwrap()
 }
 
 fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
@@ -73,7 +73,7 @@ fn scan(context: &Context, values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, 
     let offsets = Buffer::zeroed(context, "offsets", items as usize).unwrap();
     let scan = Scan::new(context, index.is_some()).unwrap();
     let mut recorder = context.recorder("scan").unwrap();
-    let per_group = items_per_group(context.info().subgroup_size);
+    let per_group = items_per_group(context.info());
     counted.record(&mut recorder, items, per_group);
     let buffers = ScanBuffers { values: &values, index: index.as_ref(), block_sums: &block_sums, offsets: &offsets };
     scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
@@ -156,7 +156,7 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
     let block_counts = Buffer::zeroed(context, "block_counts", counters).unwrap();
     let digit_totals = Buffer::zeroed(context, "digit_totals", digit_totals_len(bits)).unwrap();
     let mut recorder = context.recorder("sort").unwrap();
-    let per_group = items_per_group(context.info().subgroup_size);
+    let per_group = items_per_group(context.info());
     counted.record(&mut recorder, items, per_group);
     let sorted = radix.record(
         &mut recorder,

@@ -21,8 +21,8 @@ layout(constant_id = 1) const uint FAIL_ON_SMALLEST = 0;
 layout(set = 0, binding = 0, scalar) readonly buffer PointCounts { uint point_counts[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PointFirsts { uint point_firsts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Heaviest { uint heaviest[]; };
-layout(set = 0, binding = 3, scalar) coherent buffer Labels { uint labels[]; };
-layout(set = 0, binding = 4, scalar) coherent buffer GroupSizes { uint group_sizes[]; };
+layout(set = 0, binding = 3, scalar) buffer Labels { uint labels[]; };
+layout(set = 0, binding = 4, scalar) buffer GroupSizes { uint group_sizes[]; };
 layout(set = 0, binding = 5, scalar) buffer Taus { float taus[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer PrimeLabels { uint prime_labels[]; };
 layout(set = 0, binding = 7, scalar) buffer ClusterSizes { uint cluster_sizes[]; };
@@ -40,10 +40,8 @@ layout(push_constant, scalar) uniform Push {
 const float TAU_GROWTH = 1.5;
 const uint MAX_GROUPS = 65535; // that Vulkan guarantees in a dimension
 
-// Orders what the lanes of this subgroup write before from what they read after.
-void meet() {
-    subgroupMemoryBarrierBuffer();
-    subgroupBarrier();
+uint group_size_at(uint i) {
+    return atomicLoad(group_sizes[i], gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
 }
 
 // Every set that asks writes the same words; atomically, for they do so at once.
@@ -63,14 +61,15 @@ void main() {
 
     for (uint i = lane; i < n; i += width) {
         atomicMin(labels[first + i], find(first, i));
-        group_sizes[first + i] = 0;
+        atomicStore(group_sizes[first + i], 0u, gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
     }
-    meet();
-    for (uint i = lane; i < n; i += width) atomicAdd(group_sizes[first + labels[first + i]], 1u);
-    meet();
+    // Each lane reads what the others of its subgroup wrote before: also in buffers, which a subgroup's barrier orders too.
+    subgroupBarrier();
+    for (uint i = lane; i < n; i += width) atomicAdd(group_sizes[first + label_at(first + i)], 1u);
+    subgroupBarrier();
     uint largest = 0, smallest = NONE, label = NONE;
     for (uint i = lane; i < n; i += width) {
-        uint members = group_sizes[first + i];
+        uint members = group_size_at(first + i);
         if (members == 0) continue;
         smallest = min(smallest, members);
         if (members > largest) {
@@ -92,8 +91,8 @@ void main() {
         }
         return;
     }
-    uint centre = labels[first + min(heaviest[set_index], n - 1)]; // guard: heaviest point of the set
-    uint around = group_sizes[first + centre];
+    uint centre = label_at(first + min(heaviest[set_index], n - 1)); // guard: heaviest point of the set
+    uint around = group_size_at(first + centre);
     bool central = around >= GROUP_MIN; // guard: a side of three points
     prime_labels[set_index] = central ? centre : label; // guard: the heaviest pixel's side
     cluster_sizes[set_index] = central ? around : most;

@@ -26,7 +26,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer PointCounts { uint point_co
 layout(set = 0, binding = 3, scalar) readonly buffer PointFirsts { uint point_firsts[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Taus { float taus[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer ClusterSizes { uint cluster_sizes[]; };
-layout(set = 0, binding = 6, scalar) coherent buffer Labels { uint labels[]; };
+layout(set = 0, binding = 6, scalar) buffer Labels { uint labels[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint point_count; // of all sets

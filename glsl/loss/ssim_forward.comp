@@ -37,11 +37,15 @@ layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]
 layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
-// Odd, so that neighbouring rows begin in different banks.
-const uint PITCH = COLUMNS + 1;
-shared vec4 moments[3 * STRIP * PITCH];
+// A channel has one place more than its rows, so that the second half of them begins one later: rows then begin in different
+// banks, and all fits into the 16,384 bytes that Vulkan guarantees.
+const uint CHANNEL = STRIP * COLUMNS + 1;
+shared vec4 moments[3 * CHANNEL];
 // One per subgroup; a subgroup has 8 lanes or more.
 shared vec2 subgroup_sums[WORKGROUP / 8];
+
+// Where a row of a channel begins in `moments`.
+uint row_first(uint channel, uint row) { return channel * CHANNEL + row * COLUMNS + row / (STRIP / 2); }
 
 void main() {
     uint tile = group_index();
@@ -84,7 +88,7 @@ void main() {
                 column.y += 1;
                 vec4 done = feed(down, vec4(x, y, x * x + y * y, x * y));
                 if (step + STRIP >= fed) {
-                    uint at = (column_channel * STRIP + step + STRIP - fed) * PITCH + thread % COLUMNS;
+                    uint at = row_first(column_channel, step + STRIP - fed) + thread % COLUMNS;
                     moments[at] = done;
                 }
             }
@@ -93,7 +97,7 @@ void main() {
         float pixel_loss[RUN] = float[RUN](0, 0, 0, 0, 0, 0, 0, 0);
         for (uint channel = first_channel; channel < end_channel; channel++) {
             Filter4 along = EMPTY4;
-            uint at = (channel * STRIP + row) * PITCH + run * RUN;
+            uint at = row_first(channel, row) + run * RUN;
             for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
             ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
             uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);

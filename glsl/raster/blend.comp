@@ -66,24 +66,22 @@ void main() {
         }
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
-            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
+            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
+            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
             vec3 rgb = subgroupBroadcast(tint, j);
-            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            precise float u0 = shape.x * (x - centre.x);
             uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                Response e = respond(u0, l12, l22, dy, opacity);
-                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) { // guard: α from 1/255 on
-                    precise float next = T[k] * (1.0 - e.alpha);
-                    if (next < T_MIN) {
-                        live &= ~(1u << k);
-                    } else {
-                        colour[k] += e.alpha * T[k] * rgb;
-                        T[k] = next;
-                        if (MEDIAN && median[k] == NONE && next < push.median_threshold) median[k] = id;
-                    }
-                }
+                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
+                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+                // Chosen, not branched to, as there is little to pass over.
+                precise float next = T[k] * (1.0 - e.alpha);
+                bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
+                bool last = met && next < T_MIN, taken = met && !last;
+                live &= ~(uint(last) << k);
+                colour[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
+                T[k] = taken ? next : T[k];
+                if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
             }
         }
     }

@@ -3,7 +3,10 @@
 //
 // One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
 // Gaussian filling the screen does not hold its neighbours up.
-// global_from_rank, splats, rank_first_slot -> isect_tiles, global_from_slot (by slot), first_slot (by Gaussian index)
+// global_from_rank, splats, rank_first_slot, tile_counts -> isect_tiles, global_from_slot (by slot), first_slot (by Gaussian index)
+// A splat has exactly as many slots as projection counted, whatever is found here: a tile more than counted is left out, and for
+// each tile fewer a slot gets the tile NONE, which the sort drops. The two come from one arithmetic (shared/splat.glsl), but a tile
+// of difference must not lie in a neighbour's slot.
 // Limits: llvmpipe: images of up to 3840 x 2160, see UNROLL. What would lie beyond `capacity` is not written; `dispatch_args` has raised the overflow flag by then.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -27,23 +30,25 @@ layout(set = 0, binding = 1, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer RankFirstSlot { uint rank_first_slot[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer SplatFrames { uint splat_frames[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer IsectTiles { uint isect_tiles[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer GlobalFromSlot { uint global_from_slot[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer SplatFrames { uint splat_frames[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer IsectTiles { uint isect_tiles[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer GlobalFromSlot { uint global_from_slot[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
 
 const int BIG = 8;
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
 // 3840 x 2160 (270 rows of 480 tiles, 34 rows to a lane) would make 130,560 with one slot an iteration.
 const uint UNROLL = 4; // guard: emit: several slots an iteration
 
-void put(uint global, uint frame, ivec2 span, int row, uint slot) {
+// The tiles of one row, from place `at` of the splat's `room` slots on, the first of which is `slot`.
+void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uint at) {
     uint row_first = frame * push.tiles_per_frame + uint(row) * push.tiles_x;
-    for (int first = span.x; first <= span.y; first += int(UNROLL), slot += UNROLL) {
+    for (int first = span.x; first <= span.y; first += int(UNROLL), at += UNROLL) {
         [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
-            if (first + int(k) <= span.y && slot + k < push.capacity) { // guard: emit keeps within its room
-                isect_tiles[slot + k] = row_first + uint(first) + k;
-                global_from_slot[slot + k] = global;
+            if (first + int(k) <= span.y && at + k < room) { // guard: tiles as many as counted
+                isect_tiles[slot + at + k] = row_first + uint(first) + k;
+                global_from_slot[slot + at + k] = global;
             }
         }
     }
@@ -64,12 +69,13 @@ void main() {
     uint rank = thread_index();
     uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT), size = uvec2(0);
     bool live = rank < count[push.count_index];
-    uint global = 0, slot = 0, frame = 0;
+    uint global = 0, slot = 0, room = 0, frame = 0;
     Splat s;
     ivec2 rows = ivec2(1, 0);
     if (live) {
         global = global_from_rank[rank];
         slot = rank_first_slot[rank];
+        room = slot < push.capacity ? min(tile_counts[global], push.capacity - slot) : 0; // guard: emit keeps within its room
         s = splats[global];
         if (BATCH) frame = splat_frames[global];
         size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);
@@ -79,26 +85,31 @@ void main() {
 
     bool big = rows.y - rows.x >= BIG;
     if (live && !big) {
+        uint at = 0;
         for (int row = rows.x; row <= rows.y; ++row) {
             ivec2 span = tile_span(s, row, tile, size);
-            put(global, frame, span, row, slot);
-            slot += uint(max(span.y - span.x + 1, 0));
+            put(global, frame, span, row, slot, room, at);
+            at += uint(max(span.y - span.x + 1, 0));
         }
+        for (; at < room; ++at) isect_tiles[slot + at] = NONE; // guard: slots without a tile
     }
     for (uvec4 left = subgroupBallot(live && big); any(notEqual(left, uvec4(0)));) {
         uint lane = subgroupBallotFindLSB(left);
         left[lane / 32] &= ~(1u << (lane % 32));
         Splat whole = from_lane(s, lane);
         ivec2 whole_rows = ivec2(subgroupShuffle(rows.x, lane), subgroupShuffle(rows.y, lane));
-        uint whole_global = subgroupShuffle(global, lane), next = subgroupShuffle(slot, lane);
+        uint whole_global = subgroupShuffle(global, lane), next = 0;
+        uint whole_slot = subgroupShuffle(slot, lane), whole_room = subgroupShuffle(room, lane);
         uint whole_frame = subgroupShuffle(frame, lane);
         uvec2 whole_size = uvec2(subgroupShuffle(size.x, lane), subgroupShuffle(size.y, lane));
         for (int first = whole_rows.x; first <= whole_rows.y; first += int(gl_SubgroupSize)) {
             int row = first + int(gl_SubgroupInvocationID);
             ivec2 span = row <= whole_rows.y ? tile_span(whole, row, tile, whole_size) : ivec2(1, 0);
             uint width = uint(max(span.y - span.x + 1, 0));
-            put(whole_global, whole_frame, span, row, next + subgroupExclusiveAdd(width));
+            put(whole_global, whole_frame, span, row, whole_slot, whole_room, next + subgroupExclusiveAdd(width));
             next += subgroupAdd(width); // guard: emit: slots of a whole subgroup
         }
+        // guard: slots without a tile of a whole subgroup
+        for (uint at = next + gl_SubgroupInvocationID; at < whole_room; at += gl_SubgroupSize) isect_tiles[whole_slot + at] = NONE;
     }
 }

@@ -67,7 +67,7 @@ void main() {
         if (!(opacity >= ALPHA_MIN)) return;
     }
 
-    Splat s;
+    precise Splat s; // emit, which reads it from memory, must see what is counted here
     float a = e.a + DILATION, c = e.c + DILATION;
     s.l22 = inversesqrt(c);
     s.l11 = sqrt(c / e.det);

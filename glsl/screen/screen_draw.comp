@@ -78,10 +78,12 @@ uint key_of(Frame frame, uint view, uint pixel) {
     return floatBitsToUint(key);
 }
 
-// What of 0..count this subgroup takes, as (first, end): the ranges of the subgroups follow each other.
+// What of 0..count this subgroup takes, as (first, end): the ranges of the subgroups follow each other, and none is longer than
+// `longest`. Loops with subgroup operations go on to there in every subgroup: only where a whole workgroup goes the same way
+// does Vulkan promise that the lanes of a subgroup are together.
+uint longest(uint count) { return (count + gl_NumSubgroups - 1) / gl_NumSubgroups; }
 uvec2 segment(uint count) {
-    uint each = (count + gl_NumSubgroups - 1) / gl_NumSubgroups;
-    return min(uvec2(gl_SubgroupID, gl_SubgroupID + 1) * each, uvec2(count));
+    return min(uvec2(gl_SubgroupID, gl_SubgroupID + 1) * longest(count), uvec2(count));
 }
 
 // Sums over the lanes of all earlier subgroups (xy) and of the whole workgroup (zw).
@@ -132,21 +134,24 @@ void main() {
             }
         }
         barrier();
-        if (gl_SubgroupID == 0) {
-            uint total = below;
-            for (uint b = lane; b < BINS; b += gl_SubgroupSize) total += subgroupAdd(bins[b]);
-            // In the first pass these are all pixels that can be drawn; later there are enough anyway.
-            uint rank = min(wanted, total), before = below;
-            for (uint first = 0; first < BINS; first += gl_SubgroupSize) {
-                uint here = bins[first + lane], upto = before + subgroupInclusiveAdd(here);
-                if (upto - here < rank && rank <= upto) {
-                    found_bin = first + lane;
-                    found_below = upto - here;
-                }
-                before = subgroupBroadcast(upto, gl_SubgroupSize - 1);
+        // Each thread has some neighbouring bins.
+        uint each = (BINS + gl_WorkGroupSize.x - 1) / gl_WorkGroupSize.x;
+        uint first_bin = min((gl_SubgroupID * gl_SubgroupSize + lane) * each, BINS), end_bin = min(first_bin + each, BINS);
+        uint own = 0;
+        for (uint b = first_bin; b < end_bin; ++b) own += bins[b];
+        uint earlier = subgroupExclusiveAdd(own);
+        uvec4 others = scan(uvec2(own, 0));
+        // In the first pass these are all pixels that can be drawn; later there are enough anyway.
+        uint rank = min(wanted, below + others.z), upto = below + others.x + earlier;
+        for (uint b = first_bin; b < end_bin; ++b) {
+            uint here = bins[b];
+            upto += here;
+            if (upto - here < rank && rank <= upto) {
+                found_bin = b;
+                found_below = upto - here;
             }
-            if (subgroupElect()) found_wanted = rank;
         }
+        if (gl_LocalInvocationIndex == 0) found_wanted = rank;
         barrier();
         wanted = found_wanted;
         below = found_below;
@@ -164,9 +169,9 @@ void main() {
             }
         }
         uvec2 next = scan(taken).xy;
-        for (uint first = range.x; first < range.y; first += UNROLL * gl_SubgroupSize) {
+        for (uint first = 0; first < longest(pixels); first += UNROLL * gl_SubgroupSize) {
             [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
-                uint p = first + k * gl_SubgroupSize + lane, key = p < range.y ? key_of(frame, quota.view, p) : NONE;
+                uint p = range.x + first + k * gl_SubgroupSize + lane, key = p < range.y ? key_of(frame, quota.view, p) : NONE;
                 uvec4 less = subgroupBallot(key < threshold), equal = subgroupBallot(key == threshold);
                 uint rank_less = next.x + subgroupBallotExclusiveBitCount(less);
                 uint rank_equal = next.y + subgroupBallotExclusiveBitCount(equal);
@@ -176,13 +181,13 @@ void main() {
                 next += uvec2(subgroupBallotBitCount(less), subgroupBallotBitCount(equal));
             }
         }
-        memoryBarrierBuffer();
-        barrier();
+        // Other subgroups' pixels are read below, and slots that others looked at are filled.
+        controlBarrier(gl_ScopeWorkgroup, gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsAcquireRelease);
 
         float log_scale = log(first_scale(frame.width, frame.height));
         uint rank = empty.x;
-        for (uint first = slots.x; first < slots.y; first += gl_SubgroupSize) {
-            uint s = first + lane, i = quota.first + s;
+        for (uint first = 0; first < longest(quota.budget); first += gl_SubgroupSize) {
+            uint s = slots.x + first + lane, i = quota.first + s;
             bool free = s < slots.y && screen_frames[i] == NONE;
             uvec4 frees = subgroupBallot(free);
             uint r = rank + subgroupBallotExclusiveBitCount(frees);

@@ -53,7 +53,7 @@ void main() {
     screen_planes[DEPTH * push.stride + i] = z;
 
     ScreenShape e = screen_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
-    Splat s;
+    precise Splat s; // emit, which reads it from memory, must see what is counted here
     s.x = centre.x;
     s.y = centre.y;
     s.l11 = e.l11;

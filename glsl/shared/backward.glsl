@@ -79,18 +79,19 @@ void tile_backward() {
         bool blended = false;
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
-            float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
-            float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
+            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
+            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
             vec3 rgb = subgroupBroadcast(tint, j);
             bool all = subgroupBroadcast(global, j) >= all_first;
-            precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
+            precise float u0 = shape.x * (x - centre.x);
             vec2 sum_w = vec2(0.0);
             vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
             float sum_opacity = 0.0;
             bool touched = false;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
-                Response e = respond(u0, l12, l22, dy, opacity);
+                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
+                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+                // Branched to, unlike in blend: where no lane takes a row of pixels, much is passed over.
                 if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {

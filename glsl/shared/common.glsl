@@ -1,14 +1,11 @@
 // What every kernel begins with.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_vote : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_memory_scope_semantics : require
 
 layout(local_size_x_id = 0) in;
 
+#include "subgroup.glsl"
 #include "constants.glsl"
 
 // Dispatches of more than 65,535 groups are folded into two dimensions: linear group and thread index.

@@ -1,14 +1,19 @@
 // Union-find over the points of one set: the larger root is hooked under the smaller one, so a component's root is its smallest
 // member however lanes are scheduled. Labels only ever fall, each to an ancestor, so a stale one is still an ancestor.
 //
-// The including kernel declares `labels` (coherent: lanes read what other lanes wrote, which a cache of their own would hide).
+// Lanes read labels while others write them, so every access is atomic; nothing else is ordered by them, hence relaxed.
+// The including kernel declares `labels`.
+
+uint label_at(uint i) {
+    return atomicLoad(labels[i], gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
+}
 
 // The root of x, halving the path.
 uint find(uint first, uint x) {
     while (true) {
-        uint parent = labels[first + x];
+        uint parent = label_at(first + x);
         if (parent == x) return x;
-        uint grandparent = labels[first + parent];
+        uint grandparent = label_at(first + parent);
         if (grandparent == parent) return parent;
         atomicMin(labels[first + x], grandparent);
         x = grandparent;

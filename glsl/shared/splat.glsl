@@ -18,31 +18,32 @@ const float T_MIN = 1e-4;            // transmittance at which a pixel is finish
 // t <= 11 and on coordinates up to 2^13, in x also by 16 roundings of how far off its centre and its ends lie; so a tile may
 // be listed in vain but is never left out. In y the wider t is enough: 5e-5 of the half height, and what is in view is not much
 // farther off.
+// `precise`: projection counts what emit lists, so they must come to the same tiles, compiled into two kernels or not.
 const float SPAN_PAD = 1e-3, SPAN_PAD_RELATIVE = 1.0 / 1048576.0;
 
 ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
-    float t = 2.0 * log(255.0 * s.opacity);
+    precise float t = 2.0 * log(255.0 * s.opacity);
     // guard: wider columns (2 lines)
     t += 1e-4 * (1.0 + abs(t));
-    float root = sqrt(max(t, 0.0)), slant = length(vec2(s.l12, s.l22));
-    float half_height = root / s.l22 + SPAN_PAD;
+    precise float root = sqrt(max(t, 0.0)), slant = sqrt(s.l12 * s.l12 + s.l22 * s.l22); // `length` is not kept precise
+    precise float half_height = root / s.l22 + SPAN_PAD;
     // guard: padding of columns
-    float pad = SPAN_PAD + SPAN_PAD_RELATIVE * (slant * root / (s.l11 * s.l22) + abs(s.x));
-    float top = float(row * int(tile.y)) + 0.5 - s.y;
-    float bottom = float(min((row + 1) * int(tile.y), int(size.y))) - 0.5 - s.y;
+    precise float pad = SPAN_PAD + SPAN_PAD_RELATIVE * (slant * root / (s.l11 * s.l22) + abs(s.x));
+    precise float top = float(row * int(tile.y)) + 0.5 - s.y;
+    precise float bottom = float(min((row + 1) * int(tile.y), int(size.y))) - 0.5 - s.y;
     if (!(top <= half_height && bottom >= -half_height)) return ivec2(1, 0);
     top = max(top, -half_height);
     bottom = min(bottom, half_height);
-    float dy_right = -s.l12 * root / (s.l22 * slant);
-    float dy_r = clamp(dy_right, top, bottom);
-    float dy_l = clamp(-dy_right, top, bottom);
-    float w_r = s.l22 * dy_r, w_l = s.l22 * dy_l;
-    float right = s.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.l12 * dy_r) / s.l11 + pad;
-    float left = s.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.l12 * dy_l) / s.l11 - pad;
+    precise float dy_right = -s.l12 * root / (s.l22 * slant);
+    precise float dy_r = clamp(dy_right, top, bottom);
+    precise float dy_l = clamp(-dy_right, top, bottom);
+    precise float w_r = s.l22 * dy_r, w_l = s.l22 * dy_l;
+    precise float right = s.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.l12 * dy_r) / s.l11 + pad;
+    precise float left = s.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.l12 * dy_l) / s.l11 - pad;
     // Kept within one pixel of the image before the conversion: huge floats have no int.
     // guard: columns of huge splats (2 lines)
-    float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
-    float last = floor(clamp(right - 0.5, -1.0, float(size.x)));
+    precise float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
+    precise float last = floor(clamp(right - 0.5, -1.0, float(size.x)));
     int x0 = max(int(first), 0), x1 = min(int(last), int(size.x) - 1);
     if (!(left <= right) || x0 > x1) return ivec2(1, 0); // guard: tile spans of what is no number
     return ivec2(x0 / int(tile.x), x1 / int(tile.x));
@@ -50,13 +51,13 @@ ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
 
 // Rows of tiles that the splat may touch, as (first, last); first > last if none.
 ivec2 tile_rows(Splat s, uvec2 tile, uvec2 size) {
-    float t = 2.0 * log(255.0 * s.opacity);
+    precise float t = 2.0 * log(255.0 * s.opacity);
     // guard: wider rows (2 lines)
     t += 1e-4 * (1.0 + abs(t));
-    float half_height = sqrt(max(t, 0.0)) / s.l22 + SPAN_PAD;
+    precise float half_height = sqrt(max(t, 0.0)) / s.l22 + SPAN_PAD;
     // guard: rows of huge splats (2 lines)
-    float first = ceil(clamp(s.y - half_height - 0.5, -1.0, float(size.y)));
-    float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
+    precise float first = ceil(clamp(s.y - half_height - 0.5, -1.0, float(size.y)));
+    precise float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
     int y0 = max(int(first), 0), y1 = min(int(last), int(size.y) - 1);
     return y0 > y1 ? ivec2(1, 0) : ivec2(y0 / int(tile.y), y1 / int(tile.y));
 }

@@ -34,8 +34,9 @@ void main() {
 
     uint before = 0;
     for (uint s = 0; s < gl_SubgroupID; s++) before = saturating_add(before, segment_sums[s]);
-    for (uint row = begin; row < end; row += gl_SubgroupSize) {
-        uint i = row + gl_SubgroupInvocationID;
+    // All subgroups go on for as long, since Vulkan promises that the lanes of one are together only where all go the same way.
+    for (uint row = 0; row < segment; row += gl_SubgroupSize) {
+        uint i = begin + row + gl_SubgroupInvocationID;
         uint value = i < end ? block_sums[i] : 0;
         uint offset = saturating_add(before, saturating_subgroup_exclusive_add(value));
         if (i < end) block_sums[i] = offset;

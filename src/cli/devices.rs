@@ -9,7 +9,8 @@ use crate::{
 /// List the Vulkan devices that --device chooses from
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Print JSON: [{"index","name","kind","subgroup_size","max_storage_bytes","timestamp_period","is_cpu","driver"}]
+    /// Print JSON: [{"index","name","kind","subgroup_size",…}], all that
+    /// is known of each
     #[arg(long)]
     json: bool,
 }

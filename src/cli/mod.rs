@@ -142,11 +142,12 @@ struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
-        let device = self.device.clone().or_else(|| std::env::var("GLINT_DEVICE").ok().filter(|d| !d.is_empty()));
-        let validation = self.validate || std::env::var_os("GLINT_VALIDATION").is_some();
-        let context = Context::new(&ContextOptions { device: device.clone(), validation }).map_err(|e| match e {
+        let mut options = ContextOptions::from_env();
+        options.device = self.device.clone().or(options.device);
+        options.validation |= self.validate;
+        let context = Context::new(&options).map_err(|e| match e {
             // A device that was asked for and is not there is the caller's mistake.
-            GpuError::NoDevice(_) if device.is_some() => Error::Usage(format!("--device: {e}")),
+            GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("--device: {e}")),
             e => e.into(),
         })?;
         let result = work(&context);

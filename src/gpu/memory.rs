@@ -1,6 +1,12 @@
 //! Typed storage buffers.
 
-use std::{marker::PhantomData, sync::Arc};
+use std::{
+    marker::PhantomData,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+};
 
 use ash::vk;
 use bytemuck::Pod;
@@ -9,7 +15,7 @@ use gpu_allocator::{
     vulkan::{Allocation, AllocationCreateDesc, AllocationScheme},
 };
 
-use super::{Check, Context, GpuError};
+use super::{Check, Context, GpuError, device::Physical, features::has_extension};
 
 /// Where a buffer lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +28,99 @@ pub enum Location {
     Upload,
 }
 
+/// Device memory, bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// What the context's buffers may take together now: what they have, and what nobody has.
+    pub budget: u64,
+    /// What they have.
+    pub used: u64,
+}
+
+/// Keeps buffers within what the device has to give. A driver may move what is beyond to the host's memory, where everything
+/// goes on a hundred times slower: it must be refused before.
+pub(super) struct Budget {
+    /// Index of the heap that device buffers lie in.
+    heap: usize,
+    /// Its bytes, or fewer if the caller wants so.
+    most: u64,
+    /// `VK_EXT_memory_budget` says what others leave of it.
+    shared: bool,
+    /// Host memory is of the same heap.
+    unified: bool,
+    used: AtomicU64,
+}
+
+impl Budget {
+    pub fn new(physical: &Physical, cap: Option<u64>) -> Self {
+        let heaps = &physical.memory.memory_heaps[..physical.memory.memory_heap_count as usize];
+        let local = |h: &&(usize, &vk::MemoryHeap)| h.1.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let largest = heaps.iter().enumerate().filter(|h| local(&h)).max_by_key(|h| h.1.size);
+        let (heap, mut most) = largest.map_or((0, u64::MAX), |(i, h)| (i, h.size));
+        let shared = has_extension(&physical.extensions, ash::ext::memory_budget::NAME);
+        if physical.device_type == vk::PhysicalDeviceType::CPU && !shared {
+            most = host_memory().unwrap_or(most);
+        }
+        let most = cap.map_or(most, |cap| cap.min(most));
+        Budget { heap, most, shared, unified: heaps.len() == 1, used: AtomicU64::new(0) }
+    }
+
+    fn counts(&self, location: Location) -> bool {
+        self.unified || location == Location::Device
+    }
+}
+
+/// A CPU device's memory is the host's, whatever its heap says: lavapipe's says 2 GiB on every machine.
+fn host_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix(" kB")?;
+    kib.parse::<u64>().ok()?.checked_mul(1024)
+}
+
+impl Context {
+    /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
+    /// has `VK_EXT_memory_budget`.
+    pub fn memory(&self) -> Memory {
+        let Budget { heap, most, shared, ref used, .. } = self.0.budget;
+        let used = used.load(Ordering::Relaxed);
+        if !shared {
+            return Memory { budget: most, used };
+        }
+        let mut heaps = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut heaps);
+        // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
+        unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
+        let free = heaps.heap_budget[heap].saturating_sub(heaps.heap_usage[heap]);
+        Memory { budget: most.min(used + free), used }
+    }
+}
+
+/// A part of the budget, given back on drop.
+struct Share {
+    bytes: u64,
+    context: Context,
+}
+
+impl Share {
+    fn take(context: &Context, name: &str, bytes: u64, location: Location) -> Result<Self, GpuError> {
+        let bytes = if context.0.budget.counts(location) { bytes } else { 0 };
+        let Memory { budget, .. } = context.memory();
+        let used = context.0.budget.used.fetch_add(bytes, Ordering::Relaxed);
+        // Given back by the drop where it was too much.
+        let share = Share { bytes, context: context.clone() };
+        if bytes > 0 && used.saturating_add(bytes) > budget {
+            return Err(GpuError::OverBudget { name: name.into(), bytes, used, budget });
+        }
+        Ok(share)
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.context.0.budget.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
 /// An untyped buffer and its memory, freed with the last reference.
 pub struct RawBuffer {
     pub(super) handle: vk::Buffer,
@@ -31,6 +130,7 @@ pub struct RawBuffer {
     name: String,
     allocation: Option<Allocation>,
     context: Context,
+    _share: Share,
 }
 
 /// What is bound where a variant of a kernel touches nothing: every binding needs a buffer.
@@ -63,6 +163,9 @@ impl<T> Clone for Buffer<T> {
 
 impl<T: Pod> Buffer<T> {
     /// Uninitialised room for `len` elements (at least one: Vulkan has no empty buffers).
+    ///
+    /// # Errors
+    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`] before anything is asked of the driver.
     pub fn new(context: &Context, name: &str, len: usize, location: Location) -> Result<Self, GpuError> {
         Self::create(context, name, len, location, false)
     }
@@ -75,6 +178,7 @@ impl<T: Pod> Buffer<T> {
         if bytes > limit {
             return Err(GpuError::BufferTooLarge { name: name.into(), bytes, limit });
         }
+        let share = Share::take(context, name, bytes, location)?;
         let device = &context.0.device;
         let info = vk::BufferCreateInfo::default().size(bytes).usage(
             vk::BufferUsageFlags::STORAGE_BUFFER
@@ -102,6 +206,7 @@ impl<T: Pod> Buffer<T> {
                 name: name.into(),
                 allocation: Some(allocation),
                 context: context.clone(),
+                _share: share,
             };
             bound.check("vkBindBufferMemory")?;
             if let (Some(debug), Ok(name)) = (&context.0.debug, std::ffi::CString::new(name)) {

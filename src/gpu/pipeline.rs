@@ -5,7 +5,10 @@ use std::{marker::PhantomData, sync::Arc};
 use ash::vk;
 use bytemuck::Pod;
 
-use super::{Check, Context, GpuError, RawBuffer};
+use super::{
+    Check, Context, Feature, GpuError, RawBuffer,
+    spirv::{shared_bytes, with_modes, words},
+};
 
 /// What a kernel does to a binding; the recorder makes its barriers from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,14 +29,48 @@ pub trait Kernel {
     /// The kernel's file name without extension: its label and timestamp too.
     const NAME: &'static str;
     const SPIRV: &'static [u8];
+    /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
+    #[cfg(feature = "software-subgroups")]
+    const SOFTWARE_SPIRV: &'static [u8];
     /// By binding.
     const ACCESS: &'static [Access];
+    /// It uses subgroup operations, or asks for the subgroup's size or number.
+    const SUBGROUPS: bool;
+    /// The threads of a workgroup meet at barriers, where all of its subgroups come.
+    const BARRIERS: bool;
+    const FEATURES: &'static [Feature];
     type Push: Pod;
     type Spec;
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
     fn raw_buffers<'a>(buffers: &Self::Buffers<'a>) -> Vec<&'a Arc<RawBuffer>>;
+}
+
+/// A kernel's constants, where its types do not matter.
+#[derive(Debug, Clone, Copy)]
+pub struct KernelInfo {
+    pub name: &'static str,
+    pub spirv: &'static [u8],
+    #[cfg(feature = "software-subgroups")]
+    pub software_spirv: &'static [u8],
+    pub subgroups: bool,
+    pub barriers: bool,
+    pub features: &'static [Feature],
+}
+
+impl KernelInfo {
+    pub const fn of<K: Kernel>() -> Self {
+        KernelInfo {
+            name: K::NAME,
+            spirv: K::SPIRV,
+            #[cfg(feature = "software-subgroups")]
+            software_spirv: K::SOFTWARE_SPIRV,
+            subgroups: K::SUBGROUPS,
+            barriers: K::BARRIERS,
+            features: K::FEATURES,
+        }
+    }
 }
 
 pub(super) struct RawPipeline {
@@ -51,8 +88,25 @@ pub struct Pipeline<K: Kernel> {
 }
 
 impl<K: Kernel> Pipeline<K> {
+    /// Where [`DeviceInfo::workgroup`](super::DeviceInfo::workgroup) asks for it, kernels of independent subgroups get
+    /// workgroups of one subgroup, whatever `spec` says.
     pub fn new(context: &Context, spec: &K::Spec) -> Result<Self, GpuError> {
-        let (ids, words): (Vec<u32>, Vec<u32>) = K::spec_words(spec).into_iter().unzip();
+        let mut spec = K::spec_words(spec);
+        let subgroups = context.0.subgroups;
+        if K::SUBGROUPS && !K::BARRIERS {
+            spec[0].1 = context.info().workgroup(spec[0].1);
+        }
+        let workgroup_size = spec[0].1;
+        let bytes = K::SPIRV;
+        #[cfg(feature = "software-subgroups")]
+        let bytes = if subgroups.software { K::SOFTWARE_SPIRV } else { bytes };
+        #[cfg(feature = "software-subgroups")]
+        spec.push((SOFTWARE_LANES, subgroups.lanes));
+        let in_kernel = |what| GpuError::Kernel { kernel: K::NAME, what };
+        let module = words(bytes).map_err(in_kernel)?;
+        check::<K>(context, workgroup_size, shared_bytes(&module, &spec).map_err(in_kernel)?)?;
+        let code = with_modes(&module, &subgroups.modes(context.info(), K::SUBGROUPS)).map_err(in_kernel)?;
+        let (ids, words): (Vec<u32>, Vec<u32>) = spec.into_iter().unzip();
         let device = &context.0.device;
         let bindings: Vec<_> = (0..K::ACCESS.len() as u32)
             .map(|binding| {
@@ -73,8 +127,6 @@ impl<K: Kernel> Pipeline<K> {
             .zip((0..).step_by(4))
             .map(|(&constant_id, offset)| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
             .collect();
-        let code = ash::util::read_spv(&mut std::io::Cursor::new(K::SPIRV))
-            .map_err(|_| GpuError::Vulkan { call: "read SPIR-V", result: vk::Result::ERROR_INVALID_SHADER_NV })?;
         // SAFETY: every structure lives for its call; what was made before a failure is destroyed by RawPipeline's Drop
         // (null handles are allowed there) or right here for the module.
         unsafe {
@@ -99,16 +151,24 @@ impl<K: Kernel> Pipeline<K> {
             let module = device.create_shader_module(&module_info, None).check("vkCreateShaderModule")?;
             let specialization =
                 vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(words.as_slice()));
-            let stage = vk::PipelineShaderStageCreateInfo::default()
+            let mut stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(module)
                 .name(c"main")
                 .specialization_info(&specialization);
+            let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+                .required_subgroup_size(subgroups.lanes);
+            if K::SUBGROUPS && !subgroups.software {
+                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+                if subgroups.require {
+                    stage = stage.push_next(&mut size);
+                }
+            }
             let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(raw.layout)];
             let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
             device.destroy_shader_module(module, None);
             raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
-            Ok(Pipeline { raw: Arc::new(raw), workgroup_size: words[0], kernel: PhantomData })
+            Ok(Pipeline { raw: Arc::new(raw), workgroup_size, kernel: PhantomData })
         }
     }
 
@@ -116,6 +176,42 @@ impl<K: Kernel> Pipeline<K> {
     pub fn workgroup_size(&self) -> u32 {
         self.workgroup_size
     }
+}
+
+/// Constant of the software subgroups' size, see `glsl/shared/subgroup.glsl`.
+#[cfg(feature = "software-subgroups")]
+const SOFTWARE_LANES: u32 = 100;
+
+/// What the device must allow and have for a kernel.
+fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<(), GpuError> {
+    let (info, limits) = (context.info(), context.0.limits);
+    let device = || info.name.clone();
+    for feature in K::FEATURES {
+        let software = context.0.subgroups.software && feature.is_of_subgroups();
+        if !software && !context.features().contains(feature) {
+            return Err(GpuError::Missing {
+                device: device(),
+                feature: format!("{}, for {}", feature.name(), K::NAME),
+            });
+        }
+    }
+    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup };
+    for (what, needs, has) in [
+        ("threads of a workgroup", workgroup.into(), most),
+        ("bytes of shared memory", shared, limits.shared_bytes),
+        ("storage buffers", K::ACCESS.len() as u64, limits.storage_buffers),
+        ("bytes of push constants", size_of::<K::Push>() as u64, limits.push_bytes),
+    ] {
+        if needs > u64::from(has) {
+            let what = format!("{what} ({})", K::NAME);
+            return Err(GpuError::Limit { device: device(), what, needs, has: has.into() });
+        }
+    }
+    if workgroup == 0 || (K::SUBGROUPS && !workgroup.is_multiple_of(info.subgroup_size)) {
+        let what = format!("a workgroup of {workgroup} threads is not of whole subgroups of {}", info.subgroup_size);
+        return Err(GpuError::Kernel { kernel: K::NAME, what });
+    }
+    Ok(())
 }
 
 impl Drop for RawPipeline {

@@ -186,7 +186,7 @@ impl Recorder {
     /// Ends recording and hands the work to the queue without waiting.
     pub fn submit(mut self) -> Result<Submission, GpuError> {
         let Some(slot) = self.slot.take() else {
-            return Err(GpuError::Vulkan { call: "submit a borrowed command buffer", result: vk::Result::NOT_READY });
+            return Err(GpuError::NotOurs);
         };
         let inner = &self.context.0;
         // SAFETY: the command buffer is recording; the queue is used under its lock; the slot goes with the submission.
@@ -380,14 +380,14 @@ impl Submission {
                     )
                 }
                 .check("vkGetQueryPoolResults")?;
-                let period = f64::from(self.context.info().timestamp_period);
+                let (period, mask) = (f64::from(self.context.info().timestamp_period), self.context.0.timestamp_mask);
                 times = self
                     .timed
                     .iter()
                     .zip(stamps.windows(2))
                     .map(|(&name, w)| StageTime {
                         name,
-                        time: Duration::from_nanos((w[1].saturating_sub(w[0]) as f64 * period) as u64),
+                        time: Duration::from_nanos((ticks(w[0], w[1], mask) as f64 * period) as u64),
                     })
                     .collect();
             }
@@ -418,6 +418,13 @@ impl Drop for Submission {
             recycle(&self.context, slot);
         }
     }
+}
+
+/// Ticks between two timestamps of which only the bits of `mask` count: they begin again at 0, at most once in between. Half
+/// of the range or more is a clock that went back, which is no time.
+fn ticks(from: u64, to: u64, mask: u64) -> u64 {
+    let ticks = to.wrapping_sub(from) & mask;
+    if ticks <= mask / 2 { ticks } else { 0 }
 }
 
 fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
@@ -470,5 +477,19 @@ fn recycle(context: &Context, slot: CommandSlot) {
         (Ok(()), Ok(mut list)) => list.push(slot),
         // SAFETY: as above.
         _ => unsafe { destroy_slot(device, slot) },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timestamps_of_few_bits_begin_again_at_0() {
+        assert_eq!(ticks(5, 9, u64::MAX), 4);
+        // 36 bits; above them a driver may leave anything.
+        let mask = (1 << 36) - 1;
+        assert_eq!(ticks(0xABC0_0000_0000_0000 | (mask - 2), 0x1230_0000_0000_0007, mask), 10);
+        assert_eq!((ticks(9, 5, u64::MAX), ticks(9, 5, 0)), (0, 0));
     }
 }

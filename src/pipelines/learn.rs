@@ -120,7 +120,7 @@ impl Learner {
         let degrees = if opacity_only { 0..=0 } else { 0..=model.sh_degree };
         let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
-                workgroup_size: WORKGROUP,
+                workgroup_size: context.info().workgroup(WORKGROUP),
                 compensate,
                 has_lobes,
                 opacity_only,
@@ -131,7 +131,13 @@ impl Learner {
             degrees.clone().map(|degree| project_backward::Stage::new(context, &spec(degree))).collect()
         };
         let step = |sh_degree| {
-            let spec = adam::Spec { workgroup_size: WORKGROUP, has_lobes, opacity_only, sparse, sh_degree };
+            let spec = adam::Spec {
+                workgroup_size: context.info().workgroup(WORKGROUP),
+                has_lobes,
+                opacity_only,
+                sparse,
+                sh_degree,
+            };
             adam::Stage::new(context, &spec)
         };
         let accumulated = match accumulate {

@@ -164,7 +164,7 @@ impl LiftPhase {
             &dispatch_args::Push {
                 count_index: PLACES,
                 capacity: count,
-                items_per_group: items_per_group(self.context.info().subgroup_size),
+                items_per_group: items_per_group(self.context.info()),
                 args_index: 0,
                 resource_index: Resource::Intersections.index(),
             },
@@ -366,7 +366,7 @@ impl LiftPhase {
         b.lift_flags.upload(0, &lifts.iter().map(|l| u32::from(l.cluster_size > 0)).collect::<Vec<_>>())?;
         b.counts.upload(0, &[count, 0, 0])?;
         // The dispatch over their blocks: a folded one cannot come from so few.
-        let groups = count.div_ceil(items_per_group(self.context.info().subgroup_size)).max(1);
+        let groups = count.div_ceil(items_per_group(self.context.info())).max(1);
         b.args.upload(0, &[groups, 1, 1])?;
         self.append(count, &b, model)
     }

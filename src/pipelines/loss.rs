@@ -90,7 +90,7 @@ impl Photometric {
             let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight };
             if wanted { ssim_backward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
-        let sum_spec = loss_sum::Spec { workgroup_size: SUM_WORKGROUP, ssim_weight };
+        let sum_spec = loss_sum::Spec { workgroup_size: SUM_WORKGROUP.min(context.info().max_workgroup), ssim_weight };
         Ok(Photometric {
             forward: [
                 forward(true, false, false)?,

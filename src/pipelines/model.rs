@@ -245,8 +245,8 @@ impl Model {
             },
             &recount::Push {
                 page_count: self.parts.iter().map(|p| p.pages.len() as u32).sum(),
-                threads_per_group: WORKGROUP,
-                items_per_group: items_per_group(self.context.info().subgroup_size),
+                threads_per_group: self.context.info().workgroup(WORKGROUP),
+                items_per_group: items_per_group(self.context.info()),
                 segment: segment.index(),
                 added_index,
             },
@@ -444,7 +444,7 @@ impl Rearrange {
     pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
         let planes = PLANES_AT_ONCE;
         Ok(Rearrange {
-            gather: gather::Stage::new(context, &gather::Spec { workgroup_size: WORKGROUP })?,
+            gather: gather::Stage::new(context, &gather::Spec { workgroup_size: context.info().workgroup(WORKGROUP) })?,
             dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             args: Buffer::new(context, "rearrange_args", 3, Location::Device)?,
             gathered: Buffer::new(context, "gathered", targets as usize * planes as usize, Location::Device)?,
@@ -472,7 +472,7 @@ impl Rearrange {
             &dispatch_args::Push {
                 count_index,
                 capacity: self.targets.min(part.capacity()),
-                items_per_group: WORKGROUP,
+                items_per_group: self.gather.workgroup_size(),
                 args_index: 0,
                 resource_index: segment.resource().index(),
             },

@@ -230,7 +230,7 @@ impl Backward {
             Reduction::Atomic => atomic(),
             Reduction::Auto => deterministic().or_else(|error| match error {
                 // guard: atomics take over
-                GpuError::BufferTooLarge { .. } | GpuError::Allocation { .. } if context.info().float_atomics => {
+                error if error.is_no_room() && context.info().float_atomics => {
                     tracing::warn!(
                         "no room for the gradients of {} intersections: float atomics add them up by Gaussian, so two runs \
                          will differ in their last digits",
@@ -368,7 +368,7 @@ impl Raster {
         splat_frames: Option<&Buffer<u32>>,
         status: &Buffer<u32>,
     ) {
-        let per_block = items_per_group(self.context.info().subgroup_size);
+        let per_block = items_per_group(self.context.info());
         let (f, isects, capacity) = (&self.buffers, &self.isects, self.options.isects);
         let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
         recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
@@ -384,8 +384,9 @@ impl Raster {
             VISIBLE,
         );
         let global_from_rank = by_depth.values;
+        let threads = self.context.info().workgroup(WORKGROUP);
         self.args_for(recorder, status, VISIBLE, self.options.splats, per_block, VISIBLE_BLOCKS);
-        self.args_for(recorder, status, VISIBLE, self.options.splats, WORKGROUP, VISIBLE_THREADS);
+        self.args_for(recorder, status, VISIBLE, self.options.splats, threads, VISIBLE_THREADS);
         self.scan.record(
             recorder,
             &ScanBuffers {
@@ -409,6 +410,7 @@ impl Raster {
                 global_from_rank,
                 rank_first_slot: &f.rank_first_slot,
                 splats: &f.splats,
+                tile_counts: &f.tile_counts,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
                 isect_tiles: &isects.isect_tiles,
                 global_from_slot: &isects.global_from_slot,
@@ -440,7 +442,8 @@ impl Raster {
         self.ranges.record_indirect(
             recorder,
             &tile_ranges::Buffers { count: &f.count, isect_tiles: by_tile.keys, tile_ranges: &f.tile_ranges },
-            &tile_ranges::Push { count_index: ISECTS },
+            // guard: tiles counted in vain
+            &tile_ranges::Push { count_index: ISECTS_SORTED },
             &f.args,
             ISECT_THREADS,
         );

@@ -130,7 +130,7 @@ impl Renderer {
             let degrees = if has_lobes && !needs.supplement { &[] } else { &needs.degrees[..] };
             let stage = |&sh_degree: &u32| {
                 let spec = project::Spec {
-                    workgroup_size: WORKGROUP,
+                    workgroup_size: context.info().workgroup(WORKGROUP),
                     tile_width: tile.width,
                     tile_height: tile.height,
                     compensate: options.policy.compensate,

@@ -41,7 +41,8 @@ pub struct ScanBuffers<'a> {
 impl Scan {
     pub fn new(context: &Context, gather: bool) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
-        let spine = scan_spine::Spec { workgroup_size: SPINE_WORKGROUP, block: BLOCK };
+        let spine =
+            scan_spine::Spec { workgroup_size: SPINE_WORKGROUP.min(context.info().max_workgroup), block: BLOCK };
         Ok(Scan {
             gather,
             reduce: scan_reduce::Stage::new(context, &scan_reduce::Spec { workgroup_size, block: BLOCK, gather })?,
@@ -121,10 +122,10 @@ impl RadixSort {
             let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact };
             radix_downsweep::Stage::new(context, &spec)
         };
-        let lanes = context.info().subgroup_size.max(1);
+        let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));
         // A workgroup of the spine has a column of counters per lane, so they are few, and on a GPU it takes many subgroups in
-        // each to hide the latency (1024 threads is what GPUs allow). On a CPU each subgroup is only a cost.
-        let spine_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(1024) };
+        // each to hide the latency (1024 threads is what most GPUs allow). On a CPU each subgroup is only a cost.
+        let spine_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(most) };
         Ok(RadixSort {
             passes,
             digit_bits,

@@ -1,7 +1,10 @@
-//! Writes one intersection per Gaussian and tile: slots in rank order, a Gaussian's tiles row by row.
+//! Writes one intersection per Gaussian and tile: slots in rank order, a Gaussian's tiles row by row. A Gaussian has as many
+//! slots as `tile_counts` says: tiles beyond them are left out, slots beyond its tiles get the tile [`NONE`].
 
-use super::Splat;
-use super::tiles::{Tiling, for_each_tile};
+use super::{
+    NONE, Splat,
+    tiles::{Tiling, for_each_tile},
+};
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Emitted {
@@ -13,14 +16,14 @@ pub struct Emitted {
     pub first_slot: Vec<u32>,
 }
 
-pub fn emit(splats: &[Splat], global_from_rank: &[u32], tiling: &Tiling) -> Emitted {
+pub fn emit(splats: &[Splat], tile_counts: &[u32], global_from_rank: &[u32], tiling: &Tiling) -> Emitted {
     let mut out = Emitted { first_slot: vec![0; splats.len()], ..Default::default() };
     for &global in global_from_rank {
-        out.first_slot[global as usize] = out.tile_of_slot.len() as u32;
-        for_each_tile(&splats[global as usize], tiling, |tile| {
-            out.tile_of_slot.push(tile);
-            out.global_from_slot.push(global);
-        });
+        let first = out.tile_of_slot.len();
+        out.first_slot[global as usize] = first as u32;
+        for_each_tile(&splats[global as usize], tiling, |tile| out.tile_of_slot.push(tile));
+        out.tile_of_slot.resize(first + tile_counts[global as usize] as usize, NONE);
+        out.global_from_slot.resize(out.tile_of_slot.len(), global);
     }
     out
 }

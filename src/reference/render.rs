@@ -8,7 +8,7 @@ use super::project_backward::{Gradients, project_backward};
 use super::sort::{sort_depth, sort_isects};
 use super::tile_ranges::tile_ranges;
 use super::tiles::Tiling;
-use super::{Background, Params, Splat, View};
+use super::{Background, Params, View};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -49,9 +49,11 @@ pub struct Intersections {
 
 impl Intersections {
     /// `depths` are ∞ where a Gaussian is not visible.
-    pub fn new(splats: &[Splat], depths: &[f64], tiling: Tiling) -> Self {
+    pub fn new(projected: &Projected, tiling: Tiling) -> Self {
+        let Projected { splats, depths, tile_counts, .. } = projected;
         let global_from_rank = sort_depth(depths);
-        let Emitted { tile_of_slot, global_from_slot, first_slot } = emit(splats, &global_from_rank, &tiling);
+        let Emitted { tile_of_slot, global_from_slot, first_slot } =
+            emit(splats, tile_counts, &global_from_rank, &tiling);
         let (isect_tiles, isect_slots) = sort_isects(&tile_of_slot);
         let tile_ranges = tile_ranges(&isect_tiles, tiling.count());
         Intersections { tiling, global_from_rank, isect_tiles, isect_slots, global_from_slot, first_slot, tile_ranges }
@@ -75,7 +77,7 @@ pub struct Rendered {
 pub fn render(params: &Params, view: &View, options: &Options, background: Background) -> Rendered {
     let projected = project(params, view, options);
     let tiling = Tiling::new(view.width, view.height, options);
-    let isects = Intersections::new(&projected.splats, &projected.depths, tiling);
+    let isects = Intersections::new(&projected, tiling);
     let blended = blend(&projected.splats, &isects, background, options.median_threshold);
     Rendered { projected, isects, blended }
 }

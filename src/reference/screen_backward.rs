@@ -164,7 +164,7 @@ mod tests {
         let options = Options { tile_width: 8, tile_height: 8, ..Default::default() };
         let projected = screen_project(&mut gaussians.to_vec(), depths, SIZE[0], SIZE[1], &options);
         let tiling = Tiling::new(SIZE[0], SIZE[1], &options);
-        let isects = Intersections::new(&projected.splats, &projected.depths, tiling);
+        let isects = Intersections::new(&projected, tiling);
         let blended = blend(&projected.splats, &isects, Background::Image(backdrop), 0.5);
         (projected, isects, blended)
     }

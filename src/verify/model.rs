@@ -39,8 +39,8 @@ fn recounted(bench: &mut Bench<'_>, model: &mut Model) -> Result<()> {
         model.record_recount(&mut recorder, Some((Segment::Supplement, &added, which)), &status);
         recorder.submit()?.wait()?;
         counts[Segment::Supplement as usize] += [0, 5, model.capacity()][which as usize];
-        let blocks = items_per_group(context.info().subgroup_size);
-        let want = recount::recount(counts, &pages, WORKGROUP, blocks, Status::default());
+        let blocks = items_per_group(context.info());
+        let want = recount::recount(counts, &pages, context.info().workgroup(WORKGROUP), blocks, Status::default());
         row.words(&model.learn_counts()?, &want.counts);
         row.words(&model.population.download()?, &want.population);
         row.words(&model.population_args.download()?, &want.args);

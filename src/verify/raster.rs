@@ -24,7 +24,7 @@ use crate::{
         project::project,
         random_camera, random_scene,
         tile_ranges::tile_ranges,
-        tiles::Tiling,
+        tiles::{Tiling, for_each_tile},
     },
     stages::{status, types},
 };
@@ -345,7 +345,13 @@ fn compare_lists(ordered: &Ordered, shift: f64) -> (usize, u64) {
     let keys = isects.isect_tiles.iter().zip(&isects.isect_slots);
     wrong += u64::from(!keys.is_sorted());
     let splats: Vec<Splat> = splats.iter().map(|s| Splat { x: s.x + shift, ..*s }).collect();
-    let twin = emit(&splats, &isects.global_from_rank, &tiling);
+    let count = |splat| {
+        let mut tiles = 0;
+        for_each_tile(splat, &tiling, |_| tiles += 1);
+        tiles
+    };
+    let counts: Vec<u32> = splats.iter().map(count).collect();
+    let twin = emit(&splats, &counts, &isects.global_from_rank, &tiling);
     let mut slot = 0;
     let mut flips = 0;
     for &global in &isects.global_from_rank {

@@ -64,7 +64,7 @@ impl Counted {
             status: Buffer::zeroed(context, "status", status::WORDS)?,
             stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             items,
-            per_group: items_per_group(context.info().subgroup_size),
+            per_group: items_per_group(context.info()),
         })
     }
 

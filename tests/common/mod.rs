@@ -18,9 +18,11 @@ pub struct Gpu(pub Context);
 
 impl Gpu {
     pub fn new() -> Self {
-        let validation = std::env::var_os("GLINT_VALIDATION").is_some();
-        let device = std::env::var("GLINT_DEVICE").ok();
-        Gpu(Context::new(&ContextOptions { device, validation }).expect("a Vulkan device, see tools/setup"))
+        Self::with(ContextOptions::from_env())
+    }
+
+    pub fn with(options: ContextOptions) -> Self {
+        Gpu(Context::new(&options).expect("a Vulkan device, see tools/setup"))
     }
 }
 

@@ -10,6 +10,10 @@ use glint::{
         train::{BaseOptions, train_base},
         views::Views,
     },
+    reference::{
+        self,
+        tiles::{Tiling, for_each_tile},
+    },
     scene::{Camera, Scene},
     stages::{
         WORKGROUP, emit,
@@ -206,6 +210,7 @@ fn what_does_not_fit_is_not_emitted() {
                 global_from_rank: &words("ranks", &[0, 1]),
                 rank_first_slot: &words("first slots by rank", &[0, 100]),
                 splats: &Buffer::from_slice(&gpu, "splats", &[splat(0.5), splat(1e-6)]).unwrap(),
+                tile_counts: &words("tile counts", &[100, 1024]),
                 splat_frames: &words("splat frames", &[0, 0]),
                 isect_tiles: &tiles,
                 global_from_slot: &globals,
@@ -221,6 +226,65 @@ fn what_does_not_fit_is_not_emitted() {
         assert!(tiles[room..].iter().chain(&globals[room..]).all(|&word| word == 7777), "{capacity}");
         let small = globals.iter().take_while(|&&g| g == 0).count();
         assert!(if room < 100 { small == room } else { small > 3 && globals[100..room].iter().all(|&g| g == 1) });
+    }
+}
+
+/// Projection counts, emit lists: where they differ by some tiles, nothing lies in a neighbour's slot and no slot is left as it was.
+#[test]
+fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
+    let gpu = Gpu::new();
+    let frame = Frame { width: 256, height: 256, ..Default::default() };
+    let tiling = Tiling { width: 256, height: 256, tile_width: 8, tile_height: 8, tiles_x: 32, tiles_y: 32 };
+    // By turns one of a few rows of tiles, which its own lane lists, and one of all 32, which its subgroup does.
+    let splat = |i: u32| {
+        let (x, l) = (20.3 + 20.0 * i as f32, if i % 2 == 0 { 0.5 } else { 1e-6 });
+        Splat { x, y: 100.7, l11: l, l22: l, opacity: 0.5, ..Default::default() }
+    };
+    let splats: Vec<Splat> = (0..10).map(splat).collect();
+    let wide = splats.iter().map(|s| {
+        let [x, y, l11, l22, opacity] = [s.x, s.y, s.l11, s.l22, s.opacity].map(f64::from);
+        reference::Splat { x, y, l11, l22, opacity, ..Default::default() }
+    });
+    let wide: Vec<reference::Splat> = wide.collect();
+    for off in [[0, 0, 0], [3, 1, 700], [-1, -3, -1], [2, -2, -1000]] {
+        let listed = wide.iter().map(|s| {
+            let mut tiles = 0;
+            for_each_tile(s, &tiling, |_| tiles += 1);
+            tiles
+        });
+        let counts: Vec<u32> = listed.enumerate().map(|(i, n): (usize, i32)| (n + off[i % 3]).max(0) as u32).collect();
+        let ranks: Vec<u32> = (0..10).collect();
+        let twin = reference::emit::emit(&wide, &counts, &ranks, &tiling);
+        let slots = twin.tile_of_slot.len();
+        let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
+        let [tiles, globals] = ["isect tiles", "global from slot"].map(|name| words(name, &vec![7777; slots + 9]));
+        let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false };
+        let mut recorder = gpu.recorder("emit").unwrap();
+        emit::Stage::new(&gpu, &spec).unwrap().record_indirect(
+            &mut recorder,
+            &emit::Buffers {
+                frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
+                count: &words("count", &[10]),
+                global_from_rank: &words("ranks", &ranks),
+                rank_first_slot: &words("first slots by rank", &twin.first_slot),
+                splats: &Buffer::from_slice(&gpu, "splats", &splats).unwrap(),
+                tile_counts: &words("tile counts", &counts),
+                splat_frames: &words("splat frames", &[0]),
+                isect_tiles: &tiles,
+                global_from_slot: &globals,
+                first_slot: &words("first slots", &[0; 10]),
+            },
+            &emit::Push { frame_first: 0, tiles_x: 32, tiles_per_frame: 1024, capacity: slots as u32, count_index: 0 },
+            &words("args", &[1, 1, 1]),
+            0,
+        );
+        recorder.submit().unwrap().wait().unwrap();
+        let (tiles, globals) = (tiles.download().unwrap(), globals.download().unwrap());
+        assert_eq!(tiles[..slots], twin.tile_of_slot, "{off:?}");
+        assert_eq!((&tiles[slots..], &globals[slots..]), (&[7777; 9][..], &[7777; 9][..]));
+        for slot in (0..slots).filter(|&slot| tiles[slot] != reference::NONE) {
+            assert_eq!(globals[slot], twin.global_from_slot[slot], "{off:?}");
+        }
     }
 }
 

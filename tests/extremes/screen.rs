@@ -125,7 +125,7 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         let mut twin = planes.clone();
         let depths: Vec<f64> = flat_depths().iter().map(|&z| f64::from(z)).collect();
         let projected = screen_project(&mut twin, &depths, FLAT.0, FLAT.1, &options);
-        let isects = Intersections::new(&projected.splats, &projected.depths, Tiling::new(FLAT.0, FLAT.1, &options));
+        let isects = Intersections::new(&projected, Tiling::new(FLAT.0, FLAT.1, &options));
         let blended = blend(&projected.splats, &isects, Background::Color(BACKGROUND.map(f64::from)), 0.0);
         let grads: Vec<[f64; 3]> = (0..blended.image.len())
             .map(|p| {

@@ -99,7 +99,10 @@ impl Screen {
             backward: backward(false)?,
             gradients: backward(true)?,
             prune: screen_prune::Stage::new(context, &screen_prune::Spec { workgroup_size })?,
-            draw: screen_draw::Stage::new(context, &screen_draw::Spec { workgroup_size: DRAW_WORKGROUP })?,
+            draw: screen_draw::Stage::new(
+                context,
+                &screen_draw::Spec { workgroup_size: DRAW_WORKGROUP.min(context.info().max_workgroup) },
+            )?,
             context: context.clone(),
             sizes,
         })
@@ -151,7 +154,7 @@ impl Screen {
         b.views.upload(0, views)?;
         b.quotas.upload(0, quotas)?;
         b.population.upload(0, &[0, places, places])?;
-        let blocks = places.div_ceil(items_per_group(self.context.info().subgroup_size)).max(1);
+        let blocks = places.div_ceil(items_per_group(self.context.info())).max(1);
         b.population_args.upload(0, &[blocks, 1, 1])?;
         let mut recorder = self.context.recorder("screen begin")?;
         recorder.fill(&b.screen_frames, NONE);

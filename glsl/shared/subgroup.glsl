@@ -1,0 +1,138 @@
+// Subgroups: the device's own, or software ones that give tests subgroups of 32 and 64 lanes on a device that has fewer.
+#ifndef SOFTWARE_SUBGROUPS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#else
+// The same names and meanings, through shared memory and barriers of the workgroup. So every thread of the workgroup must come to
+// each operation as often as any other, which is what `Reconvergence::OneSubgroup` asks of kernels too: a subgroup that works for
+// itself is alone in its workgroup, others meet where the whole workgroup does.
+// build.rs puts `software_` in place of `gl_` in the names of subgroup built-ins, as those can be neither defined nor declared.
+//
+// Loops go through LOOK lanes a round, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them together.
+
+layout(constant_id = 100) const uint software_SubgroupSize = 32;
+#define software_SubgroupID (gl_LocalInvocationIndex / software_SubgroupSize)
+#define software_NumSubgroups (gl_WorkGroupSize.x / software_SubgroupSize)
+#define software_SubgroupInvocationID (gl_LocalInvocationIndex % software_SubgroupSize)
+#define software_SubgroupLtMask (software_mask(software_SubgroupInvocationID))
+#define software_SubgroupGtMask (~software_mask(software_SubgroupInvocationID + 1))
+
+#define subgroupBarrier software_barrier
+#define subgroupElect software_elect
+#define subgroupBallotFindLSB software_ballotFindLSB
+#define subgroupBallotBitCount software_ballotBitCount
+#define subgroupBallotExclusiveBitCount software_ballotExclusiveBitCount
+#define subgroupBallot software_ballot
+#define subgroupAny software_any
+#define subgroupAll software_all
+#define subgroupShuffle software_shuffle
+#define subgroupBroadcast software_broadcast
+#define subgroupAdd software_add
+#define subgroupInclusiveAdd software_inclusiveAdd
+#define subgroupExclusiveAdd software_exclusiveAdd
+#define subgroupMin software_min
+#define subgroupMax software_max
+
+const uint LOOK = 8;
+// Used by turns: who shows a value is done with the last one but one, as all met after it.
+shared uvec4 software_words[2 * gl_WorkGroupSize.x];
+uint software_turn = 0;
+
+// Shows a value of each lane to the others.
+void software_show(uvec4 value) {
+    software_turn = gl_WorkGroupSize.x - software_turn;
+    software_words[software_turn + gl_LocalInvocationIndex] = value;
+    barrier();
+}
+
+uvec4 software_seen(uint lane) {
+    return software_words[software_turn + software_SubgroupID * software_SubgroupSize + lane % software_SubgroupSize];
+}
+
+// The bits of the lanes below `lane`.
+uvec4 software_mask(uint lane) {
+    uvec2 bits = uvec2(lane < 32 ? (1u << lane) - 1 : 0xFFFFFFFFu, lane < 32 ? 0 : lane < 64 ? (1u << (lane - 32)) - 1 : 0xFFFFFFFFu);
+    return uvec4(bits, 0, 0);
+}
+
+// To and from words.
+uvec4 software_put(uint x) { return uvec4(x, 0, 0, 0); }
+uvec4 software_put(int x) { return uvec4(uint(x), 0, 0, 0); }
+uvec4 software_put(float x) { return uvec4(floatBitsToUint(x), 0, 0, 0); }
+uvec4 software_put(vec2 x) { return uvec4(floatBitsToUint(x), 0, 0); }
+uvec4 software_put(vec3 x) { return uvec4(floatBitsToUint(x), 0); }
+uvec4 software_put(vec4 x) { return floatBitsToUint(x); }
+uint software_get(uint like, uvec4 words) { return words.x; }
+int software_get(int like, uvec4 words) { return int(words.x); }
+float software_get(float like, uvec4 words) { return uintBitsToFloat(words.x); }
+vec2 software_get(vec2 like, uvec4 words) { return uintBitsToFloat(words.xy); }
+vec3 software_get(vec3 like, uvec4 words) { return uintBitsToFloat(words.xyz); }
+vec4 software_get(vec4 like, uvec4 words) { return uintBitsToFloat(words); }
+
+void software_barrier() {
+    memoryBarrierBuffer();
+    barrier();
+}
+
+bool software_elect() { return software_SubgroupInvocationID == 0; }
+
+uvec4 software_ballot(bool value) {
+    software_show(uvec4(value, 0, 0, 0));
+    uvec4 bits = uvec4(0);
+    for (uint first = 0; first < software_SubgroupSize; first += LOOK) {
+        [[unroll]] for (uint k = 0; k < LOOK; ++k) bits[first / 32] |= software_seen(first + k).x << (first + k) % 32;
+    }
+    return bits;
+}
+
+bool software_any(bool value) { return software_ballot(value).xy != uvec2(0); }
+bool software_all(bool value) { return !software_any(!value); }
+uint software_ballotFindLSB(uvec4 bits) { return bits.x != 0 ? findLSB(bits.x) : 32 + findLSB(bits.y); }
+uint software_ballotBitCount(uvec4 bits) { return bitCount(bits.x) + bitCount(bits.y); }
+uint software_ballotExclusiveBitCount(uvec4 bits) { return software_ballotBitCount(bits & software_SubgroupLtMask); }
+
+#define SOFTWARE_SHUFFLE(T) \
+    T software_shuffle(T value, uint lane) { \
+        software_show(software_put(value)); \
+        return software_get(value, software_seen(lane)); \
+    } \
+    T software_broadcast(T value, uint lane) { return software_shuffle(value, lane); }
+SOFTWARE_SHUFFLE(uint)
+SOFTWARE_SHUFFLE(int)
+SOFTWARE_SHUFFLE(float)
+SOFTWARE_SHUFFLE(vec2)
+SOFTWARE_SHUFFLE(vec3)
+SOFTWARE_SHUFFLE(vec4)
+
+// Over the lanes `IF` in their order, from the lowest of them.
+#define SOFTWARE_REDUCE(NAME, T, START, COMBINE, IF) \
+    T NAME(T value) { \
+        software_show(software_put(value)); \
+        T sum = START; \
+        for (uint first = 0; first < software_SubgroupSize; first += LOOK) { \
+            [[unroll]] for (uint k = 0; k < LOOK; ++k) { \
+                uint lane = first + k; \
+                T other = software_get(value, software_seen(lane)); \
+                if (IF) sum = COMBINE; \
+            } \
+        } \
+        return sum; \
+    }
+#define SOFTWARE_ADD(T) SOFTWARE_REDUCE(software_add, T, T(0), sum + other, true)
+SOFTWARE_ADD(uint)
+SOFTWARE_ADD(float)
+SOFTWARE_ADD(vec2)
+SOFTWARE_ADD(vec3)
+SOFTWARE_ADD(vec4)
+SOFTWARE_REDUCE(software_inclusiveAdd, uint, 0, sum + other, lane <= software_SubgroupInvocationID)
+SOFTWARE_REDUCE(software_exclusiveAdd, uint, 0, sum + other, lane < software_SubgroupInvocationID)
+SOFTWARE_REDUCE(software_min, uint, value, min(sum, other), true)
+SOFTWARE_REDUCE(software_min, float, value, min(sum, other), true)
+SOFTWARE_REDUCE(software_min, vec3, value, min(sum, other), true)
+SOFTWARE_REDUCE(software_max, uint, value, max(sum, other), true)
+SOFTWARE_REDUCE(software_max, float, value, max(sum, other), true)
+SOFTWARE_REDUCE(software_max, vec3, value, max(sum, other), true)
+#endif

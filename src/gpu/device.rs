@@ -1,0 +1,521 @@
+//! What a physical device offers, whether that is enough, and how kernels run on it.
+
+use std::{collections::BTreeSet, ffi::CStr};
+
+use ash::{khr, vk};
+
+use super::{
+    Check, ContextOptions, Feature, GpuError,
+    features::{FeatureChain, has_extension},
+    needs,
+    spirv::{MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW},
+};
+
+/// Lanes of the smallest and the largest subgroup that kernels are written for.
+const LANES: [u32; 2] = [8, 64];
+
+/// Extensions that glint enables, and that a borrowed device must have enabled.
+pub(super) const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
+
+/// What makes the lanes of a subgroup meet again after a branch that parted them: subgroup operations rely on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reconvergence {
+    /// `VK_KHR_shader_maximal_reconvergence`.
+    Maximal,
+    /// `VK_KHR_shader_subgroup_uniform_control_flow`.
+    SubgroupUniform,
+    /// The driver runs a subgroup as one stream of masked vector instructions.
+    Masked,
+    /// Vulkan's own rule alone, which is about whole workgroups: so a workgroup is one subgroup.
+    OneSubgroup,
+}
+
+/// What is known of a physical device, and how kernels run on it.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct DeviceInfo {
+    pub name: String,
+    pub kind: &'static str,
+    /// Lanes of every subgroup; of a device that glint cannot use, what the device itself prefers.
+    pub subgroup_size: u32,
+    /// The smallest and the largest size that the device offers.
+    pub subgroup_sizes: [u32; 2],
+    pub reconvergence: Reconvergence,
+    /// Kernels are run with `SignedZeroInfNanPreserve`: NaN and infinities are those of IEEE 754.
+    pub preserves_nan: bool,
+    /// Threads of the largest workgroup, a multiple of the subgroup size.
+    pub max_workgroup: u32,
+    /// Largest storage buffer that a kernel can be given, bytes.
+    pub max_storage_bytes: u64,
+    /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
+    pub timestamp_period: f32,
+    /// llvmpipe and other CPU implementations: every cost is ALU and dispatch, none is bandwidth.
+    pub is_cpu: bool,
+    pub driver: String,
+    /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
+    pub float_atomics: bool,
+}
+
+impl DeviceInfo {
+    /// Threads of a workgroup whose subgroups work each for itself: as many as wanted, unless a workgroup must be one
+    /// subgroup ([`Reconvergence::OneSubgroup`]).
+    pub fn workgroup(&self, wanted: u32) -> u32 {
+        match self.reconvergence {
+            Reconvergence::OneSubgroup => self.subgroup_size,
+            _ => wanted,
+        }
+    }
+}
+
+/// A physical device.
+#[derive(Clone)]
+pub(super) struct Physical {
+    pub handle: vk::PhysicalDevice,
+    pub extensions: Vec<vk::ExtensionProperties>,
+    pub offered: BTreeSet<Feature>,
+    pub limits: Limits,
+    /// The first family with compute, and how many bits its timestamps have.
+    pub queue_family: Option<(u32, u32)>,
+    pub memory: vk::PhysicalDeviceMemoryProperties,
+    api_version: u32,
+    name: String,
+    driver: String,
+    driver_id: vk::DriverId,
+    pub device_type: vk::PhysicalDeviceType,
+    /// Its own choice, where nothing is required.
+    preferred_lanes: u32,
+    subgroup_operations: u32,
+    subgroup_sizes: [u32; 2],
+    /// One of them can be required.
+    requires_lanes: bool,
+    preserves_nan: bool,
+}
+
+/// What kernels must stay within.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    pub workgroup: u32,
+    pub workgroup_subgroups: u32,
+    pub shared_bytes: u32,
+    pub storage_buffers: u32,
+    pub push_bytes: u32,
+    pub storage_bytes: u32,
+    pub timestamp_period: f32,
+}
+
+/// How the kernels of a context use subgroups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Subgroups {
+    pub lanes: u32,
+    /// The size must be asked for at each pipeline, as the device offers several.
+    pub require: bool,
+    pub reconvergence: Reconvergence,
+    /// Their operations go through shared memory, see `glsl/shared/subgroup.glsl`.
+    pub software: bool,
+}
+
+impl Physical {
+    /// # Safety
+    /// `handle` comes from `instance`.
+    pub unsafe fn query(instance: &ash::Instance, handle: vk::PhysicalDevice) -> Self {
+        // SAFETY: by the contract above; all chains live for their calls and hold only structures that the device knows.
+        unsafe {
+            let extensions = instance.enumerate_device_extension_properties(handle).unwrap_or_default();
+            let api_version = instance.get_physical_device_properties(handle).api_version;
+            let known = Feature::ALL.into_iter().filter(|f| f.known(&extensions, api_version)).collect();
+            let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+            let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
+            let mut driver = vk::PhysicalDeviceDriverProperties::default();
+            let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
+            let mut push = vk::PhysicalDevicePushDescriptorPropertiesKHR::default();
+            let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+            if api_version >= vk::API_VERSION_1_2 {
+                properties = properties.push_next(&mut driver).push_next(&mut floats);
+            }
+            if Feature::SubgroupSizeControl.known(&extensions, api_version) {
+                properties = properties.push_next(&mut sizes);
+            }
+            if has_extension(&extensions, khr::push_descriptor::NAME) {
+                properties = properties.push_next(&mut push);
+            }
+            instance.get_physical_device_properties2(handle, &mut properties);
+            let p = properties.properties;
+            let limits = p.limits;
+            let families = instance.get_physical_device_queue_family_properties(handle);
+            let compute = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
+            let text = |s: Result<&CStr, _>| s.map(|s: &CStr| s.to_string_lossy().into_owned()).unwrap_or_default();
+            Physical {
+                handle,
+                offered: match api_version >= vk::API_VERSION_1_2 {
+                    true => FeatureChain::offered(instance, handle, known),
+                    false => BTreeSet::new(),
+                },
+                extensions,
+                limits: Limits {
+                    workgroup: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
+                    workgroup_subgroups: sizes.max_compute_workgroup_subgroups,
+                    shared_bytes: limits.max_compute_shared_memory_size,
+                    storage_buffers: limits
+                        .max_per_stage_descriptor_storage_buffers
+                        .min(limits.max_descriptor_set_storage_buffers)
+                        .min(limits.max_per_stage_resources)
+                        .min(push.max_push_descriptors),
+                    push_bytes: limits.max_push_constants_size,
+                    storage_bytes: limits.max_storage_buffer_range,
+                    timestamp_period: limits.timestamp_period,
+                },
+                queue_family: compute.map(|i| (i as u32, families[i].timestamp_valid_bits)),
+                memory: instance.get_physical_device_memory_properties(handle),
+                api_version,
+                name: text(p.device_name_as_c_str()),
+                driver: text(driver.driver_info_as_c_str()),
+                driver_id: driver.driver_id,
+                device_type: p.device_type,
+                preferred_lanes: subgroup.subgroup_size,
+                subgroup_operations: subgroup.supported_operations.as_raw(),
+                subgroup_sizes: [sizes.min_subgroup_size, sizes.max_subgroup_size],
+                requires_lanes: sizes.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE),
+                preserves_nan: floats.shader_signed_zero_inf_nan_preserve_float32 == vk::TRUE,
+            }
+        }
+    }
+
+    /// How kernels would use its subgroups with these features enabled, or the first thing that the device lacks.
+    pub fn check(&self, options: &ContextOptions, enabled: &BTreeSet<Feature>) -> Result<Subgroups, GpuError> {
+        let missing = |feature: String| GpuError::Missing { device: self.name.clone(), feature };
+        if self.api_version < vk::API_VERSION_1_2 {
+            return Err(missing("Vulkan 1.2".into()));
+        }
+        if self.queue_family.is_none() {
+            return Err(missing("a compute queue".into()));
+        }
+        for wanted in EXTENSIONS {
+            if !has_extension(&self.extensions, wanted) {
+                return Err(missing(format!("extension {}", wanted.to_string_lossy())));
+            }
+        }
+        let software = options.software_subgroups();
+        for feature in Feature::REQUIRED.into_iter().filter(|f| !(software && f.is_of_subgroups())) {
+            if !self.offered.contains(&feature) {
+                return Err(missing(format!("feature {}", feature.name())));
+            }
+        }
+        let operations = needs::SUBGROUP_OPERATIONS & !self.subgroup_operations;
+        if !software && operations != 0 {
+            let operations = vk::SubgroupFeatureFlags::from_raw(operations);
+            return Err(missing(format!("subgroup operations in compute: {operations:?}")));
+        }
+        for (what, needs, has) in [
+            ("storage buffers of a kernel", needs::STORAGE_BUFFERS, self.limits.storage_buffers),
+            ("bytes of push constants", needs::PUSH_BYTES, self.limits.push_bytes),
+        ] {
+            if needs > has {
+                let device = self.name.clone();
+                return Err(GpuError::Limit { device, what: what.into(), needs: needs.into(), has: has.into() });
+            }
+        }
+        self.subgroups(options, enabled).ok_or_else(|| {
+            let wanted = match options.subgroup_size {
+                Some(lanes) => format!("subgroups of {lanes} lanes"),
+                None => format!("subgroups of one known size from {} to {} lanes", LANES[0], LANES[1]),
+            };
+            let [least, most] = self.subgroup_sizes;
+            let own = if self.requires_lanes { "" } else { ", and takes no demand" };
+            missing(format!("{wanted} (it offers {least} to {most}{own})"))
+        })
+    }
+
+    /// Bits of the timestamps of the first family with compute.
+    pub fn timestamp_bits(&self) -> u32 {
+        self.queue_family.map_or(0, |(_, bits)| bits)
+    }
+
+    fn subgroups(&self, options: &ContextOptions, enabled: &BTreeSet<Feature>) -> Option<Subgroups> {
+        let wanted = options.subgroup_size;
+        let [low, high] = [self.subgroup_sizes[0].max(LANES[0]), self.subgroup_sizes[1].min(LANES[1])];
+        let software = options.software_subgroups();
+        let reconvergence = match self.driver_id {
+            // A barrier of the workgroup stands at each operation, where its subgroups do not work for themselves.
+            _ if software => Reconvergence::OneSubgroup,
+            _ if enabled.contains(&Feature::ShaderMaximalReconvergence) => Reconvergence::Maximal,
+            _ if enabled.contains(&Feature::ShaderSubgroupUniformControlFlow) => Reconvergence::SubgroupUniform,
+            vk::DriverId::MESA_LLVMPIPE => Reconvergence::Masked,
+            _ => Reconvergence::OneSubgroup,
+        };
+        let (lanes, require) = if software {
+            let fits = |lanes: &u32| lanes.is_power_of_two() && (LANES[0]..=LANES[1]).contains(lanes);
+            (Some(wanted.unwrap_or(32)).filter(fits)?, false)
+        } else if self.requires_lanes && low <= high {
+            let fits = |lanes: &u32| lanes.is_power_of_two() && (low..=high).contains(lanes);
+            // All sizes are powers of two, so the nearest one is at an end.
+            (Some(wanted.unwrap_or(self.preferred_lanes.clamp(low, high))).filter(fits)?, true)
+        } else {
+            // What cannot be required is known all the same where there is one size only.
+            let only = Some(low).filter(|_| self.subgroup_sizes == [low, high] && low == high);
+            (only.filter(|&lanes| wanted.is_none_or(|w| w == lanes))?, false)
+        };
+        Some(Subgroups { lanes, require, reconvergence, software })
+    }
+
+    /// `subgroups` as [`Physical::check`] gave them; none for a device that glint cannot use.
+    pub fn info(&self, subgroups: Option<Subgroups>, enabled: &BTreeSet<Feature>, timestamp_bits: u32) -> DeviceInfo {
+        let Limits { workgroup, workgroup_subgroups, storage_bytes, timestamp_period, .. } = self.limits;
+        let lanes = subgroups.map_or(self.preferred_lanes, |s| s.lanes).max(1);
+        let most = if subgroups.is_some_and(|s| s.software) { u32::MAX } else { lanes * workgroup_subgroups };
+        DeviceInfo {
+            name: self.name.clone(),
+            kind: match self.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => "discrete GPU",
+                vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated GPU",
+                vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual GPU",
+                vk::PhysicalDeviceType::CPU => "CPU",
+                _ => "other",
+            },
+            subgroup_size: lanes,
+            subgroup_sizes: self.subgroup_sizes,
+            reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
+            preserves_nan: self.preserves_nan,
+            max_workgroup: workgroup.min(most) / lanes * lanes,
+            max_storage_bytes: storage_bytes.into(),
+            timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
+            is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
+            driver: self.driver.clone(),
+            float_atomics: enabled.contains(&Feature::ShaderBufferFloat32AtomicAdd),
+        }
+    }
+
+    /// Extensions of a device of our own that has all features on offer.
+    pub fn own_extensions(&self) -> Vec<&'static CStr> {
+        // A device that is not all of Vulkan (MoltenVK) must be told that we know. Nothing that it may leave out is used.
+        let others = [khr::portability_subset::NAME, ash::ext::memory_budget::NAME];
+        let features = self.offered.iter().filter_map(|f| f.extension());
+        let mut list: Vec<_> = EXTENSIONS.into_iter().chain(features).chain(others).collect();
+        list.sort_unstable();
+        list.dedup();
+        // What became part of Vulkan 1.3 need not be there as an extension.
+        list.retain(|name| has_extension(&self.extensions, name));
+        list
+    }
+}
+
+impl Subgroups {
+    /// What is added to a kernel's module.
+    pub fn modes(&self, info: &DeviceInfo, uses_subgroups: bool) -> Vec<Mode> {
+        let reconvergence = match self.reconvergence {
+            Reconvergence::Maximal => Some(MAXIMALLY_RECONVERGES),
+            Reconvergence::SubgroupUniform => Some(SUBGROUP_UNIFORM_CONTROL_FLOW),
+            Reconvergence::Masked | Reconvergence::OneSubgroup => None,
+        };
+        let floats = info.preserves_nan.then_some(SIGNED_ZERO_INF_NAN_PRESERVE);
+        floats.into_iter().chain(reconvergence.filter(|_| uses_subgroups)).collect()
+    }
+}
+
+/// All physical devices, in the loader's order.
+pub(super) fn all(instance: &ash::Instance) -> Result<Vec<Physical>, GpuError> {
+    // SAFETY: queries on a live instance.
+    unsafe {
+        let list = instance.enumerate_physical_devices().check("vkEnumeratePhysicalDevices")?;
+        Ok(list.into_iter().map(|handle| Physical::query(instance, handle)).collect())
+    }
+}
+
+/// The device that `options` ask for, by default the first usable discrete GPU, else any that is usable.
+pub(super) fn pick(instance: &ash::Instance, options: &ContextOptions) -> Result<(Physical, Subgroups), GpuError> {
+    let list = all(instance)?;
+    let usable = |p: Physical| p.check(options, &p.offered).map(|subgroups| (p, subgroups));
+    if let Some(wanted) = options.device.as_deref() {
+        let found = match wanted.parse::<usize>() {
+            Ok(index) => list.get(index),
+            Err(_) => list.iter().find(|p| p.name.to_lowercase().contains(&wanted.to_lowercase())),
+        };
+        return found.cloned().map(usable).unwrap_or_else(|| {
+            let names: Vec<_> = list.iter().enumerate().map(|(i, p)| format!("{i}: {}", p.name)).collect();
+            Err(GpuError::NoDevice(format!(" called {wanted:?}; there are: {}", names.join(", "))))
+        });
+    }
+    let mut sorted = list;
+    sorted.sort_by_key(|p| match p.device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => 0,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => 1,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => 2,
+        _ => 3,
+    });
+    let mut first_failure = None;
+    for physical in sorted {
+        match usable(physical) {
+            Ok(found) => return Ok(found),
+            Err(e) => first_failure = first_failure.or(Some(e)),
+        }
+    }
+    Err(first_failure.unwrap_or_else(|| GpuError::NoDevice(" (none is installed)".into())))
+}
+
+/// A device of our own with all that `physical` offers, of the family that it names.
+pub(super) fn open(instance: &ash::Instance, physical: &Physical, family: u32) -> Result<ash::Device, GpuError> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+    let extensions: Vec<_> = physical.own_extensions().iter().map(|e| e.as_ptr()).collect();
+    let mut chain = FeatureChain::new(physical.offered.iter().copied());
+    let mut features = chain.link();
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut features);
+    // SAFETY: `physical` belongs to the instance and offers all that is asked for; the structures live for the call.
+    unsafe { instance.create_device(physical.handle, &info, None) }.check("vkCreateDevice")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extension(name: &CStr) -> vk::ExtensionProperties {
+        let mut extension = vk::ExtensionProperties::default();
+        for (to, from) in extension.extension_name.iter_mut().zip(name.to_bytes()) {
+            *to = *from as std::ffi::c_char;
+        }
+        extension
+    }
+
+    /// A device that has all that glint asks for, and offers one size of subgroups.
+    fn physical() -> Physical {
+        Physical {
+            handle: vk::PhysicalDevice::null(),
+            extensions: vec![extension(khr::push_descriptor::NAME)],
+            offered: Feature::REQUIRED.into(),
+            limits: Limits {
+                workgroup: 1024,
+                workgroup_subgroups: 16,
+                shared_bytes: 16384,
+                storage_buffers: needs::STORAGE_BUFFERS,
+                push_bytes: 128,
+                storage_bytes: 1 << 27,
+                timestamp_period: 1.0,
+            },
+            queue_family: Some((0, 64)),
+            memory: Default::default(),
+            api_version: vk::API_VERSION_1_2,
+            name: "a device".into(),
+            driver: String::new(),
+            driver_id: vk::DriverId::default(),
+            device_type: vk::PhysicalDeviceType::DISCRETE_GPU,
+            preferred_lanes: 32,
+            subgroup_operations: needs::SUBGROUP_OPERATIONS,
+            subgroup_sizes: [32, 32],
+            requires_lanes: true,
+            preserves_nan: true,
+        }
+    }
+
+    fn wants(subgroup_size: Option<u32>) -> ContextOptions {
+        ContextOptions { subgroup_size, ..Default::default() }
+    }
+
+    /// Lanes, and whether they are required at each pipeline.
+    fn lanes(p: &Physical, wanted: Option<u32>) -> Option<(u32, bool)> {
+        p.check(&wants(wanted), &p.offered).ok().map(|s| (s.lanes, s.require))
+    }
+
+    #[test]
+    fn one_size_of_subgroups_is_taken_that_the_device_offers_and_kernels_know() {
+        let with = |subgroup_sizes, preferred_lanes, requires_lanes| Physical {
+            subgroup_sizes,
+            preferred_lanes,
+            requires_lanes,
+            ..physical()
+        };
+        // NVIDIA, Intel, RDNA, Adreno, one whose own choice is small.
+        assert_eq!(lanes(&with([32, 32], 32, true), None), Some((32, true)));
+        assert_eq!(lanes(&with([8, 32], 32, true), None), Some((32, true)));
+        assert_eq!(lanes(&with([32, 64], 64, true), None), Some((64, true)));
+        assert_eq!(lanes(&with([64, 128], 128, true), None), Some((64, true)));
+        assert_eq!(lanes(&with([4, 16], 4, true), None), Some((8, true)));
+        // A size of the caller's, if it is offered.
+        assert_eq!([8, 16, 32].map(|n| lanes(&with([8, 32], 32, true), Some(n))), [8, 16, 32].map(|n| Some((n, true))));
+        assert_eq!([0, 4, 24, 64, 128].map(|n| lanes(&with([4, 32], 32, true), Some(n))), [None; 5]);
+        // MoltenVK takes no demand, and has one size.
+        assert_eq!(lanes(&with([32, 32], 32, false), None), Some((32, false)));
+        assert_eq!(lanes(&with([32, 32], 32, false), Some(32)), Some((32, false)));
+        assert_eq!(lanes(&with([32, 32], 32, false), Some(16)), None);
+        // Not to be had or not known.
+        let refused =
+            [([8, 32], 32, false), ([4, 4], 4, true), ([4, 4], 4, false), ([128, 128], 128, true), ([0, 0], 32, false)];
+        for (sizes, preferred, required) in refused {
+            let p = with(sizes, preferred, required);
+            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
+            assert!(
+                error.contains("from 8 to 64 lanes") && error.contains(&format!("{} to {}", sizes[0], sizes[1])),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_a_device_lacks_is_named() {
+        let says = |change: fn(&mut Physical)| {
+            let mut p = physical();
+            change(&mut p);
+            p.check(&wants(None), &p.offered).unwrap_err().to_string()
+        };
+        assert!(physical().check(&wants(None), &BTreeSet::new()).is_ok());
+        assert_eq!(says(|p| p.api_version = vk::API_VERSION_1_1), "device a device lacks Vulkan 1.2");
+        assert_eq!(says(|p| p.queue_family = None), "device a device lacks a compute queue");
+        assert_eq!(says(|p| p.extensions.clear()), "device a device lacks extension VK_KHR_push_descriptor");
+        for feature in Feature::REQUIRED {
+            let mut p = physical();
+            p.offered.remove(&feature);
+            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
+            assert_eq!(error, format!("device a device lacks feature {}", feature.name()));
+        }
+        let ballot = says(|p| p.subgroup_operations &= !vk::SubgroupFeatureFlags::BALLOT.as_raw());
+        assert_eq!(ballot, "device a device lacks subgroup operations in compute: BALLOT");
+        let few = needs::STORAGE_BUFFERS - 1;
+        let buffers = format!("device a device allows {few} storage buffers of a kernel, {} are needed", few + 1);
+        assert_eq!(says(|p| p.limits.storage_buffers -= 1), buffers);
+        let push = format!("device a device allows 1 bytes of push constants, {} are needed", needs::PUSH_BYTES);
+        assert_eq!(says(|p| p.limits.push_bytes = 1), push);
+    }
+
+    #[test]
+    fn lanes_are_kept_together_by_what_the_device_offers_best() {
+        let how = |driver_id, features: &[Feature]| {
+            let p = Physical { driver_id, ..physical() };
+            let enabled = features.iter().copied().collect();
+            let subgroups = p.check(&wants(None), &enabled).unwrap();
+            let info = p.info(Some(subgroups), &enabled, 64);
+            let modes = subgroups.modes(&info, true).iter().map(|m| m.mode).collect::<Vec<_>>();
+            // Kernels without subgroup operations are not told of it.
+            assert_eq!(subgroups.modes(&info, false), [SIGNED_ZERO_INF_NAN_PRESERVE]);
+            (subgroups.reconvergence, info.workgroup(128), modes)
+        };
+        let (maximal, uniform) = (Feature::ShaderMaximalReconvergence, Feature::ShaderSubgroupUniformControlFlow);
+        let (any, llvmpipe) = (vk::DriverId::MESA_RADV, vk::DriverId::MESA_LLVMPIPE);
+        assert_eq!(how(any, &[maximal, uniform]), (Reconvergence::Maximal, 128, vec![4461, 6023]));
+        assert_eq!(how(any, &[uniform]), (Reconvergence::SubgroupUniform, 128, vec![4461, 4421]));
+        assert_eq!(how(llvmpipe, &[]), (Reconvergence::Masked, 128, vec![4461]));
+        assert_eq!(how(any, &[]), (Reconvergence::OneSubgroup, 32, vec![4461]));
+    }
+
+    #[test]
+    fn workgroups_and_timestamps_are_what_the_limits_allow() {
+        let info = |change: fn(&mut Physical), bits| {
+            let mut p = physical();
+            change(&mut p);
+            p.info(p.check(&wants(None), &p.offered).ok(), &p.offered, bits)
+        };
+        assert_eq!(info(|_| (), 64).max_workgroup, 512);
+        assert_eq!(info(|p| p.limits.workgroup = 200, 64).max_workgroup, 192);
+        assert_eq!((info(|_| (), 36).timestamp_period, info(|_| (), 0).timestamp_period), (1.0, 0.0));
+        // A device that cannot be used is described too.
+        assert_eq!(info(|p| p.subgroup_sizes = [4, 4], 64).subgroup_size, 32);
+    }
+
+    #[test]
+    fn a_device_that_is_not_all_of_vulkan_is_told_that_we_know() {
+        let mut p = physical();
+        assert_eq!(p.own_extensions(), [khr::push_descriptor::NAME]);
+        p.extensions.push(extension(khr::portability_subset::NAME));
+        assert!(p.own_extensions().contains(&khr::portability_subset::NAME));
+    }
+}
