@@ -2,13 +2,12 @@
 // Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1).
 //
 // One subgroup: one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups do not meet.
-// screen_planes, screen_frames, views, depths → point_counts (0 for an empty slot).
-
+// screen_planes, screen_frames, views, depths -> point_counts (0 for an empty place).
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
 #include "../shared/footprint.glsl"
+#include "../shared/screen.glsl"
 
 layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
@@ -17,20 +16,22 @@ layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer PointCounts { uint point_counts[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;      // 2D Gaussians (slots)
+    uint count;      // 2D Gaussians, empty places among them
     uint stride;     // of the planes
     uint view_count;
-};
+} push;
+
+float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
 
 void main() {
     uint item = subgroup_index();
-    if (item >= count) return;
+    if (item >= push.count) return;
     uint covered = 0;
     uint v = screen_frames[item];
-    if (v < view_count) {
+    if (v < push.view_count) {
         View view = views[v];
-        Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
-            vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
+        Footprint f = make_footprint(vec2(at(CENTRE, item), at(CENTRE + 1, item)), at(LOGIT, item),
+            vec2(at(LOG_SCALE, item), at(LOG_SCALE + 1, item)), at(ANGLE, item),
             uvec2(view.width, view.height), false);
         uint pixels = f.size.x * f.size.y;
         for (uint k = gl_SubgroupInvocationID; k < pixels; k += gl_SubgroupSize) {

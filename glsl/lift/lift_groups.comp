@@ -1,17 +1,15 @@
 #version 460
 // Judges the components of each open set and names its prime group (method, section 4.2 and 4.3).
 //
-// One subgroup: one set. Labels become the components' roots. If clustering failed, τ grows and another round of lift_join and of
+// One subgroup: one set. Labels become the components' roots. If clustering failed, tau grows and another round of lift_join and of
 // this stage is asked for: with `round` r, its numbers of workgroups are put at words 6(r + 1) of `rounds` (0 before), for
 // lift_join and, three on, for this stage.
 //
-// labels, point_counts, point_firsts, heaviest → labels (index within the set of the component's first point), group_sizes (scratch:
+// labels, point_counts, point_firsts, heaviest -> labels (index within the set of the component's first point), group_sizes (scratch:
 // size of a component at its label), taus, prime_labels, cluster_sizes (of the prime group; stays 0 while there is none), rounds.
 //
 // The prime group is the one of the heaviest point if it has 3 points or more, else the largest (ties: the smallest label).
-
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
 #include "../shared/cluster.glsl"
 
@@ -33,7 +31,7 @@ layout(push_constant, scalar) uniform Push {
     uint point_count; // of all sets
     uint round;
     uint last_round;
-};
+} push;
 
 #include "../shared/forest.glsl"
 
@@ -53,7 +51,7 @@ void ask(uint word, uint groups_x, uint groups_y) {
 
 void main() {
     uint set_index = subgroup_index();
-    if (set_index >= count) return;
+    if (set_index >= push.count) return;
     uint lane = gl_SubgroupInvocationID, width = gl_SubgroupSize;
     uint n = point_counts[set_index], first = point_firsts[set_index];
     float tau = taus[set_index];
@@ -82,12 +80,12 @@ void main() {
     label = subgroupMin(largest == most ? label : NONE);
     if (!subgroupElect()) return;
     if ((FAIL_ON_SMALLEST != 0 ? fewest : most) < GROUP_MIN) { // guard: sets of three points
-        if (round < last_round) {
+        if (push.round < push.last_round) {
             taus[set_index] = tau * TAU_GROWTH;
-            uint groups = (point_count - 1) / gl_WorkGroupSize.x + 1;
+            uint groups = (push.point_count - 1) / gl_WorkGroupSize.x + 1;
             uint rows = (groups - 1) / MAX_GROUPS + 1; // guard: folded rounds
-            ask(6 * (round + 1), (groups - 1) / rows + 1, rows);
-            ask(6 * (round + 1) + 3, gl_NumWorkGroups.x, gl_NumWorkGroups.y);
+            ask(6 * (push.round + 1), (groups - 1) / rows + 1, rows);
+            ask(6 * (push.round + 1) + 3, gl_NumWorkGroups.x, gl_NumWorkGroups.y);
         }
         return;
     }

@@ -1,22 +1,20 @@
 #version 460
-// Joins the points of each open set that are closer than the set's τ, in the forest of `labels` (method, section 4.2).
+// Joins the points of each open set that are closer than the set's tau, in the forest of `labels` (method, section 4.2).
 //
-// Cutting single linkage at distance τ is the partition into connected components of the graph that joins points closer than τ.
+// Cutting single linkage at distance tau is the partition into connected components of the graph that joins points closer than tau.
 //
 // One lane: one point of the packed sets. A subgroup's points (those of one set: a block; where sets meet, one after the
-// other) meet all points of their set up to themselves. A point farther than τ from the block's box cannot join anything in it
+// other) meet all points of their set up to themselves. A point farther than tau from the block's box cannot join anything in it
 // and is passed over, as is one known to be in the one component that holds the whole block: of points in pixel order few pairs
 // are left, and for any other order the result is the same. Rounding is monotone, so the computed distance to
 // the box is never above the computed distance to a point in it, and passing over is exact.
 //
-// points, point_sets, point_counts, point_firsts, taus, cluster_sizes → labels: each an ancestor of its point, at first the point
-// itself; components only ever merge as τ grows, so the forest is kept from one round to the next.
+// points, point_sets, point_counts, point_firsts, taus, cluster_sizes -> labels: each an ancestor of its point, at first the point
+// itself; components only ever merge as tau grows, so the forest is kept from one round to the next.
 //
 // Limits: llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. A lane makes n/8 + (pairs
 // left) of them: sets of any size in pixel order (at most 87,000 points), some 50,000 points in the worst order.
-
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
 #include "../shared/cluster.glsl"
 
@@ -30,7 +28,7 @@ layout(set = 0, binding = 6, scalar) buffer Labels { uint labels[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint point_count; // of all sets
-};
+} push;
 
 #include "../shared/forest.glsl"
 
@@ -68,7 +66,7 @@ void join_block(bool here, vec3 p, uint mine, uint first, uint n, float limit) {
 
 void main() {
     uint at = subgroup_index() * gl_SubgroupSize + gl_SubgroupInvocationID;
-    bool open = at < point_count;
+    bool open = at < push.point_count;
     uint set_index = open ? point_sets[at] : NONE;
     vec3 p = vec3(0.0);
     if (open) {

@@ -1,24 +1,23 @@
 #version 460
 // The 3D Gaussian of each prime group: position, weighted PCA, calibration, colour and lobe (method, section 4.3 to 4.6).
 //
-// One subgroup: one 2D Gaussian. Its lanes share the sums over the points and the loop over the training views; the 3×3
+// One subgroup: one 2D Gaussian. Its lanes share the sums over the points and the loop over the training views; the 3x3
 // algebra is done by every lane alike. Sums go lane by lane in point order and then over the lanes: always the same order.
 //
 // screen_planes, screen_frames, views, train_views, points, point_counts, point_firsts, heaviest, labels, prime_labels, cluster_sizes
-// → lifts, lift_flags (1 where there is a lift, else 0; their exclusive scan is what lift_append wants).
+// -> lifts, lift_flags (1 where there is a lift, else 0; their exclusive scan is what lift_append wants).
 //
 // Outcomes where the algebra is not unique: collinear or coincident points leave eigenvalues at the floor; axes of equal
 // eigenvalues are what Jacobi's rotations leave, the camera's own where there was nothing to rotate; a third axis seen exactly
 // edge-on keeps its sign. Anything that cannot be finite (a 2D centre, depth or camera that is not) is no lift.
-
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
 #include "../shared/footprint.glsl"
+#include "../shared/screen.glsl"
 #include "../shared/lift.glsl"
 
-// ⚖ Weights of the covariance: 0, w² (the release); 1, w.
+// ⚖ Weights of the covariance: 0, w^2 (the release); 1, w.
 layout(constant_id = 1) const uint PLAIN_WEIGHTS = 0;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
@@ -37,22 +36,24 @@ layout(set = 0, binding = 11, scalar) writeonly buffer Lifts { Lift lifts[]; };
 layout(set = 0, binding = 12, scalar) writeonly buffer LiftFlags { uint lift_flags[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;       // 2D Gaussians (slots)
+    uint count;       // 2D Gaussians, empty places among them
     uint stride;      // of the planes
     uint view_count;
     uint train_count;
     float unit;       // the scene's own length, scene units
-};
+} push;
 
-const float EIGENVALUE_MIN = 1e-7;       // unit²
-const uint SWEEPS = 8;                   // Jacobi on 3×3 converges quadratically: 4 reach float32, 6 float64, two to spare
+float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
+
+const float EIGENVALUE_MIN = 1e-7;       // unit^2
+const uint SWEEPS = 8;                   // Jacobi on 3x3 converges quadratically: 4 reach float32, 6 float64, two to spare
 
 // Annihilates the off-diagonal element pq; r is the third index. Entries are at most 1 (scaled by the trace), so what is
 // below 1e-30 changes nothing.
 void turn(inout float pp, inout float qq, inout float pq, inout float rp, inout float rq, inout vec3 axis_p, inout vec3 axis_q) {
     if (!(abs(pq) > 1e-30)) return; // guard: rotations of nothing
     float ratio = (qq - pp) / (2.0 * pq);
-    // Beyond 1e15 the square would overflow and tan = 1/(2·ratio) is below all rounding.
+    // Beyond 1e15 the square would overflow and tan = 1/(2*ratio) is below all rounding.
     float tangent = abs(ratio) < 1e15 ? (ratio < 0.0 ? -1.0 : 1.0) / (abs(ratio) + sqrt(ratio * ratio + 1.0)) : 0.5 / ratio;
     float c = inversesqrt(tangent * tangent + 1.0), s = tangent * c;
     pp -= tangent * pq;
@@ -97,12 +98,12 @@ bool is_finite(vec4 v) {
 }
 
 // The angle at `position` between the source camera (in direction `toward`) and the training camera closest in angle whose
-// frustum holds the position; π/2 if there is none.
+// frustum holds the position; pi/2 if there is none.
 float nearest_view_angle(vec3 position, vec3 toward, uint source) {
-    float nearest = 4.0; // above π
-    for (uint k = gl_SubgroupInvocationID; k < train_count; k += gl_SubgroupSize) {
+    float nearest = 4.0; // above pi
+    for (uint k = gl_SubgroupInvocationID; k < push.train_count; k += gl_SubgroupSize) {
         uint v = train_views[k];
-        if (v >= view_count || v == source) continue;
+        if (v >= push.view_count || v == source) continue;
         View view = views[v];
         vec3 p = to_camera(view, position);
         if (!(p.z > NEAR)) continue;
@@ -123,7 +124,7 @@ Lift make_lift(uint item, View view, uint source) {
 
     // The label is the group's first point; sums are taken from there, so that they do not cancel.
     vec3 origin = points[first + prime].xyz;
-    vec4 sums = vec4(0.0); // Σ w (x − origin), Σ w
+    vec4 sums = vec4(0.0); // sum w (x - origin), sum w
     for (uint i = lane; i < n; i += width) {
         if (labels[first + i] != prime) continue;
         vec4 p = points[first + i];
@@ -151,7 +152,7 @@ Lift make_lift(uint item, View view, uint source) {
     uint heavy = min(heaviest[item], n - 1);
     // guard: depth of a group without the heaviest
     float depth = labels[first + heavy] == prime ? points[first + heavy].z : origin.z + centred_mean.z;
-    vec2 centre = vec2(screen_planes[item], screen_planes[stride + item]);
+    vec2 centre = vec2(at(CENTRE, item), at(CENTRE + 1, item));
     vec2 ray = (centre - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
     vec3 position = vec3(ray * depth, depth);
 
@@ -172,18 +173,18 @@ Lift make_lift(uint item, View view, uint source) {
         order(value.x, value.y, axis_1, axis_2);
         value *= trace / total;
     }
-    value = max(value, vec3(EIGENVALUE_MIN * unit * unit)); // guard: floor of the eigenvalues
+    value = max(value, vec3(EIGENVALUE_MIN * push.unit * push.unit)); // guard: floor of the eigenvalues
     // The third axis looks at the camera, which is at the origin of this frame; the second makes the frame right-handed.
     if (dot(axis_3, position) > 0.0) axis_3 = -axis_3;
     if (dot(cross(axis_1, axis_2), axis_3) < 0.0) axis_2 = -axis_2;
 
-    // Calibration: the k² that brings k²·Q closest to S in the Frobenius norm. Q = MMᵀ, M = J R diag(√λ), rows m1 and m2.
+    // Calibration: the k^2 that brings k^2*Q closest to S in the Frobenius norm. Q = MM^T, M = J R diag(sqrt(lambda)), rows m1 and m2.
     vec2 slope = clamp(ray, -vec2(view.limit_x, view.limit_y), vec2(view.limit_x, view.limit_y));
     vec3 deviation = sqrt(value);
     vec3 m1 = view.fx / depth * deviation * vec3(axis_1.x - slope.x * axis_1.z, axis_2.x - slope.x * axis_2.z, axis_3.x - slope.x * axis_3.z);
     vec3 m2 = view.fy / depth * deviation * vec3(axis_1.y - slope.y * axis_1.z, axis_2.y - slope.y * axis_2.z, axis_3.y - slope.y * axis_3.z);
     vec3 q = vec3(dot(m1, m1), dot(m1, m2), dot(m2, m2));
-    vec3 s = screen_covariance(vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item]);
+    vec3 s = screen_covariance(vec2(at(LOG_SCALE, item), at(LOG_SCALE + 1, item)), at(ANGLE, item));
     float size = q.x + q.z; // Q in units of its trace: its square then neither overflows nor vanishes
     vec3 unit_q = q / size;
     float k2 = (unit_q.x * s.x + 2.0 * unit_q.y * s.y + unit_q.z * s.z) /
@@ -193,8 +194,8 @@ Lift make_lift(uint item, View view, uint source) {
     lift.mean = view.eye + to_world(view, position);
     lift.log_scale = 0.5 * log(k2 * value);
     lift.quat = quaternion(to_world(view, axis_1), to_world(view, axis_2), to_world(view, axis_3));
-    lift.dc = (vec3(screen_planes[2 * stride + item], screen_planes[3 * stride + item], screen_planes[4 * stride + item]) - 0.5) / SH_C0;
-    lift.opacity = screen_planes[5 * stride + item];
+    lift.dc = (vec3(at(COLOUR, item), at(COLOUR + 1, item), at(COLOUR + 2, item)) - 0.5) / SH_C0;
+    lift.opacity = at(LOGIT, item);
     vec3 toward = to_world(view, -position);
     lift.lobe_dir = normalize(toward);
     lift.theta_bar = nearest_view_angle(lift.mean, toward, source);
@@ -210,10 +211,10 @@ Lift make_lift(uint item, View view, uint source) {
 
 void main() {
     uint item = subgroup_index();
-    if (item >= count) return;
+    if (item >= push.count) return;
     uint v = screen_frames[item];
     Lift lift = NO_LIFT;
-    if (cluster_sizes[item] > 0 && v < view_count) lift = make_lift(item, views[v], v);
+    if (cluster_sizes[item] > 0 && v < push.view_count) lift = make_lift(item, views[v], v);
     if (subgroupElect()) {
         lifts[item] = lift;
         lift_flags[item] = lift.cluster_size > 0 ? 1 : 0;

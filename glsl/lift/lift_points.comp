@@ -3,16 +3,15 @@
 //
 // One subgroup: one 2D Gaussian; its lanes go through the bounding box in row-major order, ballots number the points, so
 // the order is the pixels' whatever the subgroup size.
-// screen_planes, screen_frames, views, depths, point_counts, point_firsts → points (xyz, weight), point_sets, labels, heaviest, taus.
+// screen_planes, screen_frames, views, depths, point_counts, point_firsts -> points (xyz, weight), point_sets, labels, heaviest, taus.
 //
 // Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
 // no digits are lost when the scene lies far from its origin.
-
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
 #include "../shared/footprint.glsl"
+#include "../shared/screen.glsl"
 
 layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
@@ -23,26 +22,28 @@ layout(set = 0, binding = 5, scalar) readonly buffer PointFirsts { uint point_fi
 layout(set = 0, binding = 6, scalar) writeonly buffer Points { vec4 points[]; };
 // Index within the set of the point of greatest weight; ties go to the lowest.
 layout(set = 0, binding = 7, scalar) writeonly buffer Heaviest { uint heaviest[]; };
-// τ0 = 5·δd, δd = depth / fx: the distance at that depth of two horizontally adjacent pixels.
+// tau0 = 5*dd, dd = depth / fx: the distance at that depth of two horizontally adjacent pixels.
 layout(set = 0, binding = 8, scalar) writeonly buffer Taus { float taus[]; };
 // The 2D Gaussian of each point, and the point as its own component: what clustering starts from.
 layout(set = 0, binding = 9, scalar) writeonly buffer PointSets { uint point_sets[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer Labels { uint labels[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;      // 2D Gaussians (slots)
+    uint count;      // 2D Gaussians, empty places among them
     uint stride;     // of the planes
     uint view_count;
-};
+} push;
 
-const float TAU_PIXELS = 5.0; // appendix A: the first threshold is 5·δd
+float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
+
+const float TAU_PIXELS = 5.0; // appendix A: the first threshold is 5*dd
 
 void main() {
     uint item = subgroup_index();
-    if (item >= count) return;
+    if (item >= push.count) return;
     uint n = point_counts[item];
     uint v = screen_frames[item];
-    if (n == 0 || v >= view_count) {
+    if (n == 0 || v >= push.view_count) {
         if (subgroupElect()) {
             heaviest[item] = 0;
             taus[item] = 0.0;
@@ -51,8 +52,8 @@ void main() {
     }
     View view = views[v];
     uint first = point_firsts[item];
-    Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
-        vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
+    Footprint f = make_footprint(vec2(at(CENTRE, item), at(CENTRE + 1, item)), at(LOGIT, item),
+        vec2(at(LOG_SCALE, item), at(LOG_SCALE + 1, item)), at(ANGLE, item),
         uvec2(view.width, view.height), false);
     uint pixels = f.size.x * f.size.y;
     uint written = 0;
@@ -89,7 +90,7 @@ void main() {
     uint winner = subgroupMin(best_weight == top ? best : 0xFFFFFFFFu);
     float winner_depth = subgroupMax(best_weight == top && best == winner ? best_depth : 0.0);
     if (subgroupElect()) {
-        float centre_depth = screen_planes[9 * stride + item];
+        float centre_depth = at(DEPTH, item);
         heaviest[item] = winner;
         // guard: τ without a depth
         taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;

@@ -1,23 +1,21 @@
 // The pixels that a 2D Gaussian of the screen phase covers, with which weight.
 //
-// A 2D Gaussian is a column of `screen_planes` (planes × stride): 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px),
-// 8 angle, 9 depth. S = Rot(angle) diag(s²) Rot(angle)ᵀ; it covers the pixels where
-// α = min(0.99, opacity · exp(−½ δᵀ(S + 0.3 I)⁻¹δ)) ≥ 1/255. It is drawn, and pruned, with its opacity compensated by
-// √(det S / det(S + 0.3 I)), and lifted with its opacity as it is (method, sections 3 and 4).
+// S = Rot(angle) diag(s^2) Rot(angle)^T; it covers the pixels where
+// alpha = min(0.99, opacity * exp(-1/2 d^T (S + 0.3 I)^-1 d)) >= 1/255. It is drawn, and pruned, with its opacity compensated by
+// sqrt(det S / det(S + 0.3 I)), and lifted with its opacity as it is (method, sections 3 and 4).
 
 #include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
 #include "unit.glsl"  // FLOAT_MAX
 
-
 struct Footprint {
     vec2 centre;
-    float l11, l12, l22; // (S + 0.3 I)⁻¹ = LᵀL, upper triangular
-    float opacity;       // σ(logit), compensated or not
+    float l11, l12, l22; // (S + 0.3 I)^-1 = L^T L, upper triangular
+    float opacity;       // sigmoid(logit), compensated or not
     uvec2 low;           // first pixel of the bounding box
     uvec2 size;          // of the bounding box; 0 when nothing is covered
 };
 
-// S as (S11, S12, S22), px².
+// S as (S11, S12, S22), px^2.
 vec3 screen_covariance(vec2 log_scale, float angle) {
     vec2 s = exp(log_scale);
     float c = cos(angle), n = sin(angle);
@@ -40,7 +38,7 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     f.l22 = inversesqrt(c);
     f.opacity = (compensate ? sqrt(v.x * v.y / whole) : 1.0) / (1.0 + exp(-logit));
     if (!(f.opacity >= ALPHA_MIN) || !(max(abs(centre.x), abs(centre.y)) <= 1e9)) return f;
-    // α ≥ 1/255 ⇔ |Lδ|² ≤ 2 ln(255·opacity): an ellipse with these half extents. floor and ceil leave the slack for rounding.
+    // alpha >= 1/255 <=> |L d|^2 <= 2 ln(255*opacity): an ellipse with these half extents. floor and ceil leave the slack for rounding.
     vec2 reach = sqrt(2.0 * log(255.0 * f.opacity) * vec2(a, c));
     if (!(max(reach.x, reach.y) <= 1e9)) return f;
     uvec2 low = uvec2(clamp(floor(centre - reach - 0.5), vec2(0.0), vec2(image)));
@@ -51,7 +49,7 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     return f;
 }
 
-// α at a pixel, 0 where it is not covered. `precise`: counting and writing points must take the same decisions.
+// alpha at a pixel, 0 where it is not covered. `precise`: counting and writing points must take the same decisions.
 float footprint_weight(Footprint f, uvec2 pixel) {
     precise vec2 d = vec2(pixel) + 0.5 - f.centre;
     precise float u = f.l11 * d.x + f.l12 * d.y;

@@ -7,6 +7,6 @@ struct Lift {
     float opacity;     // logit
     vec3 lobe_dir;     // unit, from the Gaussian to the source camera
     float lobe_width;  // T, 0.01 to 1
-    float theta_bar;   // θ̄, radians
+    float theta_bar;   // angle to the nearest other training view, radians
     uint cluster_size; // points of the prime group; 0: no lift, and all else is 0 too
 };
