@@ -5,12 +5,13 @@ use serde::Serialize;
 use super::{
     DeviceArgs, Outcome, ReductionArgs,
     enhance::{Preset, run_with_progress},
-    make_folder, print, print_json,
+    output::{Inputs, OutputArgs},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
     Result,
-    data::{Dataset, Photo, Split, builtin::builtin_scene, write_scene},
+    data::{Dataset, Photo, Split, builtin::builtin_scene, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Times},
@@ -23,7 +24,7 @@ use crate::{
     },
     report::{
         evaluate::{Evaluation, evaluate},
-        sidebyside::{Crop, Figure, Panel, write_png},
+        sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
     scene::{Scene, from_points},
@@ -36,13 +37,20 @@ for as many more steps instead.
 
 Examples:
   glint demo
-  glint demo -o /tmp/demo --json";
+  glint demo -o demo --force --json";
 
 /// Surface points that the base begins with, one Gaussian each.
 const POINTS: usize = 4000;
 /// Steps of the base: few enough that the whole demo stays within two minutes on two CPU cores.
 const ITERATIONS: u32 = 2000;
 const SH_DEGREE: u32 = 3;
+const BASE: &str = "base.ply";
+const AUGMENTED: &str = "augmented.ply";
+
+/// The file of a test view's picture.
+fn picture(photo: &Photo) -> String {
+    format!("{}.png", photo.name)
+}
 
 /// The whole method on a built-in scene: train a base, augment it, show the gain
 #[derive(Debug, clap::Args)]
@@ -58,6 +66,8 @@ pub(super) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    replace: OutputArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
     #[command(flatten)]
@@ -91,22 +101,25 @@ struct Report<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        make_folder(&self.output)?;
-        self.device.with(|context| Ok(self.run_on(context)?))
-    }
-
-    fn run_on(&self, context: &Context) -> Result<()> {
-        note(format!("device: {}", context.info().name));
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
         let dataset = builtin_scene(2 * POINTS).dataset();
-        let train = photos_of(&dataset, Some(Split::Train))?;
-        let test = photos_of(&dataset, Some(Split::Test))?;
+        let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
+        let names = [BASE, AUGMENTED].into_iter().chain(pictures.iter().map(String::as_str));
+        self.replace.check_files(&self.output, names, &Inputs::default())?;
+        self.replace.make_folder(&self.output, &Inputs::default())?;
+        self.device.with(|context| Ok(self.run_on(context, &dataset)?))
+    }
+
+    fn run_on(&self, context: &Context, dataset: &Dataset) -> Result<()> {
+        note(format!("device: {}", context.info().name));
+        let train = photos_of(dataset, Some(Split::Train))?;
+        let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
         let views = upload_photos(context, &train, background, |_| ())?;
         let extent = dataset.extent() as f32;
 
-        let (base, base_seconds) = self.train(context, &dataset, &views, POINTS, ITERATIONS)?;
-        write_scene(self.output.join("base.ply"), &base)?;
+        let (base, base_seconds) = self.train(context, dataset, &views, POINTS, ITERATIONS)?;
+        write_scene(self.output.join(BASE), &base)?;
 
         let reduction = self.reduction.reduction();
         let options = match self.preset {
@@ -117,11 +130,11 @@ impl Args {
         let started = Instant::now();
         let enhanced = run_with_progress(context, &base, &views, &options, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
-        write_scene(self.output.join("augmented.ply"), &enhanced.scene)?;
+        write_scene(self.output.join(AUGMENTED), &enhanced.scene)?;
 
         let added = enhanced.lifted as usize;
         let joint_steps = options.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) = self.train(context, &dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
+        let (plain, plain_seconds) = self.train(context, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
         let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| ());
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
@@ -212,7 +225,8 @@ impl Args {
                 crop: Some(best_crop(truth.width, truth.height, &base, &augmented, &truth.rgb)),
                 full_error: 0.25,
             };
-            write_png(self.output.join(format!("{}.png", photo.name)), &figure.compose()?)?;
+            let drawn = figure.compose()?;
+            write_png_bytes(self.output.join(picture(photo)), drawn.width(), drawn.height(), drawn.as_raw())?;
         }
         Ok(())
     }
@@ -241,7 +255,7 @@ impl Args {
         }
         format!(
             "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: base.ply, augmented.ply, view_*.png\n",
+             2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
             times.plane.as_secs_f64(),

@@ -4,13 +4,15 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, open_scene,
+    output::{Inputs, OutputArgs, check_room},
+    print, print_json,
     progress::{Progress, note},
     render::file_names,
 };
 use crate::{
     Error, Result,
-    data::{Photo, Split, write_scene},
+    data::{Photo, Split, scene_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Stage, enhance},
@@ -92,6 +94,8 @@ pub(super) struct Args {
     #[arg(long, help_heading = "What the paper leaves open")]
     bias_correction: bool,
     #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
@@ -137,14 +141,19 @@ struct Seconds {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        check_output(&self.output)?;
         let scene = open_scene(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has an element `augmented`), expected a base scene";
             return Err(Error::input(&self.base, what).into());
         }
         let dataset = self.photos.open(&self.dataset)?;
+        let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
+        self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
+        let (gaussians, sh_degree) = (scene.base.len() as u64, scene.base.sh_degree);
+        // Each view may round its share up.
+        let added = (self.ratio * gaussians as f64) as u64 + photos.len() as u64;
+        check_room(&self.output, scene_bytes(gaussians, added, sh_degree))?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(
@@ -170,7 +179,10 @@ impl Args {
             ..preset
         };
         let work = match &self.work {
-            Some(folder) => Some(WorkDir::open(folder, &self.settings(&photos)?, view_names(&photos))?),
+            Some(folder) => {
+                self.replace.make_folder(folder, &inputs)?;
+                Some(WorkDir::open(folder, &self.settings(&photos)?, view_names(&photos))?)
+            }
             None => None,
         };
         self.device.with(|context| {

@@ -7,6 +7,7 @@ mod devices;
 mod enhance;
 mod eval;
 mod info;
+mod output;
 mod progress;
 mod render;
 mod train;
@@ -14,7 +15,6 @@ mod verify;
 
 use std::{
     fmt::Display,
-    fs,
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -127,6 +127,19 @@ fn log(verbose: u8) {
         .try_init();
 }
 
+/// Says what to do where there is no driver.
+fn with_hint(error: GpuError) -> GpuError {
+    let hint = "install your GPU's Vulkan driver, or for a CPU alone Mesa's (on Debian and Ubuntu: apt install \
+                mesa-vulkan-drivers)";
+    match error {
+        GpuError::NoDevice(why) => GpuError::NoDevice(format!("{why}: {hint}")),
+        GpuError::Vulkan { result: ash::vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. } => {
+            GpuError::NoDevice(format!(" ({error}): {hint}"))
+        }
+        error => error,
+    }
+}
+
 /// Which device to run on.
 #[derive(Debug, Args)]
 struct DeviceArgs {
@@ -142,12 +155,16 @@ struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
-        let device = self.device.clone().or_else(|| std::env::var("GLINT_DEVICE").ok().filter(|d| !d.is_empty()));
+        let variable = || std::env::var("GLINT_DEVICE").ok().filter(|d| !d.is_empty());
+        let (asked, device) = match &self.device {
+            Some(device) => ("--device", Some(device.clone())),
+            None => ("GLINT_DEVICE", variable()),
+        };
         let validation = self.validate || std::env::var_os("GLINT_VALIDATION").is_some();
         let context = Context::new(&ContextOptions { device: device.clone(), validation }).map_err(|e| match e {
             // A device that was asked for and is not there is the caller's mistake.
-            GpuError::NoDevice(_) if device.is_some() => Error::Usage(format!("--device: {e}")),
-            e => e.into(),
+            GpuError::NoDevice(_) if device.is_some() => Error::Usage(format!("{asked}: {e}")),
+            e => with_hint(e).into(),
         })?;
         let result = work(&context);
         match context.validation_messages().len() {
@@ -245,25 +262,6 @@ fn open_scene(path: &Path) -> Result<Scene> {
         return Err(Error::input(path, what));
     }
     data::read_scene(path)
-}
-
-/// Fails now if a file at `path` could not be written after hours of work. Leaves nothing behind.
-fn check_output(path: &Path) -> Result<()> {
-    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-        return Err(Error::input(path, "exists and is not a file, expected the name of a file to write"));
-    }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let can = tempfile::tempfile_in(folder);
-    can.map(drop).map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", folder.display())))
-}
-
-/// Makes the folder that outputs go to.
-fn make_folder(path: &Path) -> Result<()> {
-    if fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
-        return Err(Error::input(path, "exists and is not a folder, expected a folder for the images"));
-    }
-    fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be made: {error}")))?;
-    tempfile::tempfile_in(path).map(drop).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))
 }
 
 /// Prints a result. A reader that has gone away has seen enough.

@@ -7,7 +7,9 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SplitArg, make_folder, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, SplitArg, open_scene,
+    output::{Inputs, OutputArgs},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
@@ -38,7 +40,8 @@ EXR, 32-bit float:
 Depth is where half of the light is stopped. Diffuse is what the base Gaussians show with their constant SH band \
 only, but nowhere more than the color; specular is the rest.
 
-Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all.
+Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all, and \
+none that is there is replaced without --force.
 
 Examples:
   glint render augmented.ply garden -o views
@@ -67,6 +70,8 @@ pub(super) struct Args {
     /// Print JSON: [{"name","file"}]
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    replace: OutputArgs,
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
@@ -120,7 +125,10 @@ impl Args {
         let extension = if self.format == Format::Png { "png" } else { "exr" };
         let files: HashMap<&str, String> =
             dataset.photos.iter().map(|p| &p.name[..]).zip(file_names(&dataset.photos, extension)).collect();
-        make_folder(&self.output)?;
+        let inputs = Inputs::default().scene(&self.scene).dataset(&dataset);
+        let names = photos.iter().map(|photo| &files[&photo.name[..]][..]);
+        self.replace.check_files(&self.output, names, &inputs)?;
+        self.replace.make_folder(&self.output, &inputs)?;
 
         let written = self.device.with(|context| {
             let options = RenderOptions { depth: self.what == What::Depth, ..Default::default() };

@@ -3,11 +3,13 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs,
+    output::{Inputs, OutputArgs, check_room},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
-    data::{Split, write_scene},
+    data::{Split, scene_bytes, write_scene},
     gpu::StageTime,
     pipelines::{
         model::Model,
@@ -51,6 +53,8 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
@@ -88,11 +92,12 @@ struct Stage {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        check_output(&self.output)?;
         let dataset = self.photos.open(&self.dataset)?;
+        self.replace.check_file(&self.output, "ply", "a PLY scene", &Inputs::default().dataset(&dataset))?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let first = first_points(&dataset, self.points.map(|n| n as usize), self.seed);
         let count = first.cloud.positions.len();
+        check_room(&self.output, scene_bytes(count as u64, 0, self.sh_degree))?;
         match (first.sparse, self.points) {
             (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
             (Some(n), Some(wanted)) if n < wanted as usize => {

@@ -104,6 +104,7 @@ impl BuiltinScene {
             background: self.background,
             undistorted: false,
             outside: 0.0,
+            sources: Vec::new(),
         }
     }
 }

@@ -20,10 +20,12 @@ pub(super) fn find(root: &Path) -> Option<PathBuf> {
 }
 
 /// The images of the model in `model`, whose files are in `root`/images, and its points if there are any.
-pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<PointCloud>)> {
+pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<PointCloud>, Vec<PathBuf>)> {
     let (path, bytes) = open(model, "cameras")?;
+    let mut sources = vec![path.clone()];
     let cameras = if is_text(&path) { cameras_text(&bytes, &path) } else { cameras_binary(&bytes, &path) }?;
     let (path, bytes) = open(model, "images")?;
+    sources.push(path.clone());
     let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) }?;
     if poses.is_empty() {
         return Err(Error::input(path, "the model has no images"));
@@ -60,12 +62,13 @@ pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<Point
     }
     let points = match open(model, "points3D") {
         Ok((path, bytes)) => {
+            sources.push(path.clone());
             Some(if is_text(&path) { points_text(&bytes, &path) } else { points_binary(&bytes, &path) }?)
         }
         Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => return Err(error),
     };
-    Ok((shots, points.filter(|points| !points.positions.is_empty())))
+    Ok((shots, points.filter(|points| !points.positions.is_empty()), sources))
 }
 
 /// `stem`.bin if it is there, else `stem`.txt: the two may be mixed.
@@ -410,7 +413,7 @@ mod tests {
         out
     }
 
-    type Model = (Vec<Shot>, Option<PointCloud>);
+    type Model = (Vec<Shot>, Option<PointCloud>, Vec<PathBuf>);
     type Case<'a> = (&'a str, u32, &'a [f64], [f64; 2], Distortion);
 
     /// A dataset on disk out of named files; the image files are not decoded here.
@@ -472,7 +475,7 @@ mod tests {
             ("points3D.txt", points_text.as_bytes()),
         ]);
         for (root, result) in [binary, text] {
-            let (shots, points) = result.unwrap();
+            let (shots, points, _) = result.unwrap();
             assert_eq!(shots.len(), 2);
             assert_eq!(shots[0].name, "sub dir/a b.jpg");
             assert_eq!(shots[0].path, root.path().join("images").join("sub dir/a b.jpg"));

@@ -85,6 +85,8 @@ pub struct Dataset {
     pub undistorted: bool,
     /// The largest part of an undistorted photo, 0 to 1, that its file does not show and that is filled from the edge.
     pub outside: f64,
+    /// The files that describe it. With [`Dataset::photo_files`] all that it is read from.
+    pub sources: Vec<PathBuf>,
 }
 
 /// A photo as a dataset's files describe it.
@@ -191,17 +193,26 @@ impl Dataset {
         }
         let found = std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
         if let Some(model) = found.is_dir().then(|| colmap::find(path)).flatten() {
-            let (shots, points) = colmap::read(path, &model)?;
-            return assemble(DatasetKind::Colmap, shots, points, options);
+            let (shots, points, sources) = colmap::read(path, &model)?;
+            return assemble(DatasetKind::Colmap, shots, points, sources, options);
         }
         if let Some(file) = transforms::find(path) {
-            let transforms::Transforms { shots, points, blender } = transforms::read(&file, found.is_file())?;
+            let transforms::Transforms { shots, points, blender, sources } = transforms::read(&file, found.is_file())?;
             let kind = if blender { DatasetKind::Blender } else { DatasetKind::Transforms };
-            return assemble(kind, shots, points, options);
+            return assemble(kind, shots, points, sources, options);
         }
         let what = "no dataset here; expected a folder with a COLMAP model (sparse/0/cameras.bin or .txt, and images/), \
                     with transforms_train.json or transforms.json, or a path to such a JSON file";
         Err(Error::input(path, what))
+    }
+
+    /// The files that pixels come from.
+    pub fn photo_files(&self) -> Vec<&Path> {
+        let files = self.photos.iter().filter_map(|photo| match &photo.pixels {
+            PixelSource::File(file) => Some(file.path.as_path()),
+            PixelSource::Memory(_) => None,
+        });
+        files.collect()
     }
 
     /// Decodes and prepares all photos in parallel, in their order.
@@ -240,6 +251,7 @@ fn assemble(
     kind: DatasetKind,
     mut shots: Vec<Shot>,
     points: Option<PointCloud>,
+    sources: Vec<PathBuf>,
     options: &DatasetOptions,
 ) -> Result<Dataset> {
     let mut names = HashSet::new();
@@ -264,7 +276,7 @@ fn assemble(
     let photos: Vec<Photo> = photos.into_iter().map(|(photo, _)| photo).collect();
     let undistorted =
         photos.iter().any(|photo| matches!(&photo.pixels, PixelSource::File(file) if file.lens.is_some()));
-    Ok(Dataset { kind, photos, points, background: options.background, undistorted, outside })
+    Ok(Dataset { kind, photos, points, background: options.background, undistorted, outside, sources })
 }
 
 /// The photo and what part of it its file does not show.

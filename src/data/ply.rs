@@ -76,6 +76,13 @@ pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     })
 }
 
+/// Bytes of the file that [`write_scene`] makes of so many base and supplementary Gaussians, but for its header of 2 KB.
+pub fn scene_bytes(base: u64, supplementary: u64, sh_degree: u32) -> u64 {
+    // Normals are written too; the constant band is among the fixed.
+    let row = FIXED.len() as u64 + 3 + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1);
+    4 * (base * row + supplementary * (row + LOBE.len() as u64))
+}
+
 fn write_rows(file: &mut impl Write, gaussians: &Gaussians, lobes: Option<&Lobes>) -> std::io::Result<()> {
     let k = gaussians.sh_coefficients();
     let mut row: Vec<f32> = Vec::new();
@@ -376,7 +383,12 @@ mod tests {
         let path = folder.path().join("scene.ply");
         write_scene(&path, scene).unwrap();
         assert_eq!(&read_scene(&path).unwrap(), scene);
-        fs::read(&path).unwrap()
+        let bytes = fs::read(&path).unwrap();
+        let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let extra = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+        let expected = scene_bytes(scene.base.len() as u64, extra as u64, scene.base.sh_degree);
+        assert_eq!((bytes.len() - header) as u64, expected);
+        bytes
     }
 
     fn error(bytes: &[u8]) -> String {

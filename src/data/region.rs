@@ -168,7 +168,15 @@ mod tests {
             pixels: PixelSource::Memory(image.clone()),
         });
         let (kind, points, background) = (DatasetKind::Memory, None, [0.0; 3]);
-        Dataset { kind, photos: photos.collect(), points, background, undistorted: false, outside: 0.0 }
+        Dataset {
+            kind,
+            photos: photos.collect(),
+            points,
+            background,
+            undistorted: false,
+            outside: 0.0,
+            sources: Vec::new(),
+        }
     }
 
     fn witnesses(data: &Dataset, p: [f32; 3]) -> usize {

@@ -63,6 +63,8 @@ pub(super) struct Transforms {
     pub(super) shots: Vec<Shot>,
     pub(super) points: Option<PointCloud>,
     pub(super) blender: bool,
+    /// The files that were read.
+    pub(super) sources: Vec<PathBuf>,
 }
 
 /// The file to begin with if `path` is a transforms file or a folder with one.
@@ -84,6 +86,7 @@ pub(super) fn read(path: &Path, named_itself: bool) -> Result<Transforms> {
     let mut all = read_file(path, Some(Split::Train))?;
     let test = read_file(&test, Some(Split::Test))?;
     all.shots.extend(test.shots);
+    all.sources.extend(test.sources);
     Ok(all)
 }
 
@@ -104,9 +107,11 @@ fn read_file(path: &Path, split: Option<Split>) -> Result<Transforms> {
             split,
         });
     }
-    let points = file.ply_file_path.map(|name| ply::read_points(folder.join(name))).transpose()?;
+    let cloud = file.ply_file_path.map(|name| folder.join(name));
+    let points = cloud.as_ref().map(ply::read_points).transpose()?;
     let blender = shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
-    Ok(Transforms { shots, points: points.filter(|p| !p.positions.is_empty()), blender })
+    let sources = std::iter::once(path.to_owned()).chain(cloud).collect();
+    Ok(Transforms { shots, points: points.filter(|p| !p.positions.is_empty()), blender, sources })
 }
 
 impl Frame {

@@ -147,6 +147,7 @@ mod tests {
             background: [0.0; 3],
             undistorted: false,
             outside: 0.0,
+            sources: Vec::new(),
         }
     }
 
