@@ -66,7 +66,7 @@ fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), validation: false })?;
     check(&context)?;
     let dataset = match &args.dataset {
-        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?,
+        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), ..Default::default() })?,
         None => builtin_scene(args.gaussians).dataset(),
     };
     let photos = photos_of(&dataset, Some(Split::Train))?;

@@ -56,7 +56,7 @@ fn nerf_synthetic_loads_as_published() {
     assert!(cloud.positions.iter().flatten().all(|v| v.abs() <= 1.3));
     let middle = data.photos.iter().filter(|photo| sees(&photo.camera, [0.0; 3])).count();
     assert_eq!(middle, 125);
-    let white = DatasetOptions { background: [1.0; 3], max_size: Some(100) };
+    let white = DatasetOptions { background: [1.0; 3], max_size: Some(100), ..Default::default() };
     let white = Dataset::open(real("small/lego").unwrap(), &white).unwrap();
     let image = white.photos[0].load(white.background).unwrap();
     assert_eq!((image.width, image.height, &image.rgb[..3]), (100, 100, &[255; 3][..]));

@@ -207,7 +207,7 @@ impl PhotoArgs {
     /// Reads the dataset and tells what the user would not expect of it.
     fn open(&self, path: &Path) -> Result<Dataset> {
         let max_size = self.max_size.unwrap_or(DEFAULT_MAX_SIZE);
-        let dataset = Dataset::open(path, &DatasetOptions { max_size: Some(max_size), background: self.background })?;
+        let dataset = Dataset::open(path, &DatasetOptions { max_size: Some(max_size), background: self.background, ..Default::default() })?;
         let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
             PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
             PixelSource::Memory(_) => false,

@@ -276,7 +276,7 @@ mod tests {
             rotation: DMat3::IDENTITY,
             translation: DVec3::ZERO,
         };
-        let pixels = PixelSource::Memory(Arc::new(Image { width: 1, height: 1, rgb: vec![0; 3] }));
+        let pixels = PixelSource::Memory(Arc::new(Image { width: 1, height: 1, rgb: vec![0; 3], mask: None }));
         let photo = |name: &&str| Photo { name: (*name).into(), camera, split: Split::Test, pixels: pixels.clone() };
         file_names(&photos.iter().map(photo).collect::<Vec<_>>(), "png")
     }

@@ -90,7 +90,7 @@ pub enum Part {
 impl BuiltinScene {
     /// The scene as a dataset held in memory.
     pub fn dataset(&self) -> Dataset {
-        let image = |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone() };
+        let image = |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone(), mask: None };
         let photo = |p: &BuiltinPhoto| Photo {
             name: p.name.clone(),
             camera: p.camera,
@@ -105,6 +105,7 @@ impl BuiltinScene {
             undistorted: false,
             outside: 0.0,
             sources: Vec::new(),
+            notes: Vec::new(),
         }
     }
 }

@@ -120,7 +120,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let values: Vec<f32> = (0..200 * 150).map(|i| (i as f32).sin()).collect();
-        let mut bytes = || {
+        let bytes = || {
             write_exr_channel(&path, 200, 150, "Z", &values).unwrap();
             std::fs::read(&path).unwrap()
         };

@@ -2,13 +2,12 @@
 
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::views::{Views, origin_for};
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, PointCloud, Split},
-    gpu::{Buffer, Context, GpuError, Location},
+    data::{Dataset, Photo, PointCloud, Split, load_photos},
+    gpu::{Buffer, Context, Location},
     scene::Camera,
 };
 
@@ -19,11 +18,12 @@ pub const MAX_RANDOM_POINTS: usize = 100_000;
 /// than one, at a fourth of the speed; in runs of 20 s they lose 0.7 dB to one for each pixel.
 pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
-/// Cameras of `photos`, and their photographs as targets. Photographs are decoded a few at a time, so that the host never
-/// holds them all. `background` is what transparent pixels are put over; `progress` hears the number of photos done.
+/// Cameras of `photos`, and their photographs as targets; a pixel that does not count has alpha 0. Photographs are decoded a
+/// few at a time, so that the host never holds them all. `background` is what transparent pixels are put over; `progress`
+/// hears the number of photos done.
 ///
 /// # Errors
-/// Those of the files, and [`GpuError::BufferTooLarge`] where all photographs do not fit into one buffer of the device.
+/// Those of the files, and [`Error::Usage`] where all photographs do not fit into one buffer of the device.
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
@@ -34,25 +34,37 @@ pub fn upload_photos(
     let pixels: u64 = photos.iter().map(|p| u64::from(p.camera.width) * u64::from(p.camera.height)).sum();
     let limit = context.info().max_storage_bytes.min(4 * u64::from(u32::MAX));
     if 4 * pixels > limit {
-        return Err(GpuError::BufferTooLarge { name: "targets".into(), bytes: 4 * pixels, limit }.into());
+        return Err(too_many(photos, pixels, limit));
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let mut views = Views::upload_around(context, origin_for(&cameras), &cameras, &[])?;
     views.targets = Buffer::new(context, "targets", pixels as usize, Location::Device)?;
     let (mut first, mut done) = (0, 0);
-    for some in photos.chunks(rayon::current_num_threads()) {
-        // Collected first, so that of several faults the first by name is told.
-        let images: Vec<_> = some.par_iter().map(|photo| photo.load(background)).collect();
-        for image in images {
-            let rgba: Vec<u32> =
-                image?.rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])).collect();
-            views.targets.upload(first, &rgba)?;
-            first += rgba.len();
-        }
-        done += some.len();
+    load_photos(photos, background, |image| {
+        let packed = image.packed();
+        views.targets.upload(first, &packed)?;
+        first += packed.len();
+        done += 1;
         progress(done);
-    }
+        Ok(())
+    })?;
     Ok(views)
+}
+
+/// What to do about photographs of so many pixels, on a device that binds `limit` bytes at once.
+fn too_many(photos: &[&Photo], pixels: u64, limit: u64) -> Error {
+    let longest = photos.iter().map(|photo| photo.camera.width.max(photo.camera.height)).max().unwrap_or(0);
+    let shrink = (limit as f64 / (4 * pixels) as f64).sqrt();
+    // A little less, since sides are rounded.
+    let fits = (0.99 * shrink * f64::from(longest)) as u32;
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    Error::Usage(format!(
+        "{} photos of up to {longest} pixels a side take {:.0} MB on the device, which binds {:.0} MB at once: --max-size {fits} \
+         fits, or leave photos out",
+        photos.len(),
+        megabytes(4 * pixels),
+        megabytes(limit)
+    ))
 }
 
 /// Points that a first scene is made of.
@@ -135,7 +147,7 @@ mod tests {
                 translation: DVec3::Z,
             },
             split,
-            pixels: PixelSource::Memory(Arc::new(Image { width, height: 4, rgb: vec![0; 12 * width as usize] })),
+            pixels: PixelSource::Memory(Arc::new(Image { width, height: 4, rgb: vec![0; 12 * width as usize], mask: None })),
         };
         Dataset {
             kind: DatasetKind::Memory,
@@ -148,7 +160,18 @@ mod tests {
             undistorted: false,
             outside: 0.0,
             sources: Vec::new(),
+            notes: Vec::new(),
         }
+    }
+
+    /// It was "buffer targets needs 168820736 bytes".
+    #[test]
+    fn photos_that_do_not_fit_are_told_what_would() {
+        let data = dataset(None);
+        let photos: Vec<&Photo> = data.photos.iter().collect();
+        // 36 + 20 + 24 pixels are 320 bytes; half of that is what sides of 9 / √2 take.
+        let message = too_many(&photos, 80, 160).to_string();
+        assert!(message.contains("3 photos of up to 9 pixels") && message.contains("--max-size 6 fits"), "{message}");
     }
 
     #[test]
