@@ -97,8 +97,8 @@ impl OnGpu {
     }
 }
 
-fn check(context: &Context, sizes: &[(u32, u32)]) {
-    let batch = Batch::new(sizes);
+fn check(context: &Context, sizes: &[(u32, u32)], masked: bool) {
+    let batch = if masked { Batch::masked(sizes) } else { Batch::new(sizes) };
     let on_gpu = OnGpu::new(context, &batch);
     on_gpu.run(context, true);
     let (gradient, map, losses) =
@@ -143,13 +143,50 @@ fn check(context: &Context, sizes: &[(u32, u32)]) {
 fn loss_and_gradient_are_their_twins_at_every_size() {
     let context = context();
     for size in [(1, 1), (17, 3), (3, 17), (32, 32), (33, 31), (64, 48), (101, 75)] {
-        check(&context, &[size]);
+        check(&context, &[size], false);
     }
 }
 
 #[test]
 fn frames_of_different_sizes_are_done_at_once() {
-    check(&context(), &[(64, 48), (5, 70), (1, 1), (40, 40)]);
+    check(&context(), &[(64, 48), (5, 70), (1, 1), (40, 40)], false);
+}
+
+#[test]
+fn masked_pixels_have_no_loss_and_no_gradient() {
+    let context = context();
+    let sizes = [(64, 48), (5, 70), (33, 31), (1, 1)];
+    check(&context, &sizes, true);
+    let batch = Batch::masked(&sizes);
+    let on_gpu = OnGpu::new(&context, &batch);
+    on_gpu.run(&context, true);
+    let (gradient, map) = (on_gpu.image_grad.download().unwrap(), on_gpu.loss_map.download().unwrap());
+    let (mut left_out, mut counted) = (0, 0);
+    for frame in &batch.frames {
+        for i in 0..frame.width * frame.height {
+            let (at, target) = ((frame.image_first + i) as usize, batch.targets[(frame.target_first + i) as usize]);
+            if target >> 24 == 0 {
+                left_out += 1;
+                assert!(gradient[3 * at..3 * at + 3] == [0.0; 3] && map[at] == 0.0);
+            } else {
+                counted += 1;
+            }
+        }
+    }
+    assert!(left_out > 1000 && counted > 1000);
+    // What is rendered where nothing counts changes no bit of anything.
+    let mut other = Batch::masked(&sizes);
+    for frame in &batch.frames {
+        for i in 0..frame.width * frame.height {
+            if batch.targets[(frame.target_first + i) as usize] >> 24 == 0 {
+                other.image[(frame.image_first + i) as usize] = [0.3, 5.0, -1.0, 0.5];
+            }
+        }
+    }
+    let again = OnGpu::new(&context, &other);
+    again.run(&context, true);
+    assert!(again.image_grad.download().unwrap() == gradient && again.loss_map.download().unwrap() == map);
+    assert_eq!(again.losses.download().unwrap(), on_gpu.losses.download().unwrap());
 }
 
 #[test]

@@ -4,7 +4,9 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, open_scene,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs,
+    dataset::check_sight,
+    open_scene,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
@@ -154,6 +156,7 @@ impl Args {
         // Each view may round its share up.
         let added = (self.ratio * gaussians as f64) as u64 + photos.len() as u64;
         check_room(&self.output, scene_bytes(gaussians, added, sh_degree))?;
+        check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(

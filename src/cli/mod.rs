@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk).
 
+mod dataset;
 mod demo;
 mod devices;
 mod enhance;
@@ -26,12 +27,13 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dataset, DatasetOptions, PixelSource, Split},
+    data::{self, Split},
     gpu::{Context, ContextOptions, GpuError},
     pipelines::raster::Reduction,
     scene::Scene,
 };
-use progress::{LogWriter, note};
+use dataset::PhotoArgs;
+use progress::LogWriter;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -44,7 +46,8 @@ Examples:
   glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
-such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
+such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are (transforms_test.json, \
+lists in transforms.json, test.txt) or --test-every does.
 
 Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v.";
 
@@ -189,53 +192,6 @@ impl ReductionArgs {
     }
 }
 
-/// How photos are prepared.
-#[derive(Debug, Args)]
-struct PhotoArgs {
-    /// Reduce photos whose longer side has more pixels than this; nothing is ever enlarged [default: 1600, as 3DGS]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
-    max_size: Option<u32>,
-    /// What is behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
-    background: [f32; 3],
-}
-
-/// 3DGS trains on photos of at most this width.
-const DEFAULT_MAX_SIZE: u32 = 1600;
-
-impl PhotoArgs {
-    /// Reads the dataset and tells what the user would not expect of it.
-    fn open(&self, path: &Path) -> Result<Dataset> {
-        let max_size = self.max_size.unwrap_or(DEFAULT_MAX_SIZE);
-        let dataset = Dataset::open(path, &DatasetOptions { max_size: Some(max_size), background: self.background, ..Default::default() })?;
-        let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
-            PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
-            PixelSource::Memory(_) => false,
-        });
-        if self.max_size.is_none() && reduced.clone().next().is_some() {
-            note(format!(
-                "{} of {} photos are reduced to {max_size} pixels on the longer side; --max-size sets another limit",
-                reduced.count(),
-                dataset.photos.len()
-            ));
-        }
-        Ok(dataset)
-    }
-}
-
-fn parse_background(text: &str) -> Result<[f32; 3], String> {
-    match text {
-        "black" => return Ok([0.0; 3]),
-        "white" => return Ok([1.0; 3]),
-        _ => {}
-    }
-    let values: Option<Vec<f32>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
-    let color = values.and_then(|v| <[f32; 3]>::try_from(v).ok());
-    color
-        .filter(|color| color.iter().all(|v| (0.0..=1.0).contains(v)))
-        .ok_or_else(|| "expected black, white or three numbers from 0 to 1 such as 0.2,0.2,0.2".into())
-}
-
 /// Which photos of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SplitArg {
@@ -287,14 +243,5 @@ mod tests {
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn backgrounds_are_names_or_three_numbers() {
-        assert_eq!(parse_background("white"), Ok([1.0; 3]));
-        assert_eq!(parse_background("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for bad in ["", "grey", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"] {
-            assert!(parse_background(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, Outcome, PhotoArgs, ReductionArgs,
+    dataset::check_sight,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
@@ -98,6 +99,7 @@ impl Args {
         let first = first_points(&dataset, self.points.map(|n| n as usize), self.seed);
         let count = first.cloud.positions.len();
         check_room(&self.output, scene_bytes(count as u64, 0, self.sh_degree))?;
+        check_sight(&dataset, &first.cloud.positions)?;
         match (first.sparse, self.points) {
             (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
             (Some(n), Some(wanted)) if n < wanted as usize => {

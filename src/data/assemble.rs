@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
 use super::images;
 use super::lens::{Distortion, Lens};
-use super::{names, transforms};
 use super::ply::PointCloud;
 use super::shot::{Focal, Shot};
+use super::{names, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
@@ -54,7 +54,11 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     let shots = present(shots, &mut notes)?;
     let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
     if masked > 0 {
-        notes.push(format!("black pixels of masks do not count: {} of {} have one", count(masked, "photo"), shots.len()));
+        notes.push(format!(
+            "black pixels of masks do not count: {} of {} have one",
+            count(masked, "photo"),
+            shots.len()
+        ));
     }
 
     let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();
@@ -76,11 +80,13 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     if blender && dataset.surrounds_the_blender_cube() {
         dataset.kind = DatasetKind::Blender;
     } else if blender && dataset.points.is_none() {
-        let what = "the cameras do not stand around the cube of NeRF Synthetic scenes: random points lie where they look";
+        let what =
+            "the cameras do not stand around the cube of NeRF Synthetic scenes: random points lie where they look";
         dataset.notes.push(what.into());
     }
     if transparent > 0 && dataset.kind != DatasetKind::Blender && options.alpha == Alpha::Background {
-        let what = "an alpha channel, through which the background shines; it can be taken for a mask instead (--alpha mask)";
+        let what =
+            "an alpha channel, through which the background shines; it can be taken for a mask instead (--alpha mask)";
         dataset.notes.push(format!("{} with {what}", count(transparent, "photo")));
     }
     Ok(dataset)

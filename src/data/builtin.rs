@@ -90,7 +90,8 @@ pub enum Part {
 impl BuiltinScene {
     /// The scene as a dataset held in memory.
     pub fn dataset(&self) -> Dataset {
-        let image = |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone(), mask: None };
+        let image =
+            |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone(), mask: None };
         let photo = |p: &BuiltinPhoto| Photo {
             name: p.name.clone(),
             camera: p.camera,

@@ -42,7 +42,7 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
             expected: finder.expected(&pose.name),
             respelled: found.as_ref().is_some_and(|found| found.1),
             path: found.map(|found| found.0),
-            mask: masks.as_ref().and_then(|masks| masks.find(&pose.name)).map(|found| found.0),
+            mask: masks.as_ref().and_then(|masks| masks.find_mask(&pose.name)),
             name: names::slashes(&pose.name),
             listed_in: path.clone(),
             camera,
@@ -144,9 +144,7 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
         ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], none),
         ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], Distortion::opencv(k, 0.0, 0.0, 0.0)),
         ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], Distortion::opencv(k1, k2, 0.0, 0.0)),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-            ([fx, fy], [cx, cy], Distortion::opencv(k1, k2, p1, p2))
-        }
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], Distortion::opencv(k1, k2, p1, p2)),
         ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
             ([fx, fy], [cx, cy], Distortion::fisheye([k1, k2, k3, k4]))
         }
@@ -182,7 +180,9 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
         _ if MODELS.iter().any(|(known, _)| *known == name) => {
             return Err(format!("model {name} cannot have {} parameters", params.len()));
         }
-        _ => return Err(format!("model {model} is unknown (COLMAP's image_undistorter makes PINHOLE of any it knows)")),
+        _ => {
+            return Err(format!("model {model} is unknown (COLMAP's image_undistorter makes PINHOLE of any it knows)"));
+        }
     };
     let (size, focal) = (Some([width as f64, height as f64]), Focal::Pixels([fx, fy]));
     let camera = SourceCamera { size, focal, center: Some(center), distortion };
@@ -461,7 +461,6 @@ mod tests {
         }
         out
     }
-
 
     /// A dataset on disk out of named files; the image files are not decoded here.
     fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Listed>) {

@@ -162,7 +162,9 @@ impl Dataset {
                 assemble::assemble(DatasetKind::Transforms, transforms::read(path, true, options)?, options)
             }
             other => {
-                let what = format!("is {other}; expected a folder with a COLMAP model or transforms.json, or such a JSON file");
+                let what = format!(
+                    "is {other}; expected a folder with a COLMAP model or transforms.json, or such a JSON file"
+                );
                 Err(Error::input(path, what))
             }
         }
@@ -225,11 +227,7 @@ impl Photo {
 
 /// Decodes and prepares `photos` and hands them to `take` in their order, as many at once as there are threads and as
 /// [`DECODING`] allows.
-pub fn load_photos(
-    photos: &[&Photo],
-    background: [f32; 3],
-    mut take: impl FnMut(Image) -> Result<()>,
-) -> Result<()> {
+pub fn load_photos(photos: &[&Photo], background: [f32; 3], mut take: impl FnMut(Image) -> Result<()>) -> Result<()> {
     let mut left = photos;
     while !left.is_empty() {
         let (some, rest) = left.split_at(at_once(left.iter().map(|photo| photo.bytes_to_load())));

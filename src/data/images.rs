@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::{
-    DynamicImage, GrayImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Rgba32FImage, RgbImage,
+    DynamicImage, GrayImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage, Rgba32FImage,
     RgbaImage,
 };
 
@@ -271,14 +271,23 @@ pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Resu
     let decoded = decode(&bytes, path, found)?;
     drop(bytes);
     let mask = file.mask.as_deref().map(|path| read_mask(path, found)).transpose()?;
-    let plain = file.lens.is_none() && mask.is_none() && to == found && !decoded.color().has_alpha();
-    if plain {
-        let [width, height] = to;
-        return Ok(Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None });
+    Ok(prepare(decoded, mask, file.lens.as_ref(), file.alpha, background, to))
+}
+
+fn prepare(
+    decoded: DynamicImage,
+    mask: Option<GrayImage>,
+    lens: Option<&Lens>,
+    alpha: Alpha,
+    background: [f32; 3],
+    to: [u32; 2],
+) -> Image {
+    let [width, height] = to;
+    let same_size = [decoded.width(), decoded.height()] == to;
+    if lens.is_none() && mask.is_none() && same_size && !decoded.color().has_alpha() {
+        return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
     }
-    let source =
-        Source { pixels: Buffer::new(decoded), mask, alpha: file.alpha, background, lens: file.lens.as_ref() };
-    Ok(source.prepare(to))
+    Source { pixels: Buffer::new(decoded), mask, alpha, background, lens }.prepare(to)
 }
 
 /// The mask of a photo of this size, which may be a reduced copy of what the mask was made for.
@@ -298,9 +307,7 @@ fn read_mask(path: &Path, [width, height]: [u32; 2]) -> Result<GrayImage> {
 /// Decodes `bytes` as [`load`] does, in the size they say.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let size = header(Cursor::new(bytes), bytes.len() as u64, path)?.size;
-    let pixels = Buffer::new(decode(bytes, path, size)?);
-    let source = Source { pixels, mask: None, alpha: Alpha::Background, background: [0.0; 3], lens: None };
-    source.prepare(size);
+    prepare(decode(bytes, path, size)?, None, None, Alpha::Background, [0.0; 3], size);
     Ok(())
 }
 
@@ -389,7 +396,8 @@ mod tests {
     #[test]
     fn sixteen_bits_and_floats_become_the_same_bytes() {
         let wide = DynamicImage::ImageRgb16(ImageBuffer::from_vec(1, 1, vec![65535, 32896, 257]).unwrap());
-        let float = DynamicImage::ImageRgb32F(ImageBuffer::from_vec(1, 1, vec![1.5, 128.0 / 255.0, 1.0 / 255.0]).unwrap());
+        let float =
+            DynamicImage::ImageRgb32F(ImageBuffer::from_vec(1, 1, vec![1.5, 128.0 / 255.0, 1.0 / 255.0]).unwrap());
         for image in [wide, float] {
             assert_eq!(source(image, Alpha::Background, [0.0; 3]).prepare([1, 1]).rgb, [255, 128, 1]);
         }
@@ -432,12 +440,9 @@ mod tests {
                 }
                 f((x - file.cx) / file.fx, (y - file.cy) / file.fy)
             });
-            let pixels = Buffer::Float(ImageBuffer::from_vec(
-                64,
-                48,
-                rgb.flat_map(|[r, g, b]| [r, g, b, 1.0]).collect(),
-            )
-            .unwrap());
+            let pixels = Buffer::Float(
+                ImageBuffer::from_vec(64, 48, rgb.flat_map(|[r, g, b]| [r, g, b, 1.0]).collect()).unwrap(),
+            );
             let all = Source { pixels, mask: None, alpha: Alpha::Background, background: [0.0; 3], lens: Some(&lens) };
             let out = all.prepare([64, 48]);
             let mut worst = 0.0f32;
@@ -533,7 +538,10 @@ mod tests {
             load(&ImageFile { mask: Some(mask.clone()), ..file(&photo).unwrap() }, [8, 6], [0.0; 3])
         };
         for (width, height) in [(8, 6), (4, 3), (80, 60)] {
-            assert_eq!(with(width, height).unwrap().mask.unwrap()[..8], [true, true, true, true, false, false, false, false]);
+            assert_eq!(
+                with(width, height).unwrap().mask.unwrap()[..8],
+                [true, true, true, true, false, false, false, false]
+            );
         }
         let message = with(6, 8).unwrap_err().to_string();
         assert!(message.contains("m.png") && message.contains("6 × 8") && message.contains("8 × 6"), "{message}");

@@ -34,10 +34,16 @@ impl Kind {
         let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
         match start {
             [] => Kind::Empty,
-            _ if start.starts_with(b"ply\n") || start.starts_with(b"ply\r") => Kind::Ply,
+            _ if start.starts_with(b"ply\n") || start.starts_with(b"ply\r\n") => Kind::Ply,
             [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
             // A version before 4 is a whole gzip stream.
-            [0x1f, 0x8b, ..] => if ending("spz") { Kind::Spz } else { Kind::Gzip },
+            [0x1f, 0x8b, ..] => {
+                if ending("spz") {
+                    Kind::Spz
+                } else {
+                    Kind::Gzip
+                }
+            }
             [b'P', b'K', 3, 4, ..] => Kind::Zip,
             [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
             [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,

@@ -71,8 +71,7 @@ impl Polynomial {
         let r2 = at.length_squared();
         let (factor, slope) = self.factor(r2);
         // ∂factor/∂u = 2 u · slope.
-        let radial = DMat2::from_diagonal(DVec2::splat(factor))
-            + 2.0 * slope * DMat2::from_cols(at * at.x, at * at.y);
+        let radial = DMat2::from_diagonal(DVec2::splat(factor)) + 2.0 * slope * DMat2::from_cols(at * at.x, at * at.y);
         let middle = at * factor;
         let p = if self.in_turn { middle } else { at };
         let (r2, [p1, p2]) = (p.length_squared(), self.tangential);
@@ -236,14 +235,8 @@ impl Lens {
         let half = 0.5 * side;
         let view = Frame { width: side as u32, height: side as u32, fx: half, fy: half, cx: half, cy: half };
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
-        let faces = [
-            ("front", x, z),
-            ("right", -z, x),
-            ("back", -x, -z),
-            ("left", z, -x),
-            ("up", x, -y),
-            ("down", x, y),
-        ];
+        let faces =
+            [("front", x, z), ("right", -z, x), ("back", -x, -z), ("left", z, -x), ("up", x, -y), ("down", x, y)];
         faces.map(|(name, right, forward)| {
             let turn = DMat3::from_cols(right, forward.cross(right), forward);
             (name, Lens { file, distortion: Distortion::Equirectangular, view, turn, reach: f64::INFINITY })
@@ -266,9 +259,7 @@ impl Lens {
         let (columns, rows) = (self.view.width.clamp(1, 128), self.view.height.clamp(1, 128));
         let at = |i: u32, of: u32, size: u32| (i as f64 + 0.5) * size as f64 / of as f64;
         let positions = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
-        let seen = |&(i, j): &(u32, u32)| {
-            self.source(at(i, columns, self.view.width), at(j, rows, self.view.height)).1
-        };
+        let seen = |&(i, j): &(u32, u32)| self.source(at(i, columns, self.view.width), at(j, rows, self.view.height)).1;
         positions.filter(|p| !seen(p)).count() as f64 / (columns * rows) as f64
     }
 }
@@ -290,7 +281,8 @@ mod tests {
     /// One of each model with coefficients as real lenses have them.
     fn lenses() -> Vec<Distortion> {
         let radial = [0.08, -0.03, 0.004, 0.0, 0.0, 0.0];
-        let full = Polynomial { radial, divisor: [0.05, -0.01, 0.002], tangential: [1e-3, -2e-3], ..Default::default() };
+        let full =
+            Polynomial { radial, divisor: [0.05, -0.01, 0.002], tangential: [1e-3, -2e-3], ..Default::default() };
         let thin = Polynomial {
             fisheye: true,
             radial: [-0.02, 0.003, 1e-3, -2e-4, 0.0, 0.0],

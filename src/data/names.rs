@@ -62,6 +62,12 @@ impl Finder {
             .or_else(|| only(listing.stems.get(&name)))
             .or_else(|| only(listing.stems.get(without_ending(&name))))
     }
+
+    /// The mask of the photo `name`: COLMAP's `a.jpg.png`, else `a.jpg`, else `a` with any ending.
+    pub(super) fn find_mask(&self, name: &str) -> Option<PathBuf> {
+        let colmaps = self.folder.join(format!("{}.png", slashes(name)));
+        if colmaps.is_file() { Some(colmaps) } else { self.find(name).map(|found| found.0) }
+    }
 }
 
 /// `name` with `/` between folders and without `.` parts, as it is compared and shown.
@@ -129,7 +135,17 @@ mod tests {
 
     #[test]
     fn a_name_finds_its_file_however_it_is_written() {
-        let folder = folder(&["a.png", "sub/B.JPG", "c.webp", "r_0.5.png", "two.png", "two.jpg", "Case.png", "case.PNG", "x.txt"]);
+        let folder = folder(&[
+            "a.png",
+            "sub/B.JPG",
+            "c.webp",
+            "r_0.5.png",
+            "two.png",
+            "two.jpg",
+            "Case.png",
+            "case.PNG",
+            "x.txt",
+        ]);
         let finder = Finder::new(folder.path());
         let find = |name: &str| {
             let (path, respelled) = finder.find(name)?;
@@ -157,11 +173,15 @@ mod tests {
     /// COLMAP calls the mask of `a.jpg` `a.jpg.png`, others `a.png`.
     #[test]
     fn masks_are_found_by_either_custom() {
-        let both = folder(&["a.jpg.png", "a.png", "b.png"]);
+        let both = folder(&["a.jpg.png", "a.JPG.png", "a.png", "sub/b.png", "c.PNG.png"]);
         let finder = Finder::new(both.path());
-        assert!(finder.find("a.jpg").unwrap().0.ends_with("a.jpg.png"));
-        assert!(finder.find("b.jpg").unwrap().0.ends_with("b.png"));
-        assert!(finder.find("c.jpg").is_none());
+        let is = |name: &str, file: &str| assert_eq!(finder.find_mask(name), Some(both.path().join(file)), "{name}");
+        is("a.jpg", "a.jpg.png");
+        is("a.JPG", "a.JPG.png");
+        is("sub\\b.jpg", "sub/b.png");
+        is("a.png", "a.png");
+        is("c.png", "c.PNG.png");
+        assert_eq!(finder.find_mask("d.jpg"), None);
     }
 
     #[test]

@@ -72,7 +72,11 @@ impl Model {
         let place = self.folder.strip_prefix(root).unwrap_or(&self.folder).display();
         let others = &self.others;
         (!others.is_empty()).then(|| {
-            format!("the model in {place} is read, of {}: there is also {}", count(others.len() + 1, "model"), others.join(", "))
+            format!(
+                "the model in {place} is read, of {}: there is also {}",
+                count(others.len() + 1, "model"),
+                others.join(", ")
+            )
         })
     }
 
@@ -147,7 +151,13 @@ mod tests {
         is(&["sparse/1/cameras.bin"], "sparse/1", false, &[]);
         is(&["colmap/sparse/0/cameras.bin"], "colmap/sparse/0", true, &[]);
         is(&["dense/sparse/cameras.bin"], "dense/sparse", true, &[]);
-        let many = ["sparse/10/cameras.bin", "sparse/2/cameras.bin", "sparse/0/cameras.bin", "cameras.txt", "colmap/cameras.bin"];
+        let many = [
+            "sparse/10/cameras.bin",
+            "sparse/2/cameras.bin",
+            "sparse/0/cameras.bin",
+            "cameras.txt",
+            "colmap/cameras.bin",
+        ];
         is(&many, "sparse/0", false, &[".", "sparse/2", "sparse/10", "colmap"]);
         assert!(found(&["sparse/x/cameras.bin", "sparse/0/images.bin"], None).unwrap().is_none());
         let note = |others: &[&str]| {
@@ -201,7 +211,8 @@ mod tests {
 
     #[test]
     fn reduced_photos_have_reduced_masks_if_there_are_any() {
-        let folder = folder(&["images/a", "images_4/a", "images_8/a", "masks/a.png", "masks_4/a.png", "other/photos/a"]);
+        let folder =
+            folder(&["images/a", "images_4/a", "images_8/a", "masks/a.png", "masks_4/a.png", "other/photos/a"]);
         let path = |photos: &str| masks(&folder.path().join(photos)).map(|masks| masks.expected(""));
         let at = |place: &str| Some(folder.path().join(place).join(""));
         assert_eq!([path("images"), path("images_4"), path("images_8")], [at("masks"), at("masks_4"), at("masks")]);

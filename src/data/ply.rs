@@ -110,8 +110,8 @@ fn write_rows(file: &mut impl Write, gaussians: &Gaussians, lobes: Option<&Lobes
     Ok(())
 }
 
-/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue (integers 0 to 255).
-/// Points without colour are mid grey.
+/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
+/// if none is larger. Points without colour are mid grey.
 pub fn read_points(path: impl AsRef<Path>) -> Result<PointCloud> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
@@ -129,10 +129,9 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         [None, None, None] => None,
         _ => return Err(fail(format!("element `{BASE}` has only some of `red`, `green`, `blue`"))),
     };
-    if let Some(float) = rgb.iter().flatten().map(|&p| &element.properties[p]).find(|p| !p.number.is_integer()) {
-        return Err(fail(format!("property `{}` must be an integer type, 0 to 255", float.name)));
-    }
+    let floats = rgb.iter().flatten().any(|&p| !element.properties[p].number.is_integer());
     let mut cloud = PointCloud::default();
+    let (mut colors, mut largest) = (Vec::new(), 0.0f64);
     ply.for_each_row(|element, row, values| {
         if element.name != BASE {
             return Ok(());
@@ -147,9 +146,13 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
             return Err(fail(format!("row {row} of element `{BASE}`: colour value {bad} is not in 0 to 255")));
         }
         cloud.positions.push(position);
-        cloud.colors.push(color.map(|v| v as u8));
+        // Every value up to 255 is held by a float32 closely enough to become its byte.
+        colors.push(color.map(|v| v as f32));
+        largest = color.iter().copied().fold(largest, f64::max);
         Ok(())
     })?;
+    let unit = if floats && largest <= 1.0 { 255.0 } else { 1.0 };
+    cloud.colors = colors.into_iter().map(|color| color.map(|v| (v * unit).round() as u8)).collect();
     Ok(cloud)
 }
 
@@ -503,9 +506,9 @@ mod tests {
     #[test]
     fn what_is_no_3dgs_ply_is_called_what_it_is() {
         expect(b"", &["empty"]);
-        expect(b"solid cube", &["does not begin with a line `ply`"]);
+        expect(b"solid cube", &["nothing that glint knows", "not a PLY"]);
         expect(b"NGSP\x04", &["SPZ"]);
-        expect(b"\x1f\x8b\x08", &["SPZ"]);
+        expect(b"\x1f\x8b\x08", &["gzip", "SPZ"]);
         let head = "ply\nformat ascii 1.0\nelement vertex 0\n";
         let xyz = "property float x\nproperty float y\nproperty float z\n";
         expect(format!("{head}{xyz}end_header\n").as_bytes(), &["point cloud", "3DGS"]);
@@ -642,7 +645,12 @@ mod tests {
         assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
         let error = |text: String| parse_points(text.as_bytes(), Path::new("p.ply")).unwrap_err().to_string();
         assert!(error(format!("{head}{rgb}1 2 3 0 9 256\n4 5 6 7 8 9\n")).contains("256"));
-        assert!(error(format!("{head}{}1 2 3 0 9 1\n4 5 6 7 8 9\n", rgb.replace("uchar", "float"))).contains("`red`"));
+        let floats = rgb.replace("uchar", "float");
+        let colors =
+            |rows: &str| parse_points(format!("{head}{floats}{rows}").as_bytes(), Path::new("p.ply")).unwrap().colors;
+        assert_eq!(colors("1 2 3 0 0.2 1\n4 5 6 0.5 0.001 1.0\n"), [[0, 51, 255], [128, 0, 255]]);
+        assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
+        assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
         assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
         assert!(error(format!("{head}end_header\n1 inf 3\n4 5 6\n")).contains("row 0"));
     }

@@ -230,7 +230,8 @@ mod tests {
     #[test]
     fn only_cameras_around_the_cube_are_blenders() {
         let around = |center, radius| {
-            dataset(ring(center, radius).into_iter().map(|eye| look(eye, center)).collect()).surrounds_the_blender_cube()
+            dataset(ring(center, radius).into_iter().map(|eye| look(eye, center)).collect())
+                .surrounds_the_blender_cube()
         };
         assert!(around(DVec3::ZERO, 4.03) && around(DVec3::new(1.0, -1.0, 0.5), 2.0));
         assert!(!around(DVec3::ZERO, 1.0) && !around(DVec3::ZERO, 4.03e-4) && !around(DVec3::ZERO, 40.0));

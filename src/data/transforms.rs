@@ -111,23 +111,24 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
         // Another folder holds what is in `images` by the same names.
         let (found, expected) = match &elsewhere {
             None => (finder.find(&frame.file_path), finder.expected(&frame.file_path)),
-            Some(elsewhere) => {
-                (tails(&name).find_map(|tail| elsewhere.find(tail)), elsewhere.expected(tails(&name).last().unwrap_or("")))
-            }
+            Some(elsewhere) => (
+                tails(&name).find_map(|tail| elsewhere.find(tail)),
+                elsewhere.expected(tails(&name).last().unwrap_or("")),
+            ),
         };
         let mask = match &frame.mask_path {
             Some(mask) => {
                 let missing = || frame.fault(i, path, &format!("no mask {}", finder.expected(mask).display()));
-                Some(finder.find(mask).ok_or_else(missing)?)
+                Some(finder.find(mask).ok_or_else(missing)?.0)
             }
-            None => masks.as_ref().and_then(|masks| tails(&name).find_map(|tail| masks.find(tail))),
+            None => masks.as_ref().and_then(|masks| tails(&name).find_map(|tail| masks.find_mask(tail))),
         };
         shots.push(Shot {
             name,
             expected,
             respelled: found.as_ref().is_some_and(|found| found.1),
             path: found.map(|found| found.0),
-            mask: mask.map(|mask| mask.0),
+            mask,
             listed_in: path.to_owned(),
             camera,
             rotation,
@@ -141,7 +142,9 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
     let mut listed = Listed { shots, points, sources, notes: Vec::new() };
     let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
     let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
-    if options.holdout == Holdout::Dataset && split.is_none() && (train.is_some() || validation.is_some() || test.is_some())
+    if options.holdout == Holdout::Dataset
+        && split.is_none()
+        && (train.is_some() || validation.is_some() || test.is_some())
     {
         // What is there to choose settings by has the place of what is there to be judged by, if that is not there.
         let names = ["train_filenames", if test.is_some() { "test_filenames" } else { "val_filenames" }];
@@ -197,9 +200,13 @@ fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     let fisheye = match &model[..] {
         "OPENCV" if given!(is_fisheye) == Some(true) => true,
         "OPENCV_FISHEYE" => true,
-        "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "EQUIRECTANGULAR" => false,
+        "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "EQUIRECTANGULAR" => {
+            false
+        }
         _ => {
-            return Err(format!("camera_model {model} is not read; OPENCV, OPENCV_FISHEYE, FULL_OPENCV, EQUIRECTANGULAR are"));
+            return Err(format!(
+                "camera_model {model} is not read; OPENCV, OPENCV_FISHEYE, FULL_OPENCV, EQUIRECTANGULAR are"
+            ));
         }
     };
     let pair = |a: Option<f64>, b: Option<f64>, names: &str| match (a, b) {
@@ -398,7 +405,12 @@ mod tests {
         let fisheye = Distortion::fisheye([0.1, 0.2, 0.3, 0.4]);
         assert_eq!([with("camera_model", json!("OpenCV_Fisheye")), with("is_fisheye", json!(true))], [fisheye; 2]);
         let sphere = lens(json!({"camera_model": "EQUIRECTANGULAR", "cx": 1, "w": 64, "h": 32, "k1": 7}));
-        let expected = SourceCamera { size: Some([64.0, 32.0]), focal: Focal::Sphere, center: None, distortion: Distortion::Equirectangular };
+        let expected = SourceCamera {
+            size: Some([64.0, 32.0]),
+            focal: Focal::Sphere,
+            center: None,
+            distortion: Distortion::Equirectangular,
+        };
         assert_eq!(sphere, expected);
     }
 
@@ -426,7 +438,8 @@ mod tests {
             json!({"camera_angle_x": 0.7, "frames": [frame]}).to_string()
         };
         let (train, test) = (file("./train/r_0"), file("./test/r_0"));
-        let files = [(TRAIN, &train[..]), (TEST, &test), (VALIDATION, "{"), ("train/r_0.png", ""), ("test/r_0.png", "")];
+        let files =
+            [(TRAIN, &train[..]), (TEST, &test), (VALIDATION, "{"), ("train/r_0.png", ""), ("test/r_0.png", "")];
         let folder = folder(&files);
         let options = DatasetOptions::default();
         let both = read(&find(folder.path()).unwrap(), false, &options).unwrap();
@@ -442,12 +455,15 @@ mod tests {
 
     #[test]
     fn nerfstudios_lists_say_what_is_for_what() {
-        let frames = ["a", "b", "c", "d"].map(|n| json!({"file_path": format!("images/{n}.png"), "transform_matrix": UPRIGHT}));
+        let frames =
+            ["a", "b", "c", "d"].map(|n| json!({"file_path": format!("images/{n}.png"), "transform_matrix": UPRIGHT}));
         let read = |lists: Value, holdout| {
             let mut file = json!({"fl_x": 9.0, "frames": frames});
             file.as_object_mut().unwrap().extend(lists.as_object().unwrap().clone());
             let folder = folder(&[(PLAIN, &file.to_string())]);
-            let listed = super::read(&folder.path().join(PLAIN), false, &DatasetOptions { holdout, ..Default::default() }).unwrap();
+            let listed =
+                super::read(&folder.path().join(PLAIN), false, &DatasetOptions { holdout, ..Default::default() })
+                    .unwrap();
             let letter = |split| match split {
                 Some(Split::Train) => 'r',
                 Some(Split::Test) => 't',
@@ -465,7 +481,8 @@ mod tests {
         assert!(notes[0].contains("1 photo for testing") && notes[0].contains("test_filenames"), "{notes:?}");
         assert!(notes[1].contains("1 photo left out") && notes[2].contains("`images/x`"), "{notes:?}");
         assert_eq!(read(all, Holdout::Every(2)), ("----".into(), Vec::new()));
-        let validation = json!({"train_filenames": [name("a"), name("b"), name("c")], "val_filenames": [name("c"), name("d")]});
+        let validation =
+            json!({"train_filenames": [name("a"), name("b"), name("c")], "val_filenames": [name("c"), name("d")]});
         let (splits, notes) = read(validation, Holdout::Dataset);
         assert!(splits == "rrtt" && notes[0].contains("val_filenames"), "{splits} {notes:?}");
         assert_eq!(read(json!({"train_filenames": [name("a")], "test_filenames": []}), Holdout::Dataset).0, "rttt");
@@ -510,7 +527,8 @@ mod tests {
         let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
         let with = |json: &str, name: &str| {
             let folder = folder(&[(PLAIN, json), ("a.png", ""), (name, ply)]);
-            read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).map(|read| read.points.map(|p| p.positions))
+            read(&folder.path().join(PLAIN), false, &DatasetOptions::default())
+                .map(|read| read.points.map(|p| p.positions))
         };
         assert_eq!(with(&plain, "points.ply").unwrap(), None);
         assert_eq!(with(&named, "points.ply").unwrap(), Some(vec![[1.0, 2.0, 3.0]]));

@@ -147,7 +147,12 @@ mod tests {
                 translation: DVec3::Z,
             },
             split,
-            pixels: PixelSource::Memory(Arc::new(Image { width, height: 4, rgb: vec![0; 12 * width as usize], mask: None })),
+            pixels: PixelSource::Memory(Arc::new(Image {
+                width,
+                height: 4,
+                rgb: vec![0; 12 * width as usize],
+                mask: None,
+            })),
         };
         Dataset {
             kind: DatasetKind::Memory,

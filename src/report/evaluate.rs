@@ -52,9 +52,10 @@ pub fn evaluate(
         let truth = photo.load(background)?;
         let base = layers.render(Layer::Base, &photo.camera, background)?;
         let whole = if augmented { Some(layers.render(Layer::Whole, &photo.camera, background)?) } else { None };
-        let pair = |color| Pair { image: color, reference: &truth.rgb, width: truth.width, height: truth.height };
+        let (width, height, mask) = (truth.width, truth.height, truth.mask.as_deref());
+        let pair = |image| Pair { image, reference: &truth.rgb, width, height, mask };
         let pairs: Vec<Pair> = [Some(&base), whole.as_ref()].into_iter().flatten().map(|r| pair(&r.color)).collect();
-        let found = qualities(&pairs)?;
+        let found = qualities(&pairs).map_err(|error| Error::Usage(format!("photo `{}`: {error}", photo.name)))?;
         let base = found[0];
         views.push(ViewQuality { name: photo.name.clone(), base, augmented: found.get(1).copied().unwrap_or(base) });
         progress(views.len());

@@ -20,22 +20,15 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let first = if quick { (101, 75) } else { (800, 533) };
     let sizes = &[first, (64, 48), (5, 70), (1, 1)];
     let batch = Batch::new(sizes);
+    let masked = Batch::masked(sizes);
     // Each pixel and channel: five moments forward and three partials backward, filtered by eleven taps in each direction.
     let channels = 3.0 * batch.image.len() as f64;
     let pixels = batch.image.len() as f64;
-    let twins: Vec<(Twin, Vec<[f64; 3]>)> = batch
-        .frames
-        .iter()
-        .map(|frame| {
-            let (width, height) = (frame.width as usize, frame.height as usize);
-            let (image, targets) = batch.pixels(frame);
-            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
-            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
-            (forward, backward)
-        })
-        .collect();
-    for variant in [Variant::Plain, Variant::LossMap, Variant::TileList] {
-        let there = There::new(bench, &batch)?;
+    let all = batch.twins();
+    let counting = masked.twins();
+    for variant in [Variant::Plain, Variant::LossMap, Variant::TileList, Variant::Masked] {
+        let (batch, twins) = if variant == Variant::Masked { (&masked, &counting) } else { (&batch, &all) };
+        let there = There::new(bench, batch)?;
         let stages = Stages::new(bench, variant)?;
         let times = bench.time(|recorder| there.record(recorder, &stages))?;
         let (gradient, map) = (there.image_grad.download()?, there.loss_map.download()?);
@@ -44,7 +37,7 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         let (mut forward, mut backward) =
             (bench.row("ssim_forward", variant.name()), bench.row("ssim_backward", variant.name()));
         let mut sum = bench.row("loss_sum", variant.name());
-        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(&twins).enumerate() {
+        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(twins).enumerate() {
             let range = frame.image_first as usize..(frame.image_first + frame.width * frame.height) as usize;
             if variant == Variant::TileList && !listed(f) {
                 // Tiles that are not listed keep what they had.
@@ -58,7 +51,7 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             sum.numbers([(loss.l1, l1), (loss.total, total)]);
             // 1 − SSIM is what the loss is made of; SSIM itself is near 1.
             sum.numbers([(loss.ssim, ssim)]);
-            if variant == Variant::LossMap {
+            if variant.has_map() {
                 forward.numbers(map[range.clone()].iter().copied().zip(twin.loss_map.iter().copied()));
             } else {
                 forward.unequal(map[range.clone()].iter().filter(|loss| !loss.is_nan()).count() as u64);
@@ -68,10 +61,11 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
         }
         // Training has all tiles, the 2D stage a list, and a loss map where it draws.
-        backward.chosen = variant != Variant::LossMap;
-        let share = if variant == Variant::TileList { listed_share(&batch) } else { 1.0 };
+        // Masks are in the targets, so every variant has them; here they and the loss map are looked at together.
+        backward.chosen = !variant.has_map();
+        let share = if variant == Variant::TileList { listed_share(batch) } else { 1.0 };
         let partials = 9.0 * 4.0 * pixels;
-        let map_bytes = if variant == Variant::LossMap { 4.0 * pixels } else { 0.0 };
+        let map_bytes = if variant.has_map() { 4.0 * pixels } else { 0.0 };
         forward.work =
             Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
         backward.work =
@@ -94,14 +88,20 @@ enum Variant {
     Plain,
     LossMap,
     TileList,
+    Masked,
 }
 
 impl Variant {
+    fn has_map(self) -> bool {
+        matches!(self, Variant::LossMap | Variant::Masked)
+    }
+
     fn name(self) -> &'static str {
         match self {
             Variant::Plain => "",
             Variant::LossMap => "loss map",
             Variant::TileList => "tile list",
+            Variant::Masked => "loss map, masked",
         }
     }
 }
@@ -151,6 +151,32 @@ impl Batch {
         batch
     }
 
+    /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts.
+    pub fn masked(sizes: &[(u32, u32)]) -> Self {
+        let mut batch = Self::new(sizes);
+        for (f, frame) in batch.frames.iter().enumerate() {
+            for i in 0..frame.width * frame.height {
+                let (x, y) = (i % frame.width, i / frame.width);
+                let patch = (x / 13 + y / 9) % 3 == 0 || noise(i + 7) % 31 == 0;
+                if patch || f == 1 {
+                    batch.targets[(frame.target_first + i) as usize] &= 0x00FF_FFFF;
+                }
+            }
+        }
+        batch
+    }
+
+    fn twins(&self) -> Vec<(Twin, Vec<[f64; 3]>)> {
+        let twin = |frame: &Frame| {
+            let (width, height) = (frame.width as usize, frame.height as usize);
+            let (image, targets) = self.pixels(frame);
+            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
+            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
+            (forward, backward)
+        };
+        self.frames.iter().map(twin).collect()
+    }
+
     /// What the twins read of a frame.
     pub fn pixels(&self, frame: &Frame) -> (Vec<[f64; 4]>, &[u32]) {
         let pixels = (frame.width * frame.height) as usize;
@@ -173,7 +199,7 @@ impl Stages {
         let (context, list) = (bench.context, variant == Variant::TileList);
         Ok(Stages {
             variant,
-            forward: SsimForward::new(context, list, variant == Variant::LossMap)?,
+            forward: SsimForward::new(context, list, variant.has_map())?,
             backward: SsimBackward::new(context, list)?,
             sum: LossSum::new(context)?,
         })

@@ -1,9 +1,12 @@
 //! The command line as its users meet it, on a tiny dataset. Validation layers are on where `GLINT_VALIDATION` is set, and make
 //! a command fail when they find anything.
 
+mod datasets;
 mod output;
 #[path = "../common/run.rs"]
 mod run;
+#[path = "../common/shared.rs"]
+mod shared;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -430,11 +433,7 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
 
 #[test]
 fn a_scene_of_another_tool_is_a_base_for_any_dataset() {
-    let splats = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/splats");
-    if !splats.exists() {
-        println!("skipped: {} is not there", splats.display());
-        return;
-    }
+    let Some(splats) = shared::shared("splats") else { return };
     let work = Work::new();
     let base = splats.join("inria_sh3_9k.ply");
     let report =
