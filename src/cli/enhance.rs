@@ -4,9 +4,8 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs,
+    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
     dataset::check_sight,
-    open_scene,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
@@ -98,6 +97,8 @@ pub(super) struct Args {
     #[command(flatten)]
     replace: OutputArgs,
     #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
@@ -143,7 +144,7 @@ struct Seconds {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = open_scene(&self.base)?;
+        let scene = self.lenient.open(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has an element `augmented`), expected a base scene";
             return Err(Error::input(&self.base, what).into());

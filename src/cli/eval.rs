@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SplitArg, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg, print, print_json,
     progress::{Progress, note},
 };
 use crate::{
@@ -38,6 +38,8 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -45,7 +47,7 @@ pub(super) struct Args {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = open_scene(&self.scene)?;
+        let scene = self.lenient.open(&self.scene)?;
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         if scene.supplement.is_none() {

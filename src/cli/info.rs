@@ -2,10 +2,10 @@ use std::{fmt::Write, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{Outcome, dataset::DatasetArgs, print, print_json};
+use super::{Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
-    data::{Kind, read_scene},
+    data::Kind,
     report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
 };
 
@@ -15,6 +15,8 @@ pub(super) struct Args {
     /// PLY scene, or folder or JSON file of a dataset: which of them is seen from the contents
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
+    #[command(flatten)]
+    lenient: SceneArgs,
     #[command(flatten)]
     dataset: DatasetArgs,
     /// Print JSON; "kind" is "scene" or "dataset"
@@ -35,7 +37,7 @@ impl Args {
         let kind = if path.is_dir() { None } else { Some(Kind::of_file(path)?) };
         let found = match kind {
             None | Some(Kind::Json) => Found::Dataset(DatasetSummary::of(&self.dataset.open(path, None, [0.0; 3])?)),
-            Some(Kind::Ply) => Found::Scene(Box::new(SceneSummary::of(&read_scene(path)?))),
+            Some(Kind::Ply) => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
             Some(other) => {
                 let what = format!("is {other}; expected a PLY file, a transforms.json or a folder with a dataset");
                 return Err(Error::input(path, what).into());

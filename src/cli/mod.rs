@@ -27,13 +27,13 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Split},
+    data::{self, Dropped, Split},
     gpu::{Context, ContextOptions, GpuError},
     pipelines::raster::Reduction,
     scene::Scene,
 };
 use dataset::PhotoArgs;
-use progress::LogWriter;
+use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -210,14 +210,40 @@ impl SplitArg {
     }
 }
 
-/// Reads a scene.
-fn open_scene(path: &Path) -> Result<Scene> {
-    // Reading a folder would blame the machine.
-    if path.is_dir() {
-        let what = "is a folder, expected a PLY scene (the scene comes before the dataset)";
-        return Err(Error::input(path, what));
+/// How scenes are read.
+#[derive(Debug, Args)]
+struct SceneArgs {
+    /// Drop Gaussians of the scene that are not sound (NaN, infinite opacity or scale, no rotation) and say how many, instead
+    /// of refusing the file
+    #[arg(long)]
+    lenient: bool,
+}
+
+impl SceneArgs {
+    /// Reads a scene.
+    fn open(&self, path: &Path) -> Result<Scene> {
+        // Reading a folder would blame the machine.
+        if path.is_dir() {
+            let what = "is a folder, expected a PLY scene (the scene comes before the dataset)";
+            return Err(Error::input(path, what));
+        }
+        if !self.lenient {
+            return data::read_scene(path).map_err(|error| match error {
+                Error::Input { path, what } if what.starts_with("row ") => {
+                    Error::input(path, format!("{what} (--lenient drops such Gaussians)"))
+                }
+                error => error,
+            });
+        }
+        let (scene, Dropped { base, supplementary, first }) = data::read_scene_leniently(path)?;
+        if let Some(first) = first {
+            let all = scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+            let dropped = base + supplementary;
+            let path = path.display();
+            note(format!("{path}: {dropped} of {} Gaussians dropped, the first for this: {first}", all + dropped));
+        }
+        Ok(scene)
     }
-    data::read_scene(path)
 }
 
 /// Prints a result. A reader that has gone away has seen enough.

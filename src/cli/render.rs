@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SplitArg, open_scene,
+    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
@@ -73,6 +73,8 @@ pub(super) struct Args {
     #[command(flatten)]
     replace: OutputArgs,
     #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -109,7 +111,7 @@ struct Written<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = open_scene(&self.scene)?;
+        let scene = self.lenient.open(&self.scene)?;
         let path = self.scene.display();
         match (&scene.supplement, self.what) {
             (None, What::Specular) if scene.base.sh_degree == 0 => {

@@ -17,6 +17,7 @@ mod ply_format;
 mod reduce;
 mod region;
 mod shot;
+mod sound;
 pub mod tensors;
 mod transforms;
 mod write;
@@ -29,8 +30,9 @@ pub use dataset::{
 pub use images::Image;
 pub use kind::Kind;
 pub use lens::{Distortion, Frame, Lens, Polynomial};
-pub use ply::{PointCloud, read_points, read_scene, scene_bytes, write_scene};
+pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_scene};
 pub use region::{Focus, NEAR};
+pub use sound::Dropped;
 pub use tensors::{read_tensors, write_tensors};
 pub use write::{
     to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use super::atomic::write_whole;
 use super::ply_format::{Element, Ply};
+use super::sound::{self, Dropped};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -21,18 +22,15 @@ pub struct PointCloud {
     pub colors: Vec<[u8; 3]>,
 }
 
-const BASE: &str = "vertex";
-const SUPPLEMENT: &str = "augmented";
-const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
+pub(super) const BASE: &str = "vertex";
+pub(super) const SUPPLEMENT: &str = "augmented";
+pub(super) const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
 
 /// Everything but f_rest, in the order of [`Columns::fixed`].
-const FIXED: [&str; 14] = [
+pub(super) const FIXED: [&str; 14] = [
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
     "rot_3",
 ];
-
-/// Lobe widths T are kept in this range by the method (section 1).
-const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
 /// Reads a 3DGS scene, with its supplement if it has one. Properties may have any order and any numeric type; those that are
 /// not known, and unknown elements, are skipped. Numbers must be finite in 32 bits and rotations not zero.
@@ -42,15 +40,23 @@ pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
     parse_scene(&bytes, path)
 }
 
+/// Reads what is sound of a 3DGS scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
+/// [`read_scene`] refuses; here they are dropped and counted.
+pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
+    let path = path.as_ref();
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let mut scene = parse_rows(&bytes, path)?;
+    let dropped = sound::drop_faults(&mut scene);
+    Ok((scene, dropped))
+}
+
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) as a second element.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     let path = path.as_ref();
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
-    check_gaussians(BASE, &scene.base).map_err(refuse)?;
+    sound::check(scene).map_err(refuse)?;
     if let Some(supplement) = &scene.supplement {
-        check_gaussians(SUPPLEMENT, &supplement.gaussians).map_err(refuse)?;
-        check_lobes(supplement).map_err(refuse)?;
         if supplement.gaussians.sh_degree != scene.base.sh_degree {
             return Err(refuse("the supplement has another SH degree than the base".into()));
         }
@@ -235,6 +241,13 @@ impl Columns {
 
 /// `path` is only named in errors.
 pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let scene = parse_rows(bytes, path)?;
+    sound::check(&scene).map_err(|what| Error::input(path, what))?;
+    Ok(scene)
+}
+
+/// The scene, whatever its numbers are.
+fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     if let Some(kind) = describe_non_splats(&ply) {
@@ -260,13 +273,7 @@ pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
         }
         Ok(())
     })?;
-    check_gaussians(BASE, &base).map_err(fail)?;
-    let supplement = extra_columns.map(|_| Supplement { gaussians: extra, lobes });
-    if let Some(supplement) = &supplement {
-        check_gaussians(SUPPLEMENT, &supplement.gaussians).map_err(fail)?;
-        check_lobes(supplement).map_err(fail)?;
-    }
-    Ok(Scene { base, supplement })
+    Ok(Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -280,69 +287,6 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
         return None;
     }
     Some(if ply.element("face").is_some() { "a mesh" } else { "a point cloud" })
-}
-
-/// Lengths, finiteness and rotations; what is wrong names element, row and property.
-fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
-    if gaussians.sh_degree > 3 {
-        return Err(format!("`{element}` has SH degree {}; 0 to 3 are known", gaussians.sh_degree));
-    }
-    let (n, k) = (gaussians.len(), gaussians.sh_coefficients());
-    let lengths =
-        [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len(), gaussians.sh.len() / k];
-    if lengths != [n; 4] || gaussians.sh.len() != n * k {
-        return Err(format!("`{element}` has {n} means but other numbers of scales, rotations, opacities or SH"));
-    }
-    let bad = |row: usize, name: &str| format!("row {row} of element `{element}`: `{name}` is not a finite number");
-    let vector = |row: usize, values: &[f32], names: &[&str]| match values.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(bad(row, names[i])),
-        None => Ok(()),
-    };
-    for i in 0..n {
-        vector(i, &gaussians.means[i], &FIXED[..3])?;
-        vector(i, &gaussians.sh[i * k], &FIXED[3..6])?;
-        vector(i, &[gaussians.opacities[i]], &FIXED[6..7])?;
-        vector(i, &gaussians.log_scales[i], &FIXED[7..10])?;
-        let quat = gaussians.quats[i];
-        vector(i, &quat, &FIXED[10..])?;
-        if !has_direction(&quat) {
-            return Err(format!("row {i} of element `{element}`: the rotation `rot_0..3` = {quat:?} has no direction"));
-        }
-        for (coefficient, rgb) in gaussians.sh[i * k + 1..(i + 1) * k].iter().enumerate() {
-            if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
-                return Err(bad(i, &format!("f_rest_{}", channel * (k - 1) + coefficient)));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
-fn has_direction(finite: &[f32]) -> bool {
-    finite.iter().any(|v| v.is_normal())
-}
-
-fn check_lobes(supplement: &Supplement) -> Result<(), String> {
-    let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
-    if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
-        return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
-    }
-    for i in 0..n {
-        let place = |what: String| Err(format!("row {i} of element `{SUPPLEMENT}`: {what}"));
-        let [x, y, z] = lobes.directions[i];
-        for (value, name) in [x, y, z, lobes.widths[i], lobes.sharpness[i]].into_iter().zip(LOBE) {
-            if !value.is_finite() {
-                return place(format!("`{name}` is not a finite number"));
-            }
-        }
-        if !has_direction(&[x, y, z]) {
-            return place(format!("the lobe direction {:?} has no direction", [x, y, z]));
-        }
-        if !LOBE_WIDTHS.contains(&lobes.widths[i]) {
-            return place(format!("`lobe_width` is {}, expected 0.01 to 1", lobes.widths[i]));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -631,6 +575,52 @@ mod tests {
         expect(text.replacen("-70000", "nan", 1).as_bytes(), &["row 0", "`f_dc_0`"]);
         expect(text.replacen("-70000", "1e60", 1).as_bytes(), &["row 0", "`f_dc_0`"]);
         expect(text.replacen("-70000", "ten", 1).as_bytes(), &["row 0", "`ten` is not a number"]);
+    }
+
+    /// Real exports have infinite opacities here and there.
+    #[test]
+    fn a_lenient_reader_drops_and_counts_what_is_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ply");
+        let read = |edit: &dyn Fn(&mut Scene)| {
+            let sound = scene(1, true);
+            let mut edited = sound.clone();
+            edit(&mut edited);
+            let mut bytes = written(&sound);
+            let rows = scene_bytes(3, 2, 1) as usize;
+            bytes.truncate(bytes.len() - rows);
+            write_rows(&mut bytes, &edited.base, None).unwrap();
+            let supplement = edited.supplement.unwrap();
+            write_rows(&mut bytes, &supplement.gaussians, Some(&supplement.lobes)).unwrap();
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(read_scene(&path).is_ok(), read_scene_leniently(&path).unwrap().1.first.is_none());
+            let (found, dropped) = read_scene_leniently(&path).unwrap();
+            let left = (found.base.means.clone(), found.supplement.clone().unwrap().lobes.widths);
+            sound::check(&found).unwrap();
+            (left, dropped)
+        };
+        let all = scene(1, true);
+        let (means, widths) = (all.base.means.clone(), all.supplement.unwrap().lobes.widths);
+        let (left, dropped) = read(&|_| ());
+        assert_eq!((left, dropped), ((means.clone(), widths.clone()), Dropped::default()));
+        let (left, dropped) = read(&|s| s.base.opacities[1] = f32::INFINITY);
+        assert_eq!(left, (vec![means[0], means[2]], widths.clone()));
+        assert_eq!((dropped.base, dropped.supplementary), (1, 0));
+        assert!(dropped.first.unwrap().contains("row 1 of element `vertex`: `opacity`"));
+        let (left, dropped) = read(&|s| {
+            s.base.log_scales[0][2] = f32::NEG_INFINITY;
+            s.base.quats[2] = [0.0; 4];
+            s.supplement.as_mut().unwrap().lobes.widths[1] = 2.0;
+        });
+        assert_eq!((left, dropped.base, dropped.supplementary), ((vec![means[1]], vec![widths[0]]), 2, 1));
+        let (left, dropped) = read(&|s| {
+            s.base.sh.iter_mut().for_each(|rgb| rgb[1] = f32::NAN);
+            s.supplement.as_mut().unwrap().gaussians.means[0][1] = f32::NAN;
+        });
+        assert_eq!((left, dropped.base, dropped.supplementary), ((Vec::new(), vec![widths[1]]), 3, 1));
+        // A file that is no scene is none for this reader either.
+        fs::write(&path, "solid cube").unwrap();
+        assert!(read_scene_leniently(&path).is_err());
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod datasets;
 mod output;
 #[path = "../common/run.rs"]
 mod run;
+mod scenes;
 #[path = "../common/shared.rs"]
 mod shared;
 
