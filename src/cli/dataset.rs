@@ -8,6 +8,7 @@ use super::progress::note;
 use crate::{
     Error, Result,
     data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Split},
+    report::summary::DatasetSummary,
 };
 
 /// What of a dataset is read.
@@ -52,6 +53,16 @@ impl DatasetArgs {
             },
         };
         let dataset = Dataset::open(path, &options)?;
+        let found = DatasetSummary::of(&dataset);
+        for size in &found.sizes {
+            tracing::info!("{} photos of {} × {}", size.photos, size.width, size.height);
+        }
+        let (points, extent) = (found.points.unwrap_or(0), found.extent);
+        tracing::info!("{} dataset: {} train, {} test, {points} points", found.format, found.train, found.test);
+        tracing::info!("cameras within {:.4} scene units of their middle", extent / 1.1);
+        if let (Some(center), Some(radius)) = (found.focus_center, found.focus_radius) {
+            tracing::info!("they look at {center:.3?} from {radius:.3} away");
+        }
         dataset.notes.iter().for_each(|text| note(text.as_str()));
         Ok(dataset)
     }

@@ -136,7 +136,7 @@ impl Args {
         let joint_steps = options.steps_per_view * train.len() as u32;
         let (plain, plain_seconds) = self.train(context, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
-        let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| ());
+        let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
         let row = |what, gaussians, supplementary, steps, seconds, found: &Evaluation| Row {
             what,

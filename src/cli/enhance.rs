@@ -1,4 +1,4 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -6,28 +6,31 @@ use serde::Serialize;
 use super::{
     DeviceArgs, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
     dataset::check_sight,
+    names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
-    render::file_names,
 };
 use crate::{
     Error, Result,
-    data::{Photo, Split, scene_bytes, write_scene},
+    data::{Dataset, Photo, Split, scene_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Stage, enhance},
         lift::LiftOptions,
+        plane::{self, Schedule},
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
     },
+    report::{evaluate::evaluate, metrics::Quality},
     scene::Scene,
 };
 
 const EXAMPLES: &str = "\
 Supplementary Gaussians, whose opacity depends on the view, are fitted to what the base gets wrong in each photo, lifted into
-the scene and optimised together with the base's opacities. Only training photos are used.
+the scene and optimised together with the base's opacities. Only training photos are used; what was gained is judged by the
+test photos in the end.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
@@ -132,6 +135,19 @@ struct Report<'a> {
     /// Mean loss over the first and over the last pass of the joint stage; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
+    /// On the test views; null where there are none.
+    gain: Option<Gain>,
+}
+
+/// What the test views, which nothing was learned from, say of an augmentation.
+#[derive(Serialize)]
+struct Gain {
+    views: usize,
+    /// The base as it was given.
+    before: Quality,
+    after: Quality,
+    /// The `vertex` part of the result, which other viewers show. Its opacities were learned together with the supplement.
+    base_alone: Quality,
 }
 
 #[derive(Serialize)]
@@ -185,7 +201,7 @@ impl Args {
         let work = match &self.work {
             Some(folder) => {
                 self.replace.make_folder(folder, &inputs)?;
-                Some(WorkDir::open(folder, &self.settings(&photos)?, view_names(&photos))?)
+                Some(WorkDir::open(folder, &self.settings(&photos)?, stems(photos.iter().copied()))?)
             }
             None => None,
         };
@@ -195,6 +211,8 @@ impl Args {
             drop(reading);
             let found = run_with_progress(context, &scene, &views, &options, work.as_ref())?;
             write_scene(&self.output, &found.scene)?;
+            drop(views);
+            let gain = gain(context, &scene, &found.scene, &dataset)?;
             let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
             if lost > 0 {
                 note(format!(
@@ -222,15 +240,20 @@ impl Args {
                 },
                 joint_loss_first: pass_loss(&found, photos.len(), false),
                 joint_loss_last: pass_loss(&found, photos.len(), true),
+                gain,
             };
             if self.json {
                 return Ok(print_json(&report)?);
             }
-            let Report { output, device, base_gaussians, supplementary_gaussians, seconds, .. } = report;
+            let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = report;
             Ok(print(format_args!(
                 "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
-                 base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n",
-                seconds.base, seconds.plane, seconds.lift, seconds.join
+                 base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
+                seconds.base,
+                seconds.plane,
+                seconds.lift,
+                seconds.join,
+                gain.map_or(String::new(), |gain| gain.text())
             ))?)
         })
     }
@@ -257,18 +280,52 @@ impl Args {
     }
 }
 
+/// Compares the base and what became of it with the test views.
+fn gain(context: &Context, base: &Scene, augmented: &Scene, dataset: &Dataset) -> Result<Option<Gain>> {
+    let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
+    if photos.is_empty() {
+        return Ok(None);
+    }
+    let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
+    let compare = |scene: &Scene| {
+        evaluate(context, scene, &photos, dataset.background, |_| {
+            bar.advance();
+            Ok(())
+        })
+    };
+    let (before, after) = (compare(base)?, compare(augmented)?);
+    let (before, after, base_alone) = (before.augmented, after.augmented, after.base);
+    Ok(Some(Gain { views: photos.len(), before, after, base_alone }))
+}
+
+impl Gain {
+    fn text(&self) -> String {
+        let Gain { views, before, after, base_alone } = self;
+        let alone = if base_alone.psnr < before.psnr {
+            ": less than the base that was given, since its opacities were learned together with the supplement"
+        } else {
+            ""
+        };
+        format!(
+            "{views} test views: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
+             the base part alone, as other viewers show it: {:.2} dB ({:+.2}){alone}\n",
+            before.psnr,
+            after.psnr,
+            after.psnr - before.psnr,
+            before.ssim,
+            after.ssim,
+            base_alone.psnr,
+            base_alone.psnr - before.psnr
+        )
+    }
+}
+
 /// Mean loss of the first or the last pass over the photos.
 fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     let losses = &found.join.as_ref()?.losses;
     let n = photos.min(losses.len());
     let pass = if last { &losses[losses.len() - n..] } else { &losses[..n] };
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
-}
-
-fn view_names(photos: &[&Photo]) -> Vec<String> {
-    let photos: Vec<Photo> = photos.iter().map(|&p| p.clone()).collect();
-    let names = file_names(&photos, "x");
-    names.iter().map(|n| Path::new(n).with_extension("").to_string_lossy().into_owned()).collect()
 }
 
 /// Augments with a bar for each stage.
@@ -279,25 +336,27 @@ pub(super) fn run_with_progress(
     options: &EnhanceOptions,
     work: Option<&WorkDir>,
 ) -> Result<Enhanced> {
-    let mut bar: Option<(u64, Progress)> = None;
+    let mut bar: Option<(&str, Progress)> = None;
     let watch = |stage: &Stage| {
-        // A bar for each round of a batch, and one for the joint stage.
-        let (key, label, done, total) = match stage {
-            Stage::Base | Stage::Lift => (0, "", 0, 0),
-            Stage::Plane { batch, progress, .. } => {
-                (1 + *batch as u64 * 1000 + u64::from(progress.round), "refining", progress.step, progress.steps)
+        let (label, unit, done, total) = match stage {
+            Stage::Base => ("rendering the base", "passes", 0, 1),
+            Stage::Plane { batch, batches, progress } => {
+                let (done, total) = plane_steps(&options.schedule, *batch, *batches, progress);
+                ("refining", "steps", done, total)
             }
-            Stage::Join { step, steps } => (u64::MAX, "joining", *step, *steps),
+            // Between batches, and over in no time.
+            Stage::Lift => return,
+            Stage::Join { step, steps } => ("joining", "steps", u64::from(*step), u64::from(*steps)),
         };
-        if total == 0 {
+        if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
+            // The old one goes first.
             bar = None;
-        } else {
-            if bar.as_ref().is_none_or(|(k, _)| *k != key) {
-                bar = None;
-                bar = Some((key, Progress::new(label, "steps", total.into())));
-            }
-            if let Some((_, bar)) = &bar {
-                bar.set(done.into());
+            bar = Some((label, Progress::new(label, unit, total)));
+        }
+        if let Some((_, bar)) = &bar {
+            bar.set_of(done, total);
+            if let Stage::Plane { progress, .. } = stage {
+                bar.say(format_args!("loss {:.4}, {}/{} placed", progress.loss, progress.count, progress.budget));
             }
         }
     };
@@ -310,4 +369,48 @@ pub(super) fn run_with_progress(
         |range| work.map_or(Ok(None), |w| w.resume(range)),
         |batch| work.map_or(Ok(()), |w| w.keep(&views.cameras, batch)),
     )
+}
+
+/// Steps of the 2D stage that are done, and all that there will be. How many rounds a batch takes is not known: if those to
+/// come place as many Gaussians each as those before, they fill the budget after so many.
+fn plane_steps(schedule: &Schedule, batch: usize, batches: usize, at: &plane::Progress) -> (u64, u64) {
+    let Schedule { round_steps, final_steps, max_rounds } = *schedule;
+    let last = at.steps == final_steps && at.steps != round_steps;
+    let rounds = if last {
+        at.round
+    } else {
+        let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
+        u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
+    };
+    let whole_rounds = if last { at.round } else { at.round.saturating_sub(1) };
+    let done = u64::from(whole_rounds) * u64::from(round_steps) + u64::from(at.step);
+    let all = u64::from(rounds) * u64::from(round_steps) + u64::from(final_steps);
+    (batch as u64 * all + done, batches as u64 * all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
+        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20 };
+        let at = |round, step, steps, count| {
+            let progress = plane::Progress { round, step, steps, count, budget: 100, loss: 0.5 };
+            plane_steps(&schedule, 0, 1, &progress)
+        };
+        // A fifth placed in one round: five rounds.
+        assert_eq!(at(1, 50, 200, 20), (50, 2000));
+        assert_eq!(at(3, 50, 200, 60), (450, 2000));
+        // Half of each draw is pruned: ten.
+        assert_eq!(at(3, 0, 200, 30), (400, 3000));
+        // As many as there may be, and no fewer than there were.
+        assert_eq!(at(2, 0, 200, 0), (200, 5000));
+        assert_eq!(at(7, 100, 200, 100), (1300, 2400));
+        // The last steps.
+        assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
+        assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
+        let progress = plane::Progress { round: 1, step: 50, steps: 200, count: 20, budget: 100, loss: 0.5 };
+        assert_eq!(plane_steps(&schedule, 2, 3, &progress), (4050, 6000));
+    }
 }

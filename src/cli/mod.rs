@@ -8,7 +8,9 @@ mod devices;
 mod enhance;
 mod eval;
 mod info;
+mod names;
 mod output;
+mod pages;
 mod progress;
 mod render;
 mod train;
@@ -57,9 +59,12 @@ Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v."
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Log what happens to stderr; -vv and -vvv say more
+    /// Tell of cameras, memory, losses and times on stderr; -vv and -vvv say more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
+    /// Say nothing but results and errors: no bars, no notes
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -72,6 +77,8 @@ enum Command {
     Info(info::Args),
     Devices(devices::Args),
     Verify(verify::Args),
+    Completions(pages::CompletionsArgs),
+    Man(pages::ManArgs),
 }
 
 /// Why a command did not do what it should.
@@ -95,7 +102,7 @@ type Outcome<T = ()> = Result<T, Failure>;
 /// Parses the process's arguments and does what they say.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    log(cli.verbose);
+    log(cli.verbose, cli.quiet);
     let outcome = match &cli.command {
         Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
@@ -105,6 +112,8 @@ pub fn main() -> ExitCode {
         Command::Info(args) => args.run(),
         Command::Devices(args) => args.run(),
         Command::Verify(args) => args.run(),
+        Command::Completions(args) => args.run(),
+        Command::Man(args) => args.run(),
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
@@ -119,8 +128,11 @@ pub fn main() -> ExitCode {
 }
 
 /// Sends log lines to stderr, above the progress bar.
-fn log(verbose: u8) {
-    let level = ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))];
+fn log(verbose: u8, quiet: bool) {
+    if quiet {
+        progress::quiet();
+    }
+    let level = if quiet { "error" } else { ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))] };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(format!("glint={level}")));
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
@@ -169,12 +181,24 @@ impl DeviceArgs {
             GpuError::NoDevice(_) if device.is_some() => Error::Usage(format!("{asked}: {e}")),
             e => with_hint(e).into(),
         })?;
+        tracing::info!("device: {}", context.info().name);
         let result = work(&context);
+        if let Some(bytes) = peak_memory() {
+            tracing::info!("the process held {:.1} MB of memory at most", bytes as f64 / 1e6);
+        }
         match context.validation_messages().len() {
             0 => result,
             count => Err(Failure::Validation(count)),
         }
     }
+}
+
+/// The most memory that this process has held, where the system tells (Linux). A device that is a CPU has its buffers there.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kilobytes =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
+    kilobytes.map(|n: u64| 1024 * n)
 }
 
 /// How gradients are added up.
@@ -256,8 +280,12 @@ fn print(text: impl Display) -> Result<()> {
 }
 
 fn print_json(value: &impl Serialize) -> Result<()> {
+    print(to_json(value)?)
+}
+
+fn to_json(value: &impl Serialize) -> Result<String> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Error::io(PathBuf::from("stdout"), e.into()))?;
-    print(format_args!("{text}\n"))
+    Ok(text + "\n")
 }
 
 #[cfg(test)]

@@ -121,19 +121,34 @@ impl Args {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
             drop(reading);
+            let megabytes = |bytes: u64| bytes as f64 / 1e6;
+            let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
+            tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+            // Adam has two moments of everything.
+            let scene = 3 * scene_bytes(count as u64, 0, self.sh_degree);
+            tracing::info!("on the device: {:.1} MB of {count} Gaussians and their moments", megabytes(scene));
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
             let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
             let reduction = self.reduction.reduction();
             let options = BaseOptions { iterations, sh_degree, seed, extent, reduction };
+            // For --json and -v.
+            let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let set = |done: u32| training.set(done.into());
-            let trained = train_base(context, &model, &views, background, &options, self.json, set)?;
+            let trained = train_base(context, &model, &views, background, &options, timed, set)?;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
             write_scene(&self.output, &model.download()?)?;
 
+            let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
+            for (pass, losses) in passes(&trained.losses, photos.len()) {
+                tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
+            }
+            for stage in stages(&trained.steps.stages) {
+                tracing::info!("a step's {}: {:.3} ms", stage.name, stage.milliseconds_per_step);
+            }
             let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
             let report = Report {
                 output: &self.output.to_string_lossy(),
@@ -145,7 +160,7 @@ impl Args {
                 seed,
                 seconds,
                 steps_per_second: f64::from(iterations) / seconds,
-                final_loss: last.iter().map(|&l| f64::from(l)).sum::<f64>() / last.len().max(1) as f64,
+                final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
                 stages: stages(&trained.steps.stages),
             };
@@ -161,6 +176,18 @@ impl Args {
     }
 }
 
+/// The first and the last pass through the photos and eight between them, with their numbers of steps.
+fn passes(losses: &[f32], photos: usize) -> Vec<(String, &[f32])> {
+    let all: Vec<&[f32]> = losses.chunks(photos.max(1)).collect();
+    let shown = all.len().min(10);
+    let at = |i: usize| i * (all.len() - 1) / (shown - 1).max(1);
+    let named = |i: usize| {
+        let first = i * photos.max(1);
+        (format!("{} to {}", first + 1, first + all[i].len()), all[i])
+    };
+    (0..shown).map(|i| named(at(i))).collect()
+}
+
 /// Sums the times of equal stages and divides them by the number of steps that they are of.
 fn stages(times: &[StageTime]) -> Vec<Stage> {
     // Every step ends with one of these.
@@ -174,4 +201,22 @@ fn stages(times: &[StageTime]) -> Vec<Stage> {
         }
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_are_the_first_the_last_and_some_between() {
+        let losses: Vec<f32> = (0..1005).map(|i| i as f32).collect();
+        let named = |n: usize, photos: usize| {
+            passes(&losses[..n], photos).into_iter().map(|(name, pass)| (name, pass[0])).collect::<Vec<_>>()
+        };
+        assert_eq!(named(3, 7), [("1 to 3".into(), 0.0)]);
+        assert_eq!(named(10, 7), [("1 to 7".into(), 0.0), ("8 to 10".into(), 7.0)]);
+        let many = named(1005, 10);
+        assert_eq!((many.len(), &many[0].0[..], &many[9].0[..]), (10, "1 to 10", "1001 to 1005"));
+        assert!(many.is_sorted_by(|a, b| a.1 < b.1) && named(0, 7).is_empty());
+    }
 }

@@ -8,6 +8,7 @@ mod run;
 mod scenes;
 #[path = "../common/shared.rs"]
 mod shared;
+mod talk;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
