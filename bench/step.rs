@@ -70,7 +70,7 @@ fn run(args: &Args) -> Result<()> {
         None => builtin_scene(args.gaussians).dataset(),
     };
     let photos = photos_of(&dataset, Some(Split::Train))?;
-    let views = upload_photos(&context, &photos, dataset.background, |_| ())?;
+    let views = upload_photos(&context, &photos, dataset.background, |_, _| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
     let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, 0)?;

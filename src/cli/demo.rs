@@ -115,7 +115,7 @@ impl Args {
         let train = photos_of(dataset, Some(Split::Train))?;
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
-        let views = upload_photos(context, &train, background, |_| ())?;
+        let views = upload_photos(context, &train, background, |_, _| ())?;
         let extent = dataset.extent() as f32;
 
         let (base, base_seconds) = self.train(context, dataset, &views, POINTS, ITERATIONS)?;

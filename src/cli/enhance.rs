@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
@@ -19,6 +20,7 @@ use crate::{
         enhance::{EnhanceOptions, Enhanced, Stage, enhance},
         lift::LiftOptions,
         plane::{self, Schedule},
+        raster::Reduction,
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
@@ -38,7 +40,8 @@ Examples:
   glint enhance garden --base base.ply -o augmented.ply --work kept     # inspect it, or go on after an interruption";
 
 /// How long the stages take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
     /// The same stages with shorter rounds, for previews and machines without a GPU
     Quick,
@@ -46,29 +49,36 @@ pub(super) enum Preset {
     Paper,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 enum Failure {
     Largest,
     Smallest,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 enum Weights {
     Squared,
     Plain,
 }
 
 /// Augment a base scene, trained here or elsewhere, from the photos
-#[derive(Debug, clap::Args)]
+// Serialised into the settings of a work folder: an option that is new is in them unless it says that it changes nothing there.
+#[derive(Debug, clap::Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset
+    #[serde(skip)]
     dataset: PathBuf,
     /// 3DGS PLY of the base scene
     #[arg(long, value_name = "PLY")]
+    #[serde(skip)]
     base: PathBuf,
     /// PLY file to write: the base as any viewer reads it, and an element `augmented`
     #[arg(short, long, value_name = "PLY")]
+    #[serde(skip)]
     output: PathBuf,
     /// Supplementary Gaussians for each Gaussian of the base
     #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
@@ -78,12 +88,14 @@ pub(super) struct Args {
     /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, and go on from what
     /// it holds
     #[arg(long, value_name = "DIR")]
+    #[serde(skip)]
     work: Option<PathBuf>,
     /// Seed of the draws and of the order of photos; the same seed gives the same scene on the same device
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON: what was added and how long each stage took
     #[arg(long)]
+    #[serde(skip)]
     json: bool,
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share, help_heading = "What the paper leaves open")]
@@ -98,14 +110,19 @@ pub(super) struct Args {
     #[arg(long, help_heading = "What the paper leaves open")]
     bias_correction: bool,
     #[command(flatten)]
+    #[serde(skip)]
     replace: OutputArgs,
     #[command(flatten)]
+    #[serde(skip)]
     lenient: SceneArgs,
     #[command(flatten)]
+    #[serde(skip)]
     photos: PhotoArgs,
     #[command(flatten)]
+    #[serde(skip)]
     reduction: ReductionArgs,
     #[command(flatten)]
+    #[serde(skip)]
     device: DeviceArgs,
 }
 
@@ -198,17 +215,24 @@ impl Args {
             reduction: self.reduction.reduction(),
             ..preset
         };
-        let work = match &self.work {
-            Some(folder) => {
-                self.replace.make_folder(folder, &inputs)?;
-                Some(WorkDir::open(folder, &self.settings(&photos)?, stems(photos.iter().copied()))?)
-            }
-            None => None,
-        };
+        if let Some(folder) = &self.work {
+            self.replace.make_folder(folder, &inputs)?;
+        }
         self.device.with(|context| {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
+            let mut pixels = Vec::with_capacity(photos.len());
+            let views = upload_photos(context, &photos, background, |done, words| {
+                pixels.push(crc32fast::hash(bytemuck::cast_slice(words)));
+                reading.set(done as u64);
+            })?;
             drop(reading);
+            let work = match &self.work {
+                Some(folder) => {
+                    let settings = self.settings(&photos, &pixels, &options)?;
+                    Some(WorkDir::open(folder, &settings, stems(photos.iter().copied()))?)
+                }
+                None => None,
+            };
             let found = run_with_progress(context, &scene, &views, &options, work.as_ref())?;
             write_scene(&self.output, &found.scene)?;
             drop(views);
@@ -258,25 +282,24 @@ impl Args {
         })
     }
 
-    /// Everything that the intermediate results depend on, as text.
-    fn settings(&self, photos: &[&Photo]) -> Result<String> {
+    /// Everything that the intermediate results depend on. `pixels` has the checksum of each photo as the device has it: after
+    /// lens, mask and reduction.
+    fn settings(&self, photos: &[&Photo], pixels: &[u32], options: &EnhanceOptions) -> Result<Value> {
         let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
-        let views: Vec<String> = photos.iter().map(|p| format!("{} {:?}", p.name, p.camera)).collect();
-        let settings = serde_json::json!({
+        let photo = |(photo, pixels): (&&Photo, &u32)| {
+            let camera = crc32fast::hash(format!("{:?}", photo.camera).as_bytes());
+            (photo.name.clone(), json!({"pixels_crc32": pixels, "camera_crc32": camera}))
+        };
+        // How gradients are added up does not change what they are.
+        let resolved = EnhanceOptions { reduction: Reduction::Auto, ..*options };
+        Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
-            "base_crc32": crc32fast::hash(&base),
-            "base_bytes": base.len(),
-            "views_crc32": crc32fast::hash(views.join("\n").as_bytes()),
-            "views": photos.len(),
-            "ratio": self.ratio,
-            "preset": format!("{:?}", self.preset),
-            "seed": self.seed,
-            "background": self.photos.background,
-            "depth_threshold": self.depth_threshold,
-            "cluster_failure": format!("{:?}", self.cluster_failure),
-            "pca_weights": format!("{:?}", self.pca_weights),
-        });
-        serde_json::to_string_pretty(&settings).map_err(|e| Error::Usage(e.to_string()))
+            "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
+            "photos": photos.iter().zip(pixels).map(photo).collect::<serde_json::Map<_, _>>(),
+            "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
+            // What they mean in this version, presets and all.
+            "resolved": format!("{resolved:?}"),
+        }))
     }
 }
 
@@ -366,7 +389,10 @@ pub(super) fn run_with_progress(
         views,
         options,
         watch,
-        |range| work.map_or(Ok(None), |w| w.resume(range)),
+        |range| {
+            let Some(work) = work else { return Ok(None) };
+            work.resume(range, |error| note(format!("{error}; the views of its batch are done again")))
+        },
         |batch| work.map_or(Ok(()), |w| w.keep(&views.cameras, batch)),
     )
 }
@@ -378,6 +404,9 @@ fn plane_steps(schedule: &Schedule, batch: usize, batches: usize, at: &plane::Pr
     let last = at.steps == final_steps && at.steps != round_steps;
     let rounds = if last {
         at.round
+    } else if at.round == 0 {
+        // A draw is a fifth of the budget.
+        5.min(max_rounds)
     } else {
         let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
         u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
@@ -407,6 +436,8 @@ mod tests {
         // As many as there may be, and no fewer than there were.
         assert_eq!(at(2, 0, 200, 0), (200, 5000));
         assert_eq!(at(7, 100, 200, 100), (1300, 2400));
+        // Before the first.
+        assert_eq!(at(0, 0, 200, 0), (0, 2000));
         // The last steps.
         assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
         assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));

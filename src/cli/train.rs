@@ -119,7 +119,7 @@ impl Args {
         self.device.with(|context| {
             let background = self.photos.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
+            let views = upload_photos(context, &photos, background, |done, _| reading.set(done as u64))?;
             drop(reading);
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();

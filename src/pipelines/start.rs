@@ -20,7 +20,7 @@ pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
 /// Cameras of `photos`, and their photographs as targets; a pixel that does not count has alpha 0. Photographs are decoded a
 /// few at a time, so that the host never holds them all. `background` is what transparent pixels are put over; `progress`
-/// hears the number of photos done.
+/// hears of every photo that is done: how many are, and its pixels as the device has them.
 ///
 /// # Errors
 /// Those of the files, and [`Error::Usage`] where all photographs do not fit into one buffer of the device.
@@ -28,7 +28,7 @@ pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
-    mut progress: impl FnMut(usize),
+    mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
     // 4 bytes for each pixel. Checked before cameras are numbered: positions of pixels are 32 bits.
     let pixels: u64 = photos.iter().map(|p| u64::from(p.camera.width) * u64::from(p.camera.height)).sum();
@@ -45,7 +45,7 @@ pub fn upload_photos(
         views.targets.upload(first, &packed)?;
         first += packed.len();
         done += 1;
-        progress(done);
+        progress(done, &packed);
         Ok(())
     })?;
     Ok(views)

@@ -9,6 +9,7 @@ mod scenes;
 #[path = "../common/shared.rs"]
 mod shared;
 mod talk;
+mod work;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -429,7 +430,6 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("of 7 photos is so far out of range"), "{said}");
 
-    work.refused(&format!("{enhance} -o x.ply --work kept --seed 5"), &["kept/settings.json", "another --work"]);
     work.refused("enhance data --base first.ply -o x.ply", &["first.ply", "augmented already"]);
 }
 

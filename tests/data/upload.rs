@@ -22,7 +22,7 @@ fn every_channel_of_every_photo_is_where_it_belongs() {
     let data = Dataset::open(path, &options).unwrap();
     let photos: Vec<&Photo> = data.photos.iter().collect();
     let mut heard = Vec::new();
-    let views = upload_photos(&gpu, &photos, data.background, |done| heard.push(done)).unwrap();
+    let views = upload_photos(&gpu, &photos, data.background, |done, _| heard.push(done)).unwrap();
     assert_eq!(heard, [1, 2, 3, 4, 5]);
     let words = views.targets.download().unwrap();
     for (i, photo) in plain.photos.iter().enumerate() {
@@ -52,7 +52,7 @@ fn transparent_pixels_have_the_background_or_do_not_count() {
         let options = DatasetOptions { alpha, background: [1.0, 0.4, 0.2], ..Default::default() };
         let data = Dataset::open(&path, &options).unwrap();
         let photos: Vec<&Photo> = data.photos.iter().collect();
-        let views = upload_photos(&gpu, &photos, data.background, |_| ()).unwrap();
+        let views = upload_photos(&gpu, &photos, data.background, |_, _| ()).unwrap();
         assert_eq!(views.targets.download().unwrap(), [0xFF32_64C8, expected, 0xFF32_64C8, expected]);
     }
 }
