@@ -56,10 +56,8 @@ pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     let path = path.as_ref();
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
     sound::check(scene).map_err(refuse)?;
-    if let Some(supplement) = &scene.supplement {
-        if supplement.gaussians.sh_degree != scene.base.sh_degree {
-            return Err(refuse("the supplement has another SH degree than the base".into()));
-        }
+    if scene.supplement.as_ref().is_some_and(|s| s.gaussians.sh_degree != scene.base.sh_degree) {
+        return Err(refuse("the supplement has another SH degree than the base".into()));
     }
     write_whole(path, |file| {
         let rest = 3 * (scene.base.sh_coefficients() - 1);

@@ -99,10 +99,7 @@ fn faults<'a>(
 
 fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
     let bad = |name: &str| format!("`{name}` is not a finite number");
-    let vector = |values: &[f32], names: &[&str]| match values.iter().position(|v| !v.is_finite()) {
-        Some(i) => Some(bad(names[i])),
-        None => None,
-    };
+    let vector = |values: &[f32], names: &[&str]| Some(bad(names[values.iter().position(|v| !v.is_finite())?]));
     let k = gaussians.sh_coefficients();
     let (sh, quat) = (&gaussians.sh[row * k..(row + 1) * k], gaussians.quats[row]);
     let turn = || {

@@ -51,8 +51,7 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
     let mut forward =
         SsimForward { partials: vec![[[0.0; 3]; 3]; pixels], sums: [0.0; 2], loss_map: vec![0.0; pixels] };
     for i in 0..pixels {
-        for c in 0..3 {
-            let [x, y, squares, product] = moments[i][c];
+        for (c, &[x, y, squares, product]) in moments[i].iter().enumerate() {
             let (mx, my) = (x + MIDDLE, y + MIDDLE);
             let a1 = 2.0 * mx * my + C1;
             let a2 = 2.0 * (product - x * y) + C2;
@@ -150,7 +149,7 @@ pub(super) mod tests {
 
     #[test]
     fn an_image_equal_to_its_target_has_no_loss() {
-        let targets: Vec<u32> = (0..300).map(|i| i * 40_503 | 0xFF00_0000).collect();
+        let targets: Vec<u32> = (0..300).map(|i| (i * 40_503) | 0xFF00_0000).collect();
         let image: Vec<[f64; 4]> =
             targets.iter().map(|&t| std::array::from_fn(|c| if c < 3 { target_channel(t, c) } else { 0.0 })).collect();
         let forward = ssim_forward(20, 15, &image, &targets);

@@ -157,7 +157,7 @@ impl Batch {
         for (f, frame) in batch.frames.iter().enumerate() {
             for i in 0..frame.width * frame.height {
                 let (x, y) = (i % frame.width, i / frame.width);
-                let patch = (x / 13 + y / 9) % 3 == 0 || noise(i + 7) % 31 == 0;
+                let patch = (x / 13 + y / 9) % 3 == 0 || noise(i + 7).is_multiple_of(31);
                 if patch || f == 1 {
                     batch.targets[(frame.target_first + i) as usize] &= 0x00FF_FFFF;
                 }

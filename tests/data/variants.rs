@@ -30,7 +30,7 @@ impl Plain {
             state >> 33
         };
         let mut signed = {
-            let mut next = next.clone();
+            let mut next = next;
             move || next() as f64 / (1u64 << 30) as f64 - 1.0
         };
         let name =
