@@ -133,7 +133,7 @@ fn writable(folder: &Path) -> std::io::Result<()> {
 fn clear(folder: &Path) {
     let gone = sweep(folder);
     if !gone.is_empty() {
-        note(format!("{}: removed {} unfinished files of runs that were killed", folder.display(), gone.len()));
+        note(format!("{}: unfinished files of killed runs removed: {}", folder.display(), gone.len()));
     }
 }
 

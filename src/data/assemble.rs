@@ -20,6 +20,12 @@ const TEST_EVERY: u32 = 8;
 /// A part of a photo that its file does not show is told from here on.
 const TOLD_OUTSIDE: f64 = 0.01;
 
+/// What is to be told of a folder of masks that is there for nothing.
+pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
+    let unused = there && shots.iter().all(|shot| shot.mask.is_none());
+    unused.then(|| "there is a folder of masks, but no file in it is named after a photo".into())
+}
+
 /// What a dataset's files say.
 pub(super) struct Listed {
     pub(super) shots: Vec<Shot>,
@@ -54,11 +60,8 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     let shots = present(shots, &mut notes)?;
     let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
     if masked > 0 {
-        notes.push(format!(
-            "black pixels of masks do not count: {} of {} have one",
-            count(masked, "photo"),
-            shots.len()
-        ));
+        let what = "with a mask, whose black pixels do not count";
+        notes.push(format!("{} of {} {what}", count(masked, "photo"), shots.len()));
     }
 
     let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();

@@ -19,7 +19,7 @@ pub enum FileKind {
     ColmapPointsBin,
     ColmapPointsTxt,
     TransformsJson,
-    /// A PNG or JPEG photo.
+    /// A photo.
     Image,
     Safetensors,
 }

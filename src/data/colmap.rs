@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::assemble::Listed;
+use super::assemble::{Listed, unused_masks};
 use super::lens::{Distortion, Polynomial};
 use super::names::{self, Finder};
 use super::ply::{self, PointCloud};
@@ -51,9 +51,7 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
             split: None,
         });
     }
-    if masks.is_some() && shots.iter().all(|shot| shot.mask.is_none()) {
-        notes.push("there is a folder masks, but no file in it is named after a photo".into());
-    }
+    notes.extend(unused_masks(masks.is_some(), &shots));
     let points = match open(folder, "points3D") {
         Ok((path, bytes)) => {
             sources.push(path.clone());

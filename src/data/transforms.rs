@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
-use super::assemble::Listed;
+use super::assemble::{Listed, unused_masks};
 use super::dataset::{DatasetOptions, Holdout, Split};
 use super::lens::{Distortion, Polynomial};
 use super::lists::Lists;
@@ -139,7 +139,8 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
     let cloud = file.ply_file_path.map(|name| folder.join(names::slashes(&name)));
     let points = cloud.as_ref().map(ply::read_points).transpose()?.filter(|p| !p.positions.is_empty());
     let sources = std::iter::once(path.to_owned()).chain(cloud).collect();
-    let mut listed = Listed { shots, points, sources, notes: Vec::new() };
+    let notes = Vec::from_iter(unused_masks(masks.is_some(), &shots));
+    let mut listed = Listed { shots, points, sources, notes };
     let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
     let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
     if options.holdout == Holdout::Dataset

@@ -126,6 +126,6 @@ fn a_killed_run_leaves_nothing_that_could_be_taken_for_whole() {
     left.set_modified(SystemTime::now() - Duration::from_secs(3600)).unwrap();
     drop(left);
     let output = work.run("train data -o out.ply --iterations 1");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("removed 1 unfinished file"));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("unfinished files of killed runs removed: 1"));
     assert_eq!(files(work.0.path()), ["data", "out.ply"]);
 }

@@ -77,7 +77,7 @@ fn what_was_done_to_load_a_dataset_is_told() {
         ("a photo that is missing", &["1 photo of 11 left out", "`zz.png`", "zz.png is missing"]),
         ("opaque alpha", &["10 photos with an alpha channel", "--alpha mask"]),
         ("opaque alpha as a mask", &[]),
-        ("white masks", &["10 photos of 10 have one"]),
+        ("white masks", &["10 photos of 10 with a mask"]),
         ("test.txt", &["2 photos for testing", "test.txt"]),
         ("every 8th, said", &[]),
         ("COLMAP text", &[]),
@@ -93,6 +93,22 @@ fn what_was_done_to_load_a_dataset_is_told() {
         assert_eq!(notes.is_empty(), parts.is_empty(), "{kind}: {notes:?}");
         let text = notes.join("; ");
         parts.iter().for_each(|part| assert!(text.contains(part), "{kind}: `{part}` is not in: {text}"));
+    }
+}
+
+#[test]
+fn masks_that_belong_to_no_photo_are_told() {
+    for kind in ["COLMAP text", "nerfstudio"] {
+        let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+        let (path, options) = KINDS.iter().find(|(name, _)| *name == kind).unwrap().1(&plain, folder.path());
+        let notes = || Dataset::open(&path, &options).unwrap().notes.join("; ");
+        assert_eq!(notes(), "", "{kind}");
+        let mask = image::GrayImage::from_pixel(8, 6, image::Luma([255]));
+        fs::create_dir(folder.path().join("masks")).unwrap();
+        mask.save(folder.path().join("masks/nobody.png")).unwrap();
+        assert!(notes().contains("folder of masks, but no file"), "{kind}: {}", notes());
+        mask.save(folder.path().join("masks/p01.png")).unwrap();
+        assert!(notes().contains("1 photo of 10 with a mask"), "{kind}: {}", notes());
     }
 }
 
