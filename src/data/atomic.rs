@@ -134,6 +134,11 @@ mod tests {
         .unwrap();
     }
 
+    #[test]
+    fn a_name_alone_is_in_the_folder_that_one_is_in() {
+        assert_eq!(["a", "b/a", "/a"].map(|path| parent(Path::new(path))), [".", "b", "/"].map(Path::new));
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_link_stays_and_its_file_is_written() {

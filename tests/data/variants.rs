@@ -371,7 +371,7 @@ pub const KINDS: [Kind; 41] = [
     ("test.txt", |p, root| {
         changed(p, root, |root| {
             let names: Vec<String> = test_names(p).iter().map(|name| other_ending(name, "")).collect();
-            put(&root.join("sparse/0/test.txt"), names.join("\r\n"));
+            put(&root.join("sparse/0/test.txt"), format!("\u{feff}# for testing\r\n\r\n{}", names.join("\r\n")));
         })
     }),
     ("train.txt and test.txt", |p, root| {

@@ -79,6 +79,7 @@ fn what_was_done_to_load_a_dataset_is_told() {
         ("opaque alpha as a mask", &[]),
         ("white masks", &["10 photos of 10 with a mask"]),
         ("test.txt", &["2 photos for testing", "test.txt"]),
+        ("train.txt and test.txt", &["2 photos for testing", "test.txt and", "train.txt"]),
         ("every 8th, said", &[]),
         ("COLMAP text", &[]),
         ("COLMAP binary", &[]),
@@ -93,6 +94,9 @@ fn what_was_done_to_load_a_dataset_is_told() {
         assert_eq!(notes.is_empty(), parts.is_empty(), "{kind}: {notes:?}");
         let text = notes.join("; ");
         parts.iter().for_each(|part| assert!(text.contains(part), "{kind}: `{part}` is not in: {text}"));
+        // Nothing is told twice, and no more than what there is.
+        let two = kind.contains("photo in input") || kind.contains("in both") || kind.contains("nerfstudio's lists");
+        assert!(notes.len() <= 1 + usize::from(two), "{kind}: {notes:?}");
     }
 }
 
