@@ -187,7 +187,8 @@ impl Interface {
         for (n, t, a) in bindings {
             writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
         }
-        writeln!(s, "}}\npub struct Kernel;\nimpl crate::gpu::Kernel for Kernel {{").unwrap();
+        writeln!(s, "}}\npub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
+        writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
         writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
         writeln!(s, "    const SPIRV: &'static [u8] = include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"));")
             .unwrap();

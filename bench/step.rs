@@ -12,9 +12,9 @@ use glint::{
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
     gpu::{Context, ContextOptions},
     pipelines::{
-        model::Model,
-        raster::Reduction,
-        render::{RenderOptions, Renderer},
+        model::{Model, Room},
+        render::{Needs, RenderOptions, Renderer},
+        session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -73,20 +73,21 @@ fn run(args: &Args) -> Result<()> {
     let views = upload_photos(&context, &photos, dataset.background, |_, _| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
-    let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, 0)?;
+    let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, Room::default())?;
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
-    let options = BaseOptions {
-        iterations: args.steps,
-        sh_degree: args.sh_degree,
-        seed: 0,
+    let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree };
+    let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
+    let session = Session {
+        policy: Policy { reduction, ..Default::default() },
+        background: dataset.background,
         extent: dataset.extent() as f32,
-        reduction: if args.atomic { Reduction::Atomic } else { Reduction::Deterministic },
+        ..Session::new(&context)
     };
-    train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
+    train_base(&session, &model, &views, &options, false, |_| ())?;
     let started = Instant::now();
-    train_base(&context, &model, &views, dataset.background, &options, false, |_| ())?;
+    train_base(&session, &model, &views, &options, false, |_| ())?;
     let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);
-    let timed = train_base(&context, &model, &views, dataset.background, &options, true, |_| ())?;
+    let timed = train_base(&session, &model, &views, &options, true, |_| ())?;
 
     let steps = timed.steps.stages.iter().filter(|s| s.name == "step_done").count().max(1) as f64;
     let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
@@ -102,7 +103,7 @@ fn run(args: &Args) -> Result<()> {
     if args.json {
         let stages: Vec<_> = rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
         let report = json!({
-            "device": context.info().name, "driver": context.info().driver, "gaussians": model.base_count,
+            "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
             "sh_degree": args.sh_degree, "float_atomics": args.atomic, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,
@@ -113,7 +114,7 @@ fn run(args: &Args) -> Result<()> {
     println!(
         "{}: {} Gaussians, SH degree {}, {} views of {}×{} and the like\n{wall:.3} ms per step by the clock over {} steps\n",
         context.info().name,
-        model.base_count,
+        model.count(),
         args.sh_degree,
         views.cameras.len(),
         camera.width,
@@ -139,7 +140,7 @@ fn check(context: &Context) -> Result<()> {
     let (scene, camera) = (random_scene(1, 2000, 0, 3), random_camera(96, 64));
     let views = Views::upload(context, &[camera], &[])?;
     let model = Model::upload(context, &scene, 0)?;
-    let mut renderer = Renderer::new(context, model.count(), &views, RenderOptions::default())?;
+    let mut renderer = Renderer::new(context, Needs::of(&model), &views, RenderOptions::default())?;
     let image = renderer.render(&model, &views, 0, [0.0; 3])?;
     let tile = renderer.raster.tile;
     let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };

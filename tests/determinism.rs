@@ -2,19 +2,20 @@
 
 mod common;
 
-use common::Gpu;
+use common::{Gpu, session};
 use glint::{
     data::builtin::builtin_scene,
     pipelines::{
         enhance::{EnhanceOptions, enhance},
         model::Model,
-        plane::Schedule,
-        raster::{Reduction, WORKGROUP},
+        screen::Schedule,
+        session::Session,
         train::{BaseOptions, train_base},
         views::Views,
     },
     reference::Params,
     scene::{Camera, Scene, from_points},
+    stages::WORKGROUP,
 };
 
 /// Every float as its bits: 0 and −0 are told apart, and NaN is equal to itself.
@@ -23,11 +24,10 @@ fn bits(scene: &Scene) -> Vec<u64> {
     [p.geometry, p.sh, p.lobes].concat().into_iter().map(f64::to_bits).collect()
 }
 
-fn trained(gpu: &Gpu, views: &Views, start: &Scene, background: [f32; 3]) -> (Vec<u64>, Vec<u32>, Scene) {
-    let model = Model::upload(gpu, start, 0).unwrap();
-    let options =
-        BaseOptions { iterations: 60, sh_degree: 2, seed: 3, extent: 3.0, reduction: Reduction::Deterministic };
-    let report = train_base(gpu, &model, views, background, &options, false, |_| ()).unwrap();
+fn trained(session: &Session, views: &Views, start: &Scene) -> (Vec<u64>, Vec<u32>, Scene) {
+    let model = Model::upload(&session.context, start, 0).unwrap();
+    let options = BaseOptions { iterations: 60, sh_degree: 2 };
+    let report = train_base(session, &model, views, &options, false, |_| ()).unwrap();
     let scene = model.download().unwrap();
     (bits(&scene), report.losses.iter().map(|l| l.to_bits()).collect(), scene)
 }
@@ -45,13 +45,13 @@ fn training_and_augmentation_give_the_same_bits_twice() {
         .map(|_| {
             let gpu = Gpu::new();
             let views = Views::upload(&gpu, &cameras, &images).unwrap();
-            let (base_bits, losses, base) = trained(&gpu, &views, &start, built.background);
-            let mut options = EnhanceOptions::quick(3.0, built.background);
-            options.schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 3 };
-            options.steps_per_view = 4;
+            let session = Session { background: built.background, extent: 3.0, seed: 3, ..session(&gpu) };
+            let (base_bits, losses, base) = trained(&session, &views, &start);
+            let mut options = EnhanceOptions::quick();
+            options.schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 3, shared_steps: false };
+            options.join.steps_per_view = 4;
             options.ratio = 0.2;
-            options.reduction = Reduction::Deterministic;
-            let enhanced = enhance(&gpu, &base, &views, &options, |_| (), |_| Ok(None), |_| Ok(())).unwrap();
+            let enhanced = enhance(&session, &base, &views, &options, |_| ()).unwrap();
             assert!(enhanced.lifted > 10, "{} of {} were lifted", enhanced.lifted, enhanced.refined);
             let joined = enhanced.join.unwrap().losses.iter().map(|l| l.to_bits()).collect::<Vec<_>>();
             (base_bits, losses, bits(&enhanced.scene), enhanced.lifted, joined)

@@ -8,14 +8,14 @@ use glint::{
     gpu::{BorrowedDevice, Buffer, Context, Recorder},
     pipelines::{
         model::Model,
-        raster::Reduction,
-        render::{RenderOptions, Renderer},
+        render::{Needs, RenderOptions, Renderer, Show},
+        session::Session,
         train::{BaseOptions, train_base},
         views::Views,
     },
     reference::{random_camera, random_scene},
     scene::Scene,
-    stages::step_done::STATUS_WORDS,
+    stages::status,
 };
 
 /// An application's own device, made with what `Context::requirements` asks for.
@@ -86,7 +86,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let gpu = Gpu::new();
         let views = Views::upload(&gpu, &[camera], &[]).unwrap();
         let model = Model::upload(&gpu, &scene, 0).unwrap();
-        let mut renderer = Renderer::new(&gpu, model.count(), &views, RenderOptions::default()).unwrap();
+        let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
         renderer.render(&model, &views, 0, [0.5; 3]).unwrap().color
     };
 
@@ -94,8 +94,8 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
     let context = application.lend();
     let views = Views::upload(&context, &[camera], &[]).unwrap();
     let model = Model::upload(&context, &scene, 0).unwrap();
-    let renderer = Renderer::new(&context, model.count(), &views, RenderOptions::default()).unwrap();
-    let status = Buffer::<u32>::zeroed(&context, "status", STATUS_WORDS).unwrap();
+    let renderer = Renderer::new(&context, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    let status = Buffer::<u32>::zeroed(&context, "status", status::WORDS).unwrap();
     let before = context.counters();
     let device = &application.device;
     unsafe {
@@ -105,7 +105,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let commands = device.allocate_command_buffers(&info).unwrap()[0];
         device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
         let mut recorder = Recorder::borrow(&context, commands);
-        renderer.record(&mut recorder, &model, &views, 0, 3, [0.5; 3], &status);
+        renderer.record(&mut recorder, &model, &views, 0, &Show::all(&model, [0.5; 3]), &status).unwrap();
         let kept = recorder.finish();
         assert!(!kept.is_empty());
         device.end_command_buffer(commands).unwrap();
@@ -117,7 +117,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         device.queue_wait_idle(application.queue()).unwrap();
         device.destroy_command_pool(pool, None);
     }
-    let image = renderer.raster.image.download_range(0, camera.pixels() as usize).unwrap();
+    let image = renderer.raster.buffers.image.download_range(0, camera.pixels() as usize).unwrap();
     let recorded: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(own, recorded);
     drop((renderer, model, views, status, context));
@@ -133,9 +133,8 @@ fn training_neither_submits_nor_waits_for_every_step() {
     let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
     let train = |iterations| {
         let before = gpu.counters();
-        let options =
-            BaseOptions { iterations, sh_degree: 1, seed: 0, extent: 1.0, reduction: Reduction::Deterministic };
-        train_base(&gpu, &model, &views, [0.0; 3], &options, false, |_| ()).unwrap();
+        let options = BaseOptions { iterations, sh_degree: 1 };
+        train_base(&Session::new(&gpu), &model, &views, &options, false, |_| ()).unwrap();
         let after = gpu.counters();
         (after.submissions - before.submissions, after.waits - before.waits)
     };

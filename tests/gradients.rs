@@ -1,7 +1,10 @@
 //! The twins' gradients against central differences of the whole chain project → … → blend, and properties that
 //! any renderer of this method has. Runs on the CPU alone.
 
-use glint::reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render};
+use glint::{
+    reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render},
+    scene::layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, OPACITY, QUAT, groups},
+};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,24 +14,14 @@ const WIDTH: u32 = 24;
 const HEIGHT: u32 = 20;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
 
-/// One parameter: the plane array, the index into it, the Gaussian it belongs to and its kind.
+/// One parameter: the array and the index into it, the Gaussian it belongs to and its group.
 #[derive(Debug, Clone, Copy)]
 struct Parameter {
     array: Array,
     at: usize,
     gaussian: usize,
-    class: &'static str,
+    group: &'static str,
 }
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Array {
-    Geometry,
-    Sh,
-    Lobes,
-}
-
-const CLASSES: [&str; 9] =
-    ["mean", "log scale", "quaternion", "opacity", "DC", "SH", "lobe direction", "lobe width", "lobe sharpness"];
 
 fn value(params: &mut Params, parameter: Parameter) -> &mut f64 {
     match parameter.array {
@@ -41,22 +34,15 @@ fn value(params: &mut Params, parameter: Parameter) -> &mut f64 {
 /// All parameters but of the SH bands above 0, in which everything is linear, only every seventh.
 fn parameters(params: &Params) -> Vec<Parameter> {
     let mut all = Vec::new();
-    for gaussian in 0..params.count {
-        for p in 0..Params::GEOMETRY_PLANES {
-            let class = CLASSES[[0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 3][p]];
-            all.push(Parameter { array: Array::Geometry, at: p * params.stride + gaussian, gaussian, class });
-        }
-        for p in 0..3 * params.sh_coefficients() {
-            if p < 3 || (p + gaussian) % 7 == 0 {
-                let class = CLASSES[if p < 3 { 4 } else { 5 }];
-                all.push(Parameter { array: Array::Sh, at: p * params.stride + gaussian, gaussian, class });
-            }
-        }
-        if gaussian >= params.lobe_first {
-            for p in 0..Params::LOBE_PLANES {
-                let class = CLASSES[[6, 6, 6, 7, 8][p]];
-                let at = p * params.lobe_stride + gaussian - params.lobe_first;
-                all.push(Parameter { array: Array::Lobes, at, gaussian, class });
+    for group in groups(params.sh_degree) {
+        let (first, stride) = match group.array {
+            Array::Lobes => (params.lobe_first, params.lobe_stride),
+            _ => (0, params.stride),
+        };
+        for (p, gaussian) in group.planes.flat_map(|p| (first..params.count).map(move |i| (p, i))) {
+            if group.name != "SH" || (p + gaussian) % 7 == 0 {
+                let at = p * stride + gaussian - first;
+                all.push(Parameter { array: group.array, at, gaussian, group: group.name });
             }
         }
     }
@@ -89,8 +75,8 @@ impl Problem {
     /// Adds to every log scale and to every opacity logit.
     fn grown(mut self, log_scale: f64, logit: f64) -> Self {
         let stride = self.params.stride;
-        self.params.geometry[3 * stride..6 * stride].iter_mut().for_each(|s| *s += log_scale);
-        self.params.geometry[10 * stride..11 * stride].iter_mut().for_each(|o| *o += logit);
+        self.params.geometry[LOG_SCALE * stride..QUAT * stride].iter_mut().for_each(|s| *s += log_scale);
+        self.params.geometry[OPACITY * stride..].iter_mut().for_each(|o| *o += logit);
         self
     }
 
@@ -132,7 +118,7 @@ struct Seen {
     skipped: usize,
     /// Parameters tested with a smaller step than 1e-5.
     narrowed: usize,
-    /// Parameters with a gradient, by class.
+    /// Parameters with a gradient, by group.
     live: [usize; 9],
     /// Of those, of Gaussians whose Jacobian is clamped.
     jacobian_clamped: usize,
@@ -167,7 +153,7 @@ fn check(problem: &Problem, seen: &mut Seen) {
         // A gradient that rounding cannot hide.
         if gradient.abs() > 1e-6 {
             let kinks = base.projected.kinks[parameter.gaussian];
-            seen.live[CLASSES.iter().position(|&class| class == parameter.class).unwrap()] += 1;
+            seen.live[groups(3).iter().position(|group| group.name == parameter.group).unwrap()] += 1;
             seen.jacobian_clamped += (kinks & 3 != 0) as usize;
             seen.color_clamped += (kinks >> 2 != 0) as usize;
         }
@@ -227,7 +213,7 @@ fn permuted(params: &Params, from: &[usize]) -> Params {
             }
         }
         if let (Some(j), Some(source)) = (i.checked_sub(params.lobe_first), source.checked_sub(params.lobe_first)) {
-            for p in 0..Params::LOBE_PLANES {
+            for p in 0..LOBE_PLANES {
                 out.lobes[p * params.lobe_stride + j] = params.lobes[p * params.lobe_stride + source];
             }
         }
@@ -271,7 +257,7 @@ fn what_is_hidden_changes_nothing_and_learns_nothing() {
     }
     let full = problem.render(&problem.params);
     let mut walls = problem.params.clone();
-    walls.geometry[10 * stride + 3..11 * stride].fill(-20.0);
+    walls.geometry[OPACITY * stride + 3..].fill(-20.0);
     let bare = problem.render(&walls);
     // Who stopped a pixel may differ, its colour may not.
     assert_eq!(full.blended.image, bare.blended.image);
@@ -292,14 +278,14 @@ fn gaussians_that_are_not_visible_can_be_left_out() {
     let lobe_first = visible.iter().filter(|&&i| i < problem.params.lobe_first).count();
     let mut fewer = Params::zeros(visible.len(), lobe_first, problem.params.sh_degree);
     for (i, &source) in visible.iter().enumerate() {
-        for p in 0..Params::GEOMETRY_PLANES {
+        for p in 0..GEOMETRY_PLANES {
             fewer.geometry[p * fewer.stride + i] = problem.params.geometry[p * problem.params.stride + source];
         }
         for p in 0..3 * fewer.sh_coefficients() {
             fewer.sh[p * fewer.stride + i] = problem.params.sh[p * problem.params.stride + source];
         }
         if i >= lobe_first {
-            for p in 0..Params::LOBE_PLANES {
+            for p in 0..LOBE_PLANES {
                 fewer.lobes[p * fewer.lobe_stride + i - lobe_first] =
                     problem.params.lobes[p * problem.params.lobe_stride + source - problem.params.lobe_first];
             }

@@ -11,7 +11,10 @@ use glam::{DMat3, DQuat, DVec3, EulerRot};
 use glint::{
     pipelines::raster::TileShape,
     reference::{Params, random_camera, random_scene},
-    scene::{Camera, Gaussians, Scene},
+    scene::{
+        Camera, Gaussians, Scene,
+        layout::{self, Array},
+    },
 };
 use probe::{Blob, Probe, Setup, Shot, base, ripple};
 
@@ -68,23 +71,18 @@ fn gradients(p: &Params) -> Vec<f64> {
     [&p.geometry[..], &p.sh, &p.lobes].concat()
 }
 
-/// Relative L2 of each of the groups of planes that have a unit of their own: mean, log scale, quaternion, opacity, SH, direction, width, sharpness.
+/// Relative L2 of the worst group of parameters.
 fn apart(a: &Params, b: &Params) -> f64 {
     let mut worst = 0.0f64;
-    for (x, y, stride, planes) in [
-        (&a.geometry, &b.geometry, a.stride, &[(0, 3), (3, 6), (6, 10), (10, 11)][..]),
-        (&a.sh, &b.sh, a.stride, &[(0, a.sh.len() / a.stride.max(1))]),
-        (&a.lobes, &b.lobes, a.lobe_stride, &[(0, 3), (3, 4), (4, 5)]),
-    ] {
-        for (first, end) in planes {
-            let cells = first * stride..end * stride;
-            let (x, y) = (&x[cells.clone()], &y[cells]);
-            let size = y.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let difference = x.iter().zip(y).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt();
-            assert!(difference.is_finite());
-            if size > 0.0 {
-                worst = worst.max(difference / size);
-            }
+    for group in layout::groups(a.sh_degree) {
+        let first = if group.array == Array::Lobes { a.lobe_first } else { 0 };
+        let of = |p: &Params| p.group(&group, first, p.count - first).collect::<Vec<_>>();
+        let (x, y) = (of(a), of(b));
+        let size = y.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let difference = x.iter().zip(&y).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt();
+        assert!(difference.is_finite());
+        if size > 0.0 {
+            worst = worst.max(difference / size);
         }
     }
     worst

@@ -4,9 +4,10 @@
 mod common;
 
 use common::Gpu;
+use glam::DVec3;
 use glint::{
     data::{read_scene, write_scene},
-    pipelines::model::Model,
+    pipelines::model::{Model, Room},
     reference::Params,
     scene::{Gaussians, Lobes, Scene, Supplement},
 };
@@ -118,11 +119,12 @@ fn planes_keep_every_scene_exactly() {
 #[test]
 fn a_device_keeps_every_scene_exactly() {
     let gpu = Gpu::new();
-    // Spare room moves the planes apart and must not show.
-    for spare in [0, 1, 37] {
+    // Room beyond, and pages of one, a few and all Gaussians, move the planes apart and must not show.
+    for (base, supplement, page) in [(0, 0, None), (0, 1, None), (9, 37, Some(3)), (2, 0, Some(1))] {
         for_scenes(24, |scene| {
             let failed = |error: &dyn std::fmt::Display| TestCaseError::fail(error.to_string());
-            let model = Model::upload(&gpu, &scene, spare).map_err(|error| failed(&error))?;
+            let room = Room { base, supplement, page };
+            let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).map_err(|error| failed(&error))?;
             let back = model.download().map_err(|error| failed(&error))?;
             assert_same(&back, &without_empty_supplement(scene))
         });

@@ -5,9 +5,9 @@ use glint::{
     pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
-        dispatch_args::{self, DispatchArgs},
-        radix_upsweep::{block_counts_len, digit_totals_len, passes_for},
-        scan_reduce::{BLOCK, block_sums_len, items_per_group},
+        blocks::{BLOCK, block_counts_len, block_sums_len, digit_totals_len, items_per_group, passes_for},
+        dispatch_args,
+        status::{self, Resource, Status},
     },
 };
 
@@ -28,6 +28,8 @@ fn noise(i: u32) -> u32 {
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
+/// Whose count it is.
+const RESOURCE: Resource = Resource::BaseGaussians;
 /// Words of the count buffer of these tests.
 const ITEMS: u32 = 0;
 const RESULT: u32 = 1;
@@ -36,6 +38,7 @@ struct Counted {
     count: Buffer<u32>,
     args: Buffer<u32>,
     status: Buffer<u32>,
+    stage: dispatch_args::Stage,
 }
 
 impl Counted {
@@ -43,20 +46,21 @@ impl Counted {
         Ok(Counted {
             count: upload(context, "count", &[items, 12345]),
             args: Buffer::zeroed(context, "args", 6)?,
-            status: Buffer::zeroed(context, "status", 2)?,
+            status: Buffer::zeroed(context, "status", status::WORDS)?,
+            stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
         })
     }
 
-    /// Items of `capacity` at most; the dispatch is in slot 1 and the status in word 1.
-    fn record(&self, stage: &DispatchArgs, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
+    /// Items of `capacity` at most; the dispatch is the second.
+    fn record(&self, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
-        let push =
-            dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, status_index: 1 };
-        stage.record(recorder, &buffers, &push);
+        let resource_index = RESOURCE.index();
+        let push = dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, resource_index };
+        self.stage.record(recorder, &buffers, &push, 1);
     }
 
     fn extent(&self) -> Extent<'_> {
-        Extent { count: &self.count, index: ITEMS, args: &self.args, slot: 1 }
+        Extent { count: &self.count, index: ITEMS, args: &self.args, dispatch: 1 }
     }
 }
 
@@ -70,7 +74,7 @@ fn scan(context: &Context, values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, 
     let scan = Scan::new(context, index.is_some()).unwrap();
     let mut recorder = context.recorder("scan").unwrap();
     let per_group = items_per_group(context.info().subgroup_size);
-    counted.record(&DispatchArgs::new(context).unwrap(), &mut recorder, items, per_group);
+    counted.record(&mut recorder, items, per_group);
     let buffers = ScanBuffers { values: &values, index: index.as_ref(), block_sums: &block_sums, offsets: &offsets };
     scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
     recorder.submit().unwrap().wait().unwrap();
@@ -117,18 +121,19 @@ fn a_scan_stops_at_the_largest_number() {
 #[test]
 fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
     let context = context();
-    let stage = DispatchArgs::new(&context).unwrap();
     let cases = [(0, 10, 64), (1, 10, 64), (1000, 1000, 64), (1001, 1000, 64), (u32::MAX, 1 << 26, 1), (9, 9, 0)];
     for (items, capacity, per_group) in cases {
         let counted = Counted::new(&context, items).unwrap();
         let mut recorder = context.recorder("dispatch_args").unwrap();
-        counted.record(&stage, &mut recorder, capacity, per_group);
+        counted.record(&mut recorder, capacity, per_group);
         // A second time, with what is clamped by then: the number that was needed stays.
-        counted.record(&stage, &mut recorder, capacity, per_group);
+        counted.record(&mut recorder, capacity, per_group);
         recorder.submit().unwrap().wait().unwrap();
         let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, capacity, per_group);
         assert_eq!(counted.count.download().unwrap(), [count, 12345]);
-        assert_eq!(counted.status.download().unwrap(), [0, overflow.unwrap_or(0)]);
+        let mut told = Status::default();
+        overflow.into_iter().for_each(|needed| told.fail(RESOURCE, needed));
+        assert_eq!(counted.status.download().unwrap(), told.0);
         assert_eq!(counted.args.download().unwrap()[3..], groups);
     }
 }
@@ -145,13 +150,14 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
     let input = upload(context, "keys", keys);
     let input_values = values.map(|values| upload(context, "values", values));
     let radix = RadixSort::new(context, key_bits, values.is_none()).unwrap();
+    let bits = RadixSort::digit_bits_for(key_bits);
     let (a, b) = (pairs(context, "a", keys.len()), pairs(context, "b", keys.len()));
-    let counters = block_counts_len(items, radix.digit_bits());
+    let counters = block_counts_len(items, bits);
     let block_counts = Buffer::zeroed(context, "block_counts", counters).unwrap();
-    let digit_totals = Buffer::zeroed(context, "digit_totals", digit_totals_len(radix.digit_bits())).unwrap();
+    let digit_totals = Buffer::zeroed(context, "digit_totals", digit_totals_len(bits)).unwrap();
     let mut recorder = context.recorder("sort").unwrap();
     let per_group = items_per_group(context.info().subgroup_size);
-    counted.record(&DispatchArgs::new(context).unwrap(), &mut recorder, items, per_group);
+    counted.record(&mut recorder, items, per_group);
     let sorted = radix.record(
         &mut recorder,
         Pairs { keys: &input, values: input_values.as_ref().unwrap_or(&input) },
@@ -236,51 +242,4 @@ fn a_compacting_sort_drops_what_has_no_key() {
         check_sort(&context, &keys, None, 32);
     }
     check_sort(&context, &[NO_KEY; 5000], None, 32);
-}
-
-/// Not a test of time, which depends on the machine: prints what each stage takes.
-#[test]
-#[ignore = "prints times"]
-fn times_of_a_sort_and_a_scan() {
-    let context = context();
-    for items in [30_000u32, 1 << 20, 1 << 22] {
-        let per_group = items_per_group(context.info().subgroup_size);
-        let counted = Counted::new(&context, items).unwrap();
-        let input =
-            upload(&context, "keys", &(0..items).map(|i| (0.2 + noise(i) as f32).to_bits()).collect::<Vec<_>>());
-        let (a, b) = (pairs(&context, "a", items as usize), pairs(&context, "b", items as usize));
-        let block_counts = Buffer::zeroed(&context, "block_counts", block_counts_len(items, 8)).unwrap();
-        let digit_totals = Buffer::zeroed(&context, "digit_totals", 256).unwrap();
-        let block_sums = Buffer::zeroed(&context, "block_sums", block_sums_len(items)).unwrap();
-        let (radix, scan) = (RadixSort::new(&context, 32, true).unwrap(), Scan::new(&context, false).unwrap());
-        let args = DispatchArgs::new(&context).unwrap();
-        let mut best: Vec<(&str, std::time::Duration)> = vec![];
-        let mut whole = std::time::Duration::MAX;
-        for timed in [false, true] {
-            for _ in 0..10 {
-                let mut recorder = context.recorder("times").unwrap();
-                if timed {
-                    recorder.time_stages();
-                }
-                counted.record(&args, &mut recorder, items, per_group);
-                let to = [Pairs { keys: &a.0, values: &a.1 }, Pairs { keys: &b.0, values: &b.1 }];
-                let scratch = RadixScratch { block_counts: &block_counts, digit_totals: &digit_totals };
-                let from = Pairs { keys: &input, values: &input };
-                radix.record(&mut recorder, from, to, scratch, counted.extent(), RESULT);
-                let buffers = ScanBuffers { values: &b.1, index: None, block_sums: &block_sums, offsets: &a.0 };
-                scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
-                let start = std::time::Instant::now();
-                let times = recorder.submit().unwrap().wait().unwrap();
-                whole = whole.min(start.elapsed());
-                for (i, stage) in times.iter().enumerate() {
-                    match best.get_mut(i) {
-                        Some(best) => best.1 = best.1.min(stage.time),
-                        None => best.push((stage.name, stage.time)),
-                    }
-                }
-            }
-        }
-        println!("{}: {items} keys, all {whole:?}", context.info().name);
-        best.iter().for_each(|(name, time)| println!("    {name} {time:?}"));
-    }
 }

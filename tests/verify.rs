@@ -7,7 +7,10 @@ mod run;
 use std::collections::BTreeSet;
 
 use common::Gpu;
-use glint::verify::{self, BOUNDS, Options};
+use glint::{
+    stages::NAMES,
+    verify::{self, BOUNDS, Options},
+};
 
 /// Every stage is named after its kernel; the whole of rendering is in brackets.
 #[test]
@@ -20,12 +23,7 @@ fn every_stage_passes() {
     // One kernel is for devices with float atomics only.
     let tried = |stage: &str| gpu.info().float_atomics || stage != "blend_backward_atomic";
     assert_eq!(seen, BOUNDS.iter().map(|bound| bound.stage).filter(|stage| tried(stage)).collect());
-    let stages = std::fs::read_dir("src/stages").unwrap();
-    let mut stages: BTreeSet<String> =
-        stages.map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
-    // Not a kernel, and the module itself.
-    stages.retain(|name| !["lift_cluster", "mod"].contains(&name.as_str()) && tried(name));
-    let missing: Vec<_> = stages.iter().filter(|stage| !seen.contains(stage.as_str())).collect();
+    let missing: Vec<_> = NAMES.iter().filter(|stage| tried(stage) && !seen.contains(*stage)).collect();
     assert!(missing.is_empty(), "not verified: {missing:?}");
     for row in &report.rows {
         assert!(row.errors.relative_l2.is_some() || row.errors.unequal.is_some(), "nothing was compared: {row:?}");

@@ -1,48 +1,44 @@
 #version 460
-// Lifts behind the Gaussians that there are, closed up in the order of their 2D Gaussians.
+// Lifts become supplementary Gaussians behind those that there are, closed up in the order of their 2D Gaussians.
 //
-// One thread: one 2D Gaussian.
-// lifts, lift_ranks (exclusive scan of lift_flags) → geometry, sh, lobes: Gaussian gaussian_first + rank, lobe
-// lobe_first + rank. DC from the lift, all other SH 0, sharpness 0. What would not fit into the strides is not written.
-
+// One thread takes one 2D Gaussian; a dispatch fills one page. lifts, lift_ranks (exclusive scan of lift_flags), population
+// -> geometry, sh, lobes of the Gaussian whose number in the supplement is its count + rank. DC from the lift, all other SH 0,
+// sharpness 0. What is not within the page is left to another dispatch, or does not fit; `recount` then says so.
 #extension GL_GOOGLE_include_directive : require
-
 #include "../shared/common.glsl"
+#include "../shared/population.glsl"
 #include "../shared/lift.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint count;           // 2D Gaussians
+    uint page_first;      // number in the supplement of the page's first Gaussian
+    uint stride;          // the page's capacity
+    uint sh_coefficients; // (L + 1)^2
+} push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Lifts { Lift lifts[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer LiftRanks { uint lift_ranks[]; };
-layout(set = 0, binding = 2, scalar) writeonly buffer Geometry { float geometry[]; };
-layout(set = 0, binding = 3, scalar) writeonly buffer Sh { float sh[]; };
-layout(set = 0, binding = 4, scalar) writeonly buffer Lobes { float lobes[]; };
-
-layout(push_constant, scalar) uniform Push {
-    uint count;           // 2D Gaussians (slots)
-    uint gaussian_first;  // Gaussian index of the first lift: N + supplementary ones already there
-    uint lobe_first;      // supplementary ones already there
-    uint stride;          // of geometry and sh: capacity in Gaussians
-    uint lobe_stride;     // of lobes: capacity in supplementary Gaussians
-    uint sh_coefficients; // (L + 1)²
-};
+layout(set = 0, binding = 2, scalar) readonly buffer Population { uint segment_first[]; };
+#define GEOMETRY 3
+#define SH 4
+#define LOBES 5
+#define MODEL_STORES
+#include "../shared/model.glsl"
 
 void main() {
     uint item = thread_index();
-    if (item >= count) return;
+    if (item >= push.count) return;
     Lift lift = lifts[item];
     if (lift.cluster_size == 0) return;
-    uint rank = lift_ranks[item];
-    uint i = gaussian_first + rank;
-    uint j = lobe_first + rank;
-    if (i >= stride || j >= lobe_stride) return;
-    for (uint k = 0; k < 3; k += 1) {
-        geometry[k * stride + i] = lift.mean[k];
-        geometry[(3 + k) * stride + i] = lift.log_scale[k];
-        sh[k * stride + i] = lift.dc[k];
-        lobes[k * lobe_stride + j] = lift.lobe_dir[k];
-    }
-    for (uint k = 0; k < 4; k += 1) geometry[(6 + k) * stride + i] = lift.quat[k];
-    geometry[10 * stride + i] = lift.opacity;
-    for (uint plane = 3; plane < 3 * sh_coefficients; plane += 1) sh[plane * stride + i] = 0.0;
-    lobes[3 * lobe_stride + j] = lift.lobe_width;
-    lobes[4 * lobe_stride + j] = 0.0;
+    uint number = segment_first[SUPPLEMENT + 1] - segment_first[SUPPLEMENT] + lift_ranks[item];
+    uint place = number - push.page_first;
+    if (!(number >= push.page_first && place < push.stride)) return; // guard: lifts within the room
+    store_geometry3(MEAN, place, lift.mean);
+    store_geometry3(LOG_SCALE, place, lift.log_scale);
+    store_quat(place, lift.quat);
+    store_geometry(OPACITY, place, lift.opacity);
+    for (uint p = 0; p < 3 * push.sh_coefficients; ++p) store_sh(p, place, p < 3 ? lift.dc[p] : 0.0);
+    store_lobe_direction(place, lift.lobe_dir);
+    store_lobe(LOBE_WIDTH, place, lift.lobe_width);
+    store_lobe(LOBE_SHARPNESS, place, 0.0);
 }

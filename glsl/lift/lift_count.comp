@@ -2,7 +2,7 @@
 // Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1).
 //
 // One subgroup: one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups do not meet.
-// plane, plane_views, views, depths → point_counts (0 for an empty slot).
+// screen_planes, screen_frames, views, depths → point_counts (0 for an empty slot).
 
 #extension GL_GOOGLE_include_directive : require
 
@@ -10,8 +10,8 @@
 #include "../shared/view.glsl"
 #include "../shared/footprint.glsl"
 
-layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer PointCounts { uint point_counts[]; };
@@ -26,12 +26,12 @@ void main() {
     uint item = subgroup_index();
     if (item >= count) return;
     uint covered = 0;
-    uint v = plane_views[item];
+    uint v = screen_frames[item];
     if (v < view_count) {
         View view = views[v];
-        Footprint f = make_footprint(vec2(plane[item], plane[stride + item]), plane[5 * stride + item],
-            vec2(plane[6 * stride + item], plane[7 * stride + item]), plane[8 * stride + item],
-            uvec2(view.width, view.height));
+        Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
+            vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
+            uvec2(view.width, view.height), false);
         uint pixels = f.size.x * f.size.y;
         for (uint k = gl_SubgroupInvocationID; k < pixels; k += gl_SubgroupSize) {
             uvec2 pixel = f.low + uvec2(k % f.size.x, k / f.size.x);

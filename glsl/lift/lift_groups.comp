@@ -82,19 +82,19 @@ void main() {
     uint fewest = subgroupMin(smallest);
     label = subgroupMin(largest == most ? label : NONE);
     if (!subgroupElect()) return;
-    if ((FAIL_ON_SMALLEST != 0 ? fewest : most) < GROUP_MIN) {
+    if ((FAIL_ON_SMALLEST != 0 ? fewest : most) < GROUP_MIN) { // guard: sets of three points
         if (round < last_round) {
             taus[set_index] = tau * TAU_GROWTH;
             uint groups = (point_count - 1) / gl_WorkGroupSize.x + 1;
-            uint rows = (groups - 1) / MAX_GROUPS + 1;
+            uint rows = (groups - 1) / MAX_GROUPS + 1; // guard: folded rounds
             ask(6 * (round + 1), (groups - 1) / rows + 1, rows);
             ask(6 * (round + 1) + 3, gl_NumWorkGroups.x, gl_NumWorkGroups.y);
         }
         return;
     }
-    uint centre = labels[first + min(heaviest[set_index], n - 1)];
+    uint centre = labels[first + min(heaviest[set_index], n - 1)]; // guard: heaviest point of the set
     uint around = group_sizes[first + centre];
-    bool central = around >= GROUP_MIN;
-    prime_labels[set_index] = central ? centre : label;
+    bool central = around >= GROUP_MIN; // guard: a side of three points
+    prime_labels[set_index] = central ? centre : label; // guard: the heaviest pixel's side
     cluster_sizes[set_index] = central ? around : most;
 }

@@ -48,6 +48,7 @@ void join_block(bool here, vec3 p, uint mine, uint first, uint n, float limit) {
     for (uint other = 0; other <= last; other += width) {
         uint theirs = min(other + lane, n - 1);
         vec3 q = points[first + theirs].xyz;
+        // guard: points in another block
         bool near = other + lane < n && squared_length(max(max(low - q, q - high), vec3(0.0))) < limit;
         if (!subgroupAny(near)) continue;
         if (here) mine = find(first, mine);

@@ -4,12 +4,12 @@
 // One subgroup: one 2D Gaussian. Its lanes share the sums over the points and the loop over the training views; the 3×3
 // algebra is done by every lane alike. Sums go lane by lane in point order and then over the lanes: always the same order.
 //
-// plane, plane_views, views, train_views, points, point_counts, point_firsts, heaviest, labels, prime_labels, cluster_sizes
+// screen_planes, screen_frames, views, train_views, points, point_counts, point_firsts, heaviest, labels, prime_labels, cluster_sizes
 // → lifts, lift_flags (1 where there is a lift, else 0; their exclusive scan is what lift_append wants).
 //
 // Outcomes where the algebra is not unique: collinear or coincident points leave eigenvalues at the floor; axes of equal
 // eigenvalues are what Jacobi's rotations leave, the camera's own where there was nothing to rotate; a third axis seen exactly
-// edge-on keeps its sign. Anything that cannot be finite (a plane centre, depth or camera that is not) is no lift.
+// edge-on keeps its sign. Anything that cannot be finite (a 2D centre, depth or camera that is not) is no lift.
 
 #extension GL_GOOGLE_include_directive : require
 
@@ -21,8 +21,8 @@
 // ⚖ Weights of the covariance: 0, w² (the release); 1, w.
 layout(constant_id = 1) const uint PLAIN_WEIGHTS = 0;
 
-layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
 // Indices of the training views; the source view may be among them and is passed over.
 layout(set = 0, binding = 3, scalar) readonly buffer TrainViews { uint train_views[]; };
@@ -50,7 +50,7 @@ const uint SWEEPS = 8;                   // Jacobi on 3×3 converges quadratical
 // Annihilates the off-diagonal element pq; r is the third index. Entries are at most 1 (scaled by the trace), so what is
 // below 1e-30 changes nothing.
 void turn(inout float pp, inout float qq, inout float pq, inout float rp, inout float rq, inout vec3 axis_p, inout vec3 axis_q) {
-    if (!(abs(pq) > 1e-30)) return;
+    if (!(abs(pq) > 1e-30)) return; // guard: rotations of nothing
     float ratio = (qq - pp) / (2.0 * pq);
     // Beyond 1e15 the square would overflow and tan = 1/(2·ratio) is below all rounding.
     float tangent = abs(ratio) < 1e15 ? (ratio < 0.0 ? -1.0 : 1.0) / (abs(ratio) + sqrt(ratio * ratio + 1.0)) : 0.5 / ratio;
@@ -149,8 +149,9 @@ Lift make_lift(uint item, View view, uint source) {
 
     // Depth and position, in the camera's frame.
     uint heavy = min(heaviest[item], n - 1);
+    // guard: depth of a group without the heaviest
     float depth = labels[first + heavy] == prime ? points[first + heavy].z : origin.z + centred_mean.z;
-    vec2 centre = vec2(plane[item], plane[stride + item]);
+    vec2 centre = vec2(screen_planes[item], screen_planes[stride + item]);
     vec2 ray = (centre - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
     vec3 position = vec3(ray * depth, depth);
 
@@ -171,7 +172,7 @@ Lift make_lift(uint item, View view, uint source) {
         order(value.x, value.y, axis_1, axis_2);
         value *= trace / total;
     }
-    value = max(value, vec3(EIGENVALUE_MIN * unit * unit));
+    value = max(value, vec3(EIGENVALUE_MIN * unit * unit)); // guard: floor of the eigenvalues
     // The third axis looks at the camera, which is at the origin of this frame; the second makes the frame right-handed.
     if (dot(axis_3, position) > 0.0) axis_3 = -axis_3;
     if (dot(cross(axis_1, axis_2), axis_3) < 0.0) axis_2 = -axis_2;
@@ -182,7 +183,7 @@ Lift make_lift(uint item, View view, uint source) {
     vec3 m1 = view.fx / depth * deviation * vec3(axis_1.x - slope.x * axis_1.z, axis_2.x - slope.x * axis_2.z, axis_3.x - slope.x * axis_3.z);
     vec3 m2 = view.fy / depth * deviation * vec3(axis_1.y - slope.y * axis_1.z, axis_2.y - slope.y * axis_2.z, axis_3.y - slope.y * axis_3.z);
     vec3 q = vec3(dot(m1, m1), dot(m1, m2), dot(m2, m2));
-    vec3 s = plane_covariance(vec2(plane[6 * stride + item], plane[7 * stride + item]), plane[8 * stride + item]);
+    vec3 s = screen_covariance(vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item]);
     float size = q.x + q.z; // Q in units of its trace: its square then neither overflows nor vanishes
     vec3 unit_q = q / size;
     float k2 = (unit_q.x * s.x + 2.0 * unit_q.y * s.y + unit_q.z * s.z) /
@@ -192,8 +193,8 @@ Lift make_lift(uint item, View view, uint source) {
     lift.mean = view.eye + to_world(view, position);
     lift.log_scale = 0.5 * log(k2 * value);
     lift.quat = quaternion(to_world(view, axis_1), to_world(view, axis_2), to_world(view, axis_3));
-    lift.dc = (vec3(plane[2 * stride + item], plane[3 * stride + item], plane[4 * stride + item]) - 0.5) / SH_C0;
-    lift.opacity = plane[5 * stride + item];
+    lift.dc = (vec3(screen_planes[2 * stride + item], screen_planes[3 * stride + item], screen_planes[4 * stride + item]) - 0.5) / SH_C0;
+    lift.opacity = screen_planes[5 * stride + item];
     vec3 toward = to_world(view, -position);
     lift.lobe_dir = normalize(toward);
     lift.theta_bar = nearest_view_angle(lift.mean, toward, source);
@@ -202,6 +203,7 @@ Lift make_lift(uint item, View view, uint source) {
 
     bool sound = k2 > 0.0 && is_finite(vec4(lift.mean, lift.opacity)) && is_finite(vec4(lift.log_scale, lift.theta_bar)) &&
                  is_finite(lift.quat) && is_finite(vec4(lift.dc, 0.0)) && is_finite(vec4(lift.lobe_dir, 0.0));
+    // guard: lifts that are numbers (2 lines)
     if (sound) return lift;
     return NO_LIFT;
 }
@@ -209,7 +211,7 @@ Lift make_lift(uint item, View view, uint source) {
 void main() {
     uint item = subgroup_index();
     if (item >= count) return;
-    uint v = plane_views[item];
+    uint v = screen_frames[item];
     Lift lift = NO_LIFT;
     if (cluster_sizes[item] > 0 && v < view_count) lift = make_lift(item, views[v], v);
     if (subgroupElect()) {

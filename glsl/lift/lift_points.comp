@@ -3,7 +3,7 @@
 //
 // One subgroup: one 2D Gaussian; its lanes go through the bounding box in row-major order, ballots number the points, so
 // the order is the pixels' whatever the subgroup size.
-// plane, plane_views, views, depths, point_counts, point_firsts → points (xyz, weight), point_sets, labels, heaviest, taus.
+// screen_planes, screen_frames, views, depths, point_counts, point_firsts → points (xyz, weight), point_sets, labels, heaviest, taus.
 //
 // Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
 // no digits are lost when the scene lies far from its origin.
@@ -14,8 +14,8 @@
 #include "../shared/view.glsl"
 #include "../shared/footprint.glsl"
 
-layout(set = 0, binding = 0, scalar) readonly buffer Plane { float plane[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer PlaneViews { uint plane_views[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer PointCounts { uint point_counts[]; };
@@ -41,7 +41,7 @@ void main() {
     uint item = subgroup_index();
     if (item >= count) return;
     uint n = point_counts[item];
-    uint v = plane_views[item];
+    uint v = screen_frames[item];
     if (n == 0 || v >= view_count) {
         if (subgroupElect()) {
             heaviest[item] = 0;
@@ -51,9 +51,9 @@ void main() {
     }
     View view = views[v];
     uint first = point_firsts[item];
-    Footprint f = make_footprint(vec2(plane[item], plane[stride + item]), plane[5 * stride + item],
-        vec2(plane[6 * stride + item], plane[7 * stride + item]), plane[8 * stride + item],
-        uvec2(view.width, view.height));
+    Footprint f = make_footprint(vec2(screen_planes[item], screen_planes[stride + item]), screen_planes[5 * stride + item],
+        vec2(screen_planes[6 * stride + item], screen_planes[7 * stride + item]), screen_planes[8 * stride + item],
+        uvec2(view.width, view.height), false);
     uint pixels = f.size.x * f.size.y;
     uint written = 0;
     float best_weight = 0.0;
@@ -72,7 +72,7 @@ void main() {
         uvec4 ballot = subgroupBallot(taken);
         uint at = written + subgroupBallotExclusiveBitCount(ballot);
         // at < n holds as the count was taken by the same arithmetic; tested, for a point out of place would be another's.
-        if (taken && at < n) {
+        if (taken && at < n) { // guard: points within the count
             vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
             points[first + at] = vec4(ray * depth, depth, weight);
             point_sets[first + at] = item;
@@ -89,8 +89,9 @@ void main() {
     uint winner = subgroupMin(best_weight == top ? best : 0xFFFFFFFFu);
     float winner_depth = subgroupMax(best_weight == top && best == winner ? best_depth : 0.0);
     if (subgroupElect()) {
-        float centre_depth = plane[9 * stride + item];
+        float centre_depth = screen_planes[9 * stride + item];
         heaviest[item] = winner;
+        // guard: τ without a depth
         taus[item] = TAU_PIXELS * (is_depth(centre_depth) ? centre_depth : winner_depth) / view.fx;
     }
 }

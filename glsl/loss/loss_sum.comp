@@ -1,7 +1,7 @@
 #version 460
 // Sums what ssim_forward left per tile into the losses of each frame, in a fixed order.
 //
-// A workgroup does one frame. tile_sums -> losses[slot + frame].
+// A workgroup does one frame. tile_sums -> losses[first + frame].
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
@@ -19,7 +19,7 @@ layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileSums { vec2 tile_sums[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Losses { Loss losses[]; };
 
-layout(push_constant, scalar) uniform Push { uint frame_first; uint frame_count; uint tiles_per_frame; uint slot; } push;
+layout(push_constant, scalar) uniform Push { uint frame_first; uint frame_count; uint tiles_per_frame; uint first; } push;
 
 // One per subgroup; a subgroup has 8 lanes or more.
 shared vec2 subgroup_sums[gl_WorkGroupSize.x / 8];
@@ -38,6 +38,6 @@ void main() {
     if (gl_LocalInvocationIndex == 0) {
         for (uint s = 1; s < gl_NumSubgroups; s++) sums += subgroup_sums[s];
         vec2 mean = sums / (3 * float(frame.width) * float(frame.height));
-        losses[push.slot + frame_index] = Loss(mean.x, mean.y, (1 - SSIM_WEIGHT) * mean.x + SSIM_WEIGHT * (1 - mean.y));
+        losses[push.first + frame_index] = Loss(mean.x, mean.y, (1 - SSIM_WEIGHT) * mean.x + SSIM_WEIGHT * (1 - mean.y));
     }
 }

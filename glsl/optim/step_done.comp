@@ -9,5 +9,6 @@
 layout(set = 0, binding = 0, scalar) buffer Status { uint status[]; };
 
 void main() {
-    if (thread_index() == 0 && status[STATUS_OVERFLOW] == 0) status[STATUS_STEPS] += 1;
+    // guard: nothing counts after an overflow
+    if (thread_index() == 0 && status[STATUS_FAILED] == 0) status[STATUS_STEPS] += 1;
 }

@@ -2,7 +2,7 @@
 // Blends each tile's splats front to back into colour and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, global_from_slot, splats -> image (rgb with background, transmittance), median_ids
+// tile_ranges, isect_slots, global_from_slot, splats, splat_colours -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -27,9 +27,10 @@ layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ran
 layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer MedianIds { uint median_ids[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer MedianIds { uint median_ids[]; };
 
 void main() {
     uint index = subgroup_index();
@@ -57,21 +58,23 @@ void main() {
         if (subgroupAll(live == 0)) break;
         uint mine = first + gl_SubgroupInvocationID, global = NONE;
         Splat s;
+        vec3 tint;
         if (mine < range.y) {
             global = global_from_slot[isect_slots[mine]];
             s = splats[global];
+            tint = splat_colours[global];
         }
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
             float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
             float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
+            vec3 rgb = subgroupBroadcast(tint, j);
             precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
             uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
                 float dy = float(corner.y + lane_y(k)) + 0.5 - sy;
                 Response e = respond(u0, l12, l22, dy, opacity);
-                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
+                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) { // guard: α from 1/255 on
                     precise float next = T[k] * (1.0 - e.alpha);
                     if (next < T_MIN) {
                         live &= ~(1u << k);
@@ -87,7 +90,7 @@ void main() {
 
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         uint py = corner.y + lane_y(k);
-        if (px < frame.width && py < frame.height) {
+        if (px < frame.width && py < frame.height) { // guard: pixels outside are not written
             uint at = frame.image_first + py * frame.width + px;
             vec3 behind = BACKGROUND_IMAGE ? backdrop[at].rgb : push.background;
             image[at] = vec4(colour[k] + T[k] * behind, T[k]);

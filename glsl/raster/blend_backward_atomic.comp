@@ -2,17 +2,22 @@
 // Gradients of the blended image, one record for each Gaussian: for scenes whose records by intersection find no room.
 //
 // See shared/backward.glsl. The tiles of a Gaussian add up in any order, so two runs differ in the last bits.
-// tile_ranges, isect_slots, global_from_slot, splats, image, image_grad, splat_grads -> splat_grads (9 floats by Gaussian)
-// splat_grads begin at 0. Needs shaderBufferFloat32AtomicAdd.
+// tile_ranges, isect_slots, global_from_slot, splats, splat_colours, image, image_grad, population -> records (by Gaussian), to
+// which it adds. Needs shaderBufferFloat32AtomicAdd.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_float : require
 #include "../shared/backward.glsl"
 
-layout(set = 0, binding = 7, scalar) buffer SplatGrads { float splat_grads[]; };
+layout(set = 0, binding = 9, scalar) buffer RecordCentres { vec3 record_centres[]; };
+layout(set = 0, binding = 10, scalar) buffer RecordShapes { vec3 record_shapes[]; };
+layout(set = 0, binding = 11, scalar) buffer RecordColours { vec3 record_colours[]; };
 
-void put(uint slot, uint global, float record[RECORD]) {
-    [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-        if (record[r] != 0.0) atomicAdd(splat_grads[global * RECORD + r], record[r]);
+void put(uint slot, uint global, bool all, Record record) {
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
+        if (record.centre[c] != 0.0) atomicAdd(record_centres[global][c], record.centre[c]);
+        if (all && record.shape[c] != 0.0) atomicAdd(record_shapes[global][c], record.shape[c]);
+        // guard: atomic sums
+        if (all && record.colour[c] != 0.0) atomicAdd(record_colours[global][c], record.colour[c]);
     }
 }
 

@@ -35,13 +35,13 @@ layout(set = 0, binding = 8, scalar) writeonly buffer FirstSlot { uint first_slo
 const int BIG = 8;
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
 // 3840 x 2160 (270 rows of 480 tiles, 34 rows to a lane) would make 130,560 with one slot an iteration.
-const uint UNROLL = 4;
+const uint UNROLL = 4; // guard: emit: several slots an iteration
 
 void put(uint global, uint frame, ivec2 span, int row, uint slot) {
     uint row_first = frame * push.tiles_per_frame + uint(row) * push.tiles_x;
     for (int first = span.x; first <= span.y; first += int(UNROLL), slot += UNROLL) {
         [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
-            if (first + int(k) <= span.y && slot + k < push.capacity) {
+            if (first + int(k) <= span.y && slot + k < push.capacity) { // guard: emit keeps within its room
                 isect_tiles[slot + k] = row_first + uint(first) + k;
                 global_from_slot[slot + k] = global;
             }
@@ -98,7 +98,7 @@ void main() {
             ivec2 span = row <= whole_rows.y ? tile_span(whole, row, tile, whole_size) : ivec2(1, 0);
             uint width = uint(max(span.y - span.x + 1, 0));
             put(whole_global, whole_frame, span, row, next + subgroupExclusiveAdd(width));
-            next += subgroupAdd(width);
+            next += subgroupAdd(width); // guard: emit: slots of a whole subgroup
         }
     }
 }

@@ -1,32 +1,35 @@
 #version 460
 // Depth of each pixel from the Gaussian of median transmittance.
 //
-// One thread takes one pixel. median_ids, geometry, views -> depths (camera z; 0 where there is none)
+// One thread takes one pixel; a dispatch takes those whose Gaussian is of one page, that of the first page also those without.
+// median_ids, population, geometry, views -> depths (camera z; 0 where there is none)
 // Method, section 4: z of the point of maximum response along the pixel's ray, in the Gaussian's own frame:
 // z = -(o.d)/(d.d) with o = S^-1 R^T (eye - mean), d = S^-1 R^T ray; both are multiplied by the smallest scale, so that
-// flat Gaussians overflow nothing.
+// thin Gaussians overflow nothing.
 // Limits: a point that is not in front of the near plane falls back to the centre's z.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
+#include "../shared/population.glsl"
 #include "../shared/view.glsl"
 #include "../shared/unit.glsl"
 
 layout(constant_id = 1) const bool CENTRE = false; // take the z of the Gaussian's centre instead
 
 layout(push_constant, scalar) uniform Push {
-    uint stride;
+    uint segment;
+    uint page_first;  // number in the segment of the page's first Gaussian
+    uint stride;      // the page's capacity
     uint view;
     uint depth_first; // where this view's depths begin
 } push;
 
-layout(set = 0, binding = 0, scalar) readonly buffer Views { View views[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer Geometry { float geometry[]; };
-layout(set = 0, binding = 2, scalar) readonly buffer MedianIds { uint median_ids[]; };
-layout(set = 0, binding = 3, scalar) writeonly buffer Depths { float depths[]; };
-
-const uint MEAN = 0, LOG_SCALE = 3, QUAT = 6;
-float plane(uint p, uint i) { return geometry[p * push.stride + i]; }
-vec3 plane3(uint p, uint i) { return vec3(plane(p, i), plane(p + 1, i), plane(p + 2, i)); }
+layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
+#define GEOMETRY 2
+#define MODEL_LOADS
+#include "../shared/model.glsl"
+layout(set = 0, binding = 3, scalar) readonly buffer MedianIds { uint median_ids[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer Depths { float depths[]; };
 
 // Rotates by the conjugate of the unit quaternion (w, xyz).
 vec3 unrotate(vec4 q, vec3 v) {
@@ -39,23 +42,26 @@ void main() {
     uint pixel = thread_index();
     if (pixel >= view.width * view.height) return;
     uint i = median_ids[pixel];
-    float z = 0.0;
-    if (i != NONE) {
-        vec3 mean = plane3(MEAN, i);
-        float centre = to_camera(view, mean).z;
-        z = centre;
-        if (!CENTRE) {
-            vec2 px = vec2(pixel % view.width, pixel / view.width) + 0.5;
-            vec2 slope = (px - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
-            vec3 ray = slope.x * view.row_x.xyz + slope.y * view.row_y.xyz + view.row_z.xyz;
-            vec3 log_scale = plane3(LOG_SCALE, i);
-            vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
-            vec4 q = vec4(plane(QUAT, i), plane3(QUAT + 1, i));
-            to_unit(q); // no median Gaussian is without a rotation: it was projected
-            vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
-            float best = -dot(o, d) / dot(d, d);
-            if (best > NEAR && best <= FLOAT_MAX) z = best;
-        }
+    if (i == NONE) {
+        if (push.segment == 0 && push.page_first == 0) depths[push.depth_first + pixel] = 0.0;
+        return;
+    }
+    uint first = segment_first[push.segment] + push.page_first, place = i - first;
+    if (!(i >= first && place < push.stride && i < segment_first[push.segment + 1])) return;
+    vec3 mean = load_geometry3(MEAN, place);
+    float z = to_camera(view, mean).z;
+    if (!CENTRE) {
+        vec2 px = vec2(pixel % view.width, pixel / view.width) + 0.5;
+        vec2 slope = (px - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
+        vec3 ray = slope.x * view.row_x.xyz + slope.y * view.row_y.xyz + view.row_z.xyz;
+        vec3 log_scale = load_geometry3(LOG_SCALE, place);
+        // guard: flat Gaussians' depth
+        vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
+        vec4 q = load_quat(place);
+        to_unit(q); // no median Gaussian is without a rotation: it was projected
+        vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
+        float best = -dot(o, d) / dot(d, d);
+        if (best > NEAR && best <= FLOAT_MAX) z = best; // guard: depth before the near plane
     }
     depths[push.depth_first + pixel] = z;
 }

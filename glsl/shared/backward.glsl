@@ -8,17 +8,22 @@
 #include "common.glsl"
 #include "splat.glsl"
 #include "frame.glsl"
+#include "population.glsl"
 #include "tile.glsl"
 
-// Called with the record of every intersection that some pixel blends.
-void put(uint slot, uint global, float record[RECORD]);
+// Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
+// is meant, see records.glsl.
+struct Record {
+    vec3 centre, shape, colour;
+};
+void put(uint slot, uint global, bool all, Record record);
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;
     uint tiles_x;
     uint tiles_per_frame;
     uint tile_count;
-    uint full_first; // Gaussians below this index need the gradient of their opacity only, and to know whether they are blended
+    uint frozen; // segments, from the first on, that need the gradient of their opacity only, and whether they are blended
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -26,8 +31,10 @@ layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ran
 layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer ImageGrad { float image_grad[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer ImageGrad { float image_grad[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer Population { uint segment_first[]; };
 
 void tile_backward() {
     uint index = subgroup_index();
@@ -48,7 +55,7 @@ void tile_backward() {
         behind[k] = 0.0;
         grad[k] = vec3(0.0);
         uint py = corner.y + lane_y(k);
-        if (px < frame.width && py < frame.height) {
+        if (px < frame.width && py < frame.height) { // guard: pixels outside do not pull
             uint at = frame.image_first + py * frame.width + px;
             grad[k] = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
             behind[k] = dot(grad[k], image[at].rgb);
@@ -56,24 +63,26 @@ void tile_backward() {
         }
     }
 
+    uint all_first = segment_first[push.frozen];
     uvec2 range = tile_ranges[index];
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
         Splat s;
+        vec3 tint;
         if (mine < range.y) {
             slot = isect_slots[mine];
             global = global_from_slot[slot];
             s = splats[global];
+            tint = splat_colours[global];
         }
-        float record[RECORD];
-        [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
+        Record record = Record(vec3(0.0), vec3(0.0), vec3(0.0));
         bool blended = false;
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
             float l11 = subgroupBroadcast(s.l11, j), l12 = subgroupBroadcast(s.l12, j), l22 = subgroupBroadcast(s.l22, j);
             float opacity = subgroupBroadcast(s.opacity, j), sy = subgroupBroadcast(s.y, j);
-            vec3 rgb = vec3(subgroupBroadcast(s.r, j), subgroupBroadcast(s.g, j), subgroupBroadcast(s.b, j));
-            bool full = subgroupBroadcast(global, j) >= push.full_first;
+            vec3 rgb = subgroupBroadcast(tint, j);
+            bool all = subgroupBroadcast(global, j) >= all_first;
             precise float u0 = l11 * (x - subgroupBroadcast(s.x, j));
             vec2 sum_w = vec2(0.0);
             vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
@@ -93,7 +102,7 @@ void tile_backward() {
                         float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
                         T[k] = next;
                         sum_rgb += share * grad[k];
-                        if (e.alpha < ALPHA_MAX) {
+                        if (e.alpha < ALPHA_MAX) { // guard: no shape where α is clamped
                             sum_opacity += g_alpha * e.weight;
                             float g = g_alpha * e.alpha;
                             sum_w += g * vec2(e.u, e.v);
@@ -103,20 +112,13 @@ void tile_backward() {
                 }
             }
             if (subgroupAny(touched)) {
-                float total[RECORD];
-                [[unroll]] for (uint r = 0; r < RECORD; ++r) total[r] = 0.0;
-                total[5] = subgroupAdd(sum_opacity);
-                if (full) {
-                    total[0] = subgroupAdd(sum_w.x);
-                    total[1] = subgroupAdd(sum_w.y);
-                    total[2] = subgroupAdd(sum_ww.x);
-                    total[3] = subgroupAdd(sum_ww.y);
-                    total[4] = subgroupAdd(sum_ww.z);
-                    total[6] = subgroupAdd(sum_rgb.r);
-                    total[7] = subgroupAdd(sum_rgb.g);
-                    total[8] = subgroupAdd(sum_rgb.b);
-                } else {
-                    total[6] = 1.0; // says that it is blended, which SparseAdam asks
+                // Of what is frozen x says that it is blended, which SparseAdam asks.
+                // guard: blended without a gradient
+                Record total = Record(vec3(1.0, 0.0, subgroupAdd(sum_opacity)), vec3(0.0), vec3(0.0));
+                if (all) {
+                    total.centre.xy = subgroupAdd(sum_w);
+                    total.shape = subgroupAdd(sum_ww);
+                    total.colour = subgroupAdd(sum_rgb);
                 }
                 if (gl_SubgroupInvocationID == j) {
                     record = total;
@@ -124,6 +126,6 @@ void tile_backward() {
                 }
             }
         }
-        if (blended) put(slot, global, record);
+        if (blended) put(slot, global, global >= all_first, record);
     }
 }

@@ -12,6 +12,7 @@ layout(local_size_x_id = 0) in;
 #include "constants.glsl"
 
 // Dispatches of more than 65,535 groups are folded into two dimensions: linear group and thread index.
+// guard: index of a folded group
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 uint thread_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationIndex; }
 // Linear index of this subgroup over the whole dispatch, where the unit of work is a subgroup.

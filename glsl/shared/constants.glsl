@@ -5,4 +5,3 @@ const float PI = 3.14159265358979;
 const float SH_C0 = 0.28209479177387814; // 1 / (2 sqrt(pi)), the constant band
 const float DILATION = 0.3; // px^2, added to the diagonal of every 2D covariance (3DGS)
 const float NEAR = 0.2; // scene units (3DGS): what is not beyond it is not seen
-const uint RECORD = 9; // floats of a gradient record, see ARCHITECTURE.md

@@ -4,13 +4,13 @@ const uint SATURATED = 0xFFFFFFFFu;
 
 uint saturating_add(uint a, uint b) {
     uint sum = a + b;
-    return sum < a ? SATURATED : sum;
+    return sum < a ? SATURATED : sum; // guard: sums that stop
 }
 
 // high * 2^16 + low, saturated. Both are sums of at most 64 halves, so neither can have wrapped.
 uint saturating_join(uint high, uint low) {
     high += low >> 16;
-    return high > 0xFFFFu ? SATURATED : (high << 16) | (low & 0xFFFFu);
+    return high > 0xFFFFu ? SATURATED : (high << 16) | (low & 0xFFFFu); // guard: sums over lanes that stop
 }
 
 uint saturating_subgroup_add(uint value) {

@@ -1,10 +1,9 @@
-// What projection leaves of a Gaussian in one view, and the ellipse that it covers.
+// What projection leaves of a Gaussian in one view, beside its colour (`splat_colours`) and depth (`depth_keys`), and the
+// ellipse that it covers.
 struct Splat {
     float x, y;          // centre, px
     float l11, l12, l22; // factor of the conic: w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2
     float opacity;       // sigmoid(logit) * lobe * compensation
-    float r, g, b;       // colour, clamped at 0
-    float z;             // camera depth
 };
 
 const float ALPHA_MIN = 1.0 / 255.0; // below it a Gaussian contributes nothing (3DGS)
@@ -23,9 +22,11 @@ const float SPAN_PAD = 1e-3, SPAN_PAD_RELATIVE = 1.0 / 1048576.0;
 
 ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
     float t = 2.0 * log(255.0 * s.opacity);
+    // guard: wider columns (2 lines)
     t += 1e-4 * (1.0 + abs(t));
     float root = sqrt(max(t, 0.0)), slant = length(vec2(s.l12, s.l22));
     float half_height = root / s.l22 + SPAN_PAD;
+    // guard: padding of columns
     float pad = SPAN_PAD + SPAN_PAD_RELATIVE * (slant * root / (s.l11 * s.l22) + abs(s.x));
     float top = float(row * int(tile.y)) + 0.5 - s.y;
     float bottom = float(min((row + 1) * int(tile.y), int(size.y))) - 0.5 - s.y;
@@ -39,20 +40,33 @@ ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
     float right = s.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.l12 * dy_r) / s.l11 + pad;
     float left = s.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.l12 * dy_l) / s.l11 - pad;
     // Kept within one pixel of the image before the conversion: huge floats have no int.
+    // guard: columns of huge splats (2 lines)
     float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
     float last = floor(clamp(right - 0.5, -1.0, float(size.x)));
     int x0 = max(int(first), 0), x1 = min(int(last), int(size.x) - 1);
-    if (!(left <= right) || x0 > x1) return ivec2(1, 0);
+    if (!(left <= right) || x0 > x1) return ivec2(1, 0); // guard: tile spans of what is no number
     return ivec2(x0 / int(tile.x), x1 / int(tile.x));
 }
 
 // Rows of tiles that the splat may touch, as (first, last); first > last if none.
 ivec2 tile_rows(Splat s, uvec2 tile, uvec2 size) {
     float t = 2.0 * log(255.0 * s.opacity);
+    // guard: wider rows (2 lines)
     t += 1e-4 * (1.0 + abs(t));
     float half_height = sqrt(max(t, 0.0)) / s.l22 + SPAN_PAD;
+    // guard: rows of huge splats (2 lines)
     float first = ceil(clamp(s.y - half_height - 0.5, -1.0, float(size.y)));
     float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
     int y0 = max(int(first), 0), y1 = min(int(last), int(size.y) - 1);
     return y0 > y1 ? ivec2(1, 0) : ivec2(y0 / int(tile.y), y1 / int(tile.y));
+}
+
+uint tile_count(Splat s, uvec2 tile, uvec2 size) {
+    ivec2 rows = tile_rows(s, tile, size);
+    uint count = 0;
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 span = tile_span(s, row, tile, size);
+        count += uint(max(span.y - span.x + 1, 0));
+    }
+    return count;
 }

@@ -68,7 +68,7 @@ uint tiles_of(Frame frame) {
 }
 
 bool within(Frame frame, ivec2 at) {
-    return uint(at.x) < frame.width && uint(at.y) < frame.height;
+    return uint(at.x) < frame.width && uint(at.y) < frame.height; // guard: loss beyond the image's edge
 }
 
 // Channel of a packed RGBA8 pixel, in [0, 1].

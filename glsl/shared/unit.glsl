@@ -7,9 +7,15 @@ const float FLOAT_MAX = 3.402823466e38;
 float to_unit(inout vec4 v) {
     vec4 a = abs(v);
     float largest = max(max(a.x, a.y), max(a.z, a.w));
-    if (!(largest >= FLOAT_MIN && largest <= FLOAT_MAX)) return 0.0;
+    if (!(largest >= FLOAT_MIN && largest <= FLOAT_MAX)) return 0.0; // guard: no direction in what has none
+    // guard: length through the largest component (4 lines)
     v /= largest;
     float length_of = length(v);
     v /= length_of;
     return largest * length_of;
 }
+
+// The length of a quaternion or lobe direction means nothing, but a step of fixed length turns a short one wildly and a long
+// one not at all. Outside these bounds the vector is made a unit vector before it steps.
+const float LENGTH_MIN = 0.01, LENGTH_MAX = 100.0;
+bool wants_unit(float length_of) { return !(length_of >= LENGTH_MIN && length_of <= LENGTH_MAX); }

@@ -29,7 +29,7 @@ void main() {
     uint keys = count[push.count_index];
     uint block = subgroup_index();
     // A compacting pass over no keys still has to say that none is left.
-    if (!(block < blocks_for(keys) || (COMPACT && block == 0))) return;
+    if (!(block < blocks_for(keys) || (COMPACT && block == 0))) return; // guard: blocks of no keys
     uint lane = gl_SubgroupInvocationID;
     uint own = gl_SubgroupID * DIGITS;
 
@@ -54,7 +54,7 @@ void main() {
 
         uint digit = digit_of(key, push.shift);
         uvec2 peers = same_digit(digit, live);
-        uvec2 earlier = peers & gl_SubgroupLtMask.xy;
+        uvec2 earlier = peers & gl_SubgroupLtMask.xy; // guard: ranks in the order of lanes
         uint place = 0;
         if (live) place = next_place[own + digit] + bitCount(earlier.x) + bitCount(earlier.y);
         subgroupBarrier();

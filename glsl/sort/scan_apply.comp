@@ -27,7 +27,7 @@ void main() {
     uint end = min(items, (block + 1) * BLOCK);
     uint before = block_sums[block];
     // Where the next block's beginning is not saturated, no sum within this block can have wrapped.
-    bool exact = block_sums[block + 1] < SATURATED;
+    bool exact = block_sums[block + 1] < SATURATED; // guard: blocks that may wrap
     for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
         uint i = row + gl_SubgroupInvocationID;
         uint value = i < end ? values[GATHER ? index[i] : i] : 0;

@@ -16,8 +16,9 @@ use crate::{
     pipelines::{
         enhance::{EnhanceOptions, Times},
         layers::{Layer, Layers},
-        model::Model,
+        model::{Model, Room},
         render::RenderOptions,
+        session::Session,
         start::{photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -94,7 +95,7 @@ struct Report<'a> {
     gain_over_base: f64,
     gain_over_plain: f64,
     seconds_base_renders: f64,
-    seconds_plane: f64,
+    seconds_screen: f64,
     seconds_lift: f64,
     seconds_join: f64,
 }
@@ -116,25 +117,23 @@ impl Args {
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
         let views = upload_photos(context, &train, background, |_, _| ())?;
-        let extent = dataset.extent() as f32;
+        let session = self.reduction.session(context, background, dataset.extent() as f32, self.seed.into());
 
-        let (base, base_seconds) = self.train(context, dataset, &views, POINTS, ITERATIONS)?;
+        let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
         write_scene(self.output.join(BASE), &base)?;
 
-        let reduction = self.reduction.reduction();
         let options = match self.preset {
-            Preset::Quick => EnhanceOptions::quick(extent, background),
-            Preset::Paper => EnhanceOptions::paper(extent, background),
+            Preset::Quick => EnhanceOptions::quick(),
+            Preset::Paper => EnhanceOptions::paper(),
         };
-        let options = EnhanceOptions { seed: self.seed, reduction, ..options };
         let started = Instant::now();
-        let enhanced = run_with_progress(context, &base, &views, &options, None)?;
+        let enhanced = run_with_progress(&session, &base, &views, &options, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
         write_scene(self.output.join(AUGMENTED), &enhanced.scene)?;
 
         let added = enhanced.lifted as usize;
-        let joint_steps = options.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) = self.train(context, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
+        let joint_steps = options.join.steps_per_view * train.len() as u32;
+        let (plain, plain_seconds) = self.train(&session, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
         let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
@@ -160,7 +159,7 @@ impl Args {
             gain_over_base: rows[2].psnr - rows[0].psnr,
             gain_over_plain: rows[2].psnr - rows[1].psnr,
             seconds_base_renders: times.base.as_secs_f64(),
-            seconds_plane: times.plane.as_secs_f64(),
+            seconds_screen: times.screen.as_secs_f64(),
             seconds_lift: times.lift.as_secs_f64(),
             seconds_join: times.join.as_secs_f64(),
         };
@@ -170,7 +169,7 @@ impl Args {
     /// Trains plain Gaussians on the first `points` surface points.
     fn train(
         &self,
-        context: &Context,
+        session: &Session,
         dataset: &Dataset,
         views: &Views,
         points: usize,
@@ -183,12 +182,11 @@ impl Args {
         };
         let points = points.min(positions.len());
         let base = from_points(&positions[..points], &colors[..points], SH_DEGREE);
-        let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
-        let seed = self.seed.into();
-        let (extent, reduction) = (dataset.extent() as f32, self.reduction.reduction());
-        let options = BaseOptions { iterations, sh_degree: SH_DEGREE, seed, extent, reduction };
+        let scene = Scene { base, supplement: None };
+        let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
+        let options = BaseOptions { iterations, sh_degree: SH_DEGREE };
         let bar = Progress::new("training", "steps", iterations.into());
-        train_base(context, &model, views, dataset.background, &options, false, |done| bar.set(done.into()))?;
+        train_base(session, &model, views, &options, false, |done| bar.set(done.into()))?;
         Ok((model.download()?, started.elapsed().as_secs_f64()))
     }
 
@@ -258,7 +256,7 @@ impl Args {
              2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
-            times.plane.as_secs_f64(),
+            times.screen.as_secs_f64(),
             times.lift.as_secs_f64(),
             times.join.as_secs_f64(),
             self.output.display()

@@ -17,10 +17,11 @@ use crate::{
     data::{Dataset, Photo, Split, scene_bytes, write_scene},
     gpu::Context,
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Stage, enhance},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event},
+        join::JoinOptions,
         lift::LiftOptions,
-        plane::{self, Schedule},
-        raster::Reduction,
+        screen::{self, Schedule},
+        session::{Policy, Reduction, Session},
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
@@ -144,7 +145,7 @@ struct Report<'a> {
     /// Photos whose lifts came from `--work`.
     photos_resumed: usize,
     base_gaussians: usize,
-    /// 2D Gaussians allowed, left after the 2D stage, and lifted.
+    /// 2D Gaussians allowed, left after the screen phase, and lifted.
     budget: u32,
     refined: u32,
     supplementary_gaussians: u32,
@@ -170,7 +171,7 @@ struct Gain {
 #[derive(Serialize)]
 struct Seconds {
     base: f64,
-    plane: f64,
+    screen: f64,
     lift: f64,
     join: f64,
 }
@@ -200,19 +201,17 @@ impl Args {
         }
         let background = self.photos.background;
         let preset = match self.preset {
-            Preset::Quick => EnhanceOptions::quick(extent, background),
-            Preset::Paper => EnhanceOptions::paper(extent, background),
+            Preset::Quick => EnhanceOptions::quick(),
+            Preset::Paper => EnhanceOptions::paper(),
         };
         let options = EnhanceOptions {
             ratio: self.ratio,
-            seed: self.seed,
             median_threshold: self.depth_threshold,
             lift: LiftOptions {
                 fail_on_smallest: self.cluster_failure == Failure::Smallest,
                 plain_weights: self.pca_weights == Weights::Plain,
             },
-            bias_correction: self.bias_correction,
-            reduction: self.reduction.reduction(),
+            join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
             ..preset
         };
         if let Some(folder) = &self.work {
@@ -226,14 +225,15 @@ impl Args {
                 reading.set(done as u64);
             })?;
             drop(reading);
+            let session = self.reduction.session(context, background, extent, self.seed.into());
             let work = match &self.work {
                 Some(folder) => {
-                    let settings = self.settings(&photos, &pixels, &options)?;
+                    let settings = self.settings(&photos, &pixels, &session, &options)?;
                     Some(WorkDir::open(folder, &settings, stems(photos.iter().copied()))?)
                 }
                 None => None,
             };
-            let found = run_with_progress(context, &scene, &views, &options, work.as_ref())?;
+            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref())?;
             write_scene(&self.output, &found.scene)?;
             drop(views);
             let gain = gain(context, &scene, &found.scene, &dataset)?;
@@ -258,7 +258,7 @@ impl Args {
                 supplementary_gaussians: found.lifted,
                 seconds: Seconds {
                     base: found.times.base.as_secs_f64(),
-                    plane: found.times.plane.as_secs_f64(),
+                    screen: found.times.screen.as_secs_f64(),
                     lift: found.times.lift.as_secs_f64(),
                     join: found.times.join.as_secs_f64(),
                 },
@@ -274,7 +274,7 @@ impl Args {
                 "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
                  base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
                 seconds.base,
-                seconds.plane,
+                seconds.screen,
                 seconds.lift,
                 seconds.join,
                 gain.map_or(String::new(), |gain| gain.text())
@@ -284,21 +284,28 @@ impl Args {
 
     /// Everything that the intermediate results depend on. `pixels` has the checksum of each photo as the device has it: after
     /// lens, mask and reduction.
-    fn settings(&self, photos: &[&Photo], pixels: &[u32], options: &EnhanceOptions) -> Result<Value> {
+    fn settings(
+        &self,
+        photos: &[&Photo],
+        pixels: &[u32],
+        session: &Session,
+        options: &EnhanceOptions,
+    ) -> Result<Value> {
         let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
         let photo = |(photo, pixels): (&&Photo, &u32)| {
             let camera = crc32fast::hash(format!("{:?}", photo.camera).as_bytes());
             (photo.name.clone(), json!({"pixels_crc32": pixels, "camera_crc32": camera}))
         };
-        // How gradients are added up does not change what they are.
-        let resolved = EnhanceOptions { reduction: Reduction::Auto, ..*options };
+        // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
+        let &Session { context: _, policy, background, extent, seed } = session;
+        let policy = Policy { reduction: Reduction::Auto, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
             "photos": photos.iter().zip(pixels).map(photo).collect::<serde_json::Map<_, _>>(),
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
             // What they mean in this version, presets and all.
-            "resolved": format!("{resolved:?}"),
+            "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
         }))
     }
 }
@@ -351,56 +358,59 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
 }
 
-/// Augments with a bar for each stage.
+/// Augments with a bar for each phase; `work` keeps what it can and is gone on from.
 pub(super) fn run_with_progress(
-    context: &Context,
+    session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
     work: Option<&WorkDir>,
 ) -> Result<Enhanced> {
-    let mut bar: Option<(&str, Progress)> = None;
-    let watch = |stage: &Stage| {
-        let (label, unit, done, total) = match stage {
-            Stage::Base => ("rendering the base", "passes", 0, 1),
-            Stage::Plane { batch, batches, progress } => {
-                let (done, total) = plane_steps(&options.schedule, *batch, *batches, progress);
-                ("refining", "steps", done, total)
-            }
-            // Between batches, and over in no time.
-            Stage::Lift => return,
-            Stage::Join { step, steps } => ("joining", "steps", u64::from(*step), u64::from(*steps)),
-        };
+    let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
+    let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
         if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
             // The old one goes first.
             bar = None;
-            bar = Some((label, Progress::new(label, unit, total)));
+            bar = Some((label, Progress::new(label, "steps", total)));
         }
         if let Some((_, bar)) = &bar {
             bar.set_of(done, total);
-            if let Stage::Plane { progress, .. } = stage {
-                bar.say(format_args!("loss {:.4}, {}/{} placed", progress.loss, progress.count, progress.budget));
+            if let Some(at) = loss.filter(|at| at.loss.is_finite()) {
+                bar.say(format_args!("loss {:.4}, {}/{} placed", at.loss, at.count, at.budget));
             }
         }
     };
-    enhance(
-        context,
-        scene,
-        views,
-        options,
-        watch,
-        |range| {
-            let Some(work) = work else { return Ok(None) };
-            work.resume(range, |error| note(format!("{error}; the views of its batch are done again")))
-        },
-        |batch| work.map_or(Ok(()), |w| w.keep(&views.cameras, batch)),
-    )
+    let mut enhancer = Enhancer::new(session, scene, views, options)?;
+    while let Some(event) = enhancer.next(views)? {
+        match event {
+            // The next event brings a bar of its own.
+            Event::Base => {}
+            Event::Batch { views: range, .. } => {
+                let Some(work) = work else { continue };
+                let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
+                if let Some(lifts) = work.resume(range, damaged)? {
+                    enhancer.resume(&lifts)?;
+                }
+            }
+            Event::Screen { batch, batches, progress } => {
+                let (done, total) = screen_steps(&options.schedule, batch, batches, &progress);
+                show("refining", done, total, Some(&progress));
+            }
+            Event::Lifted { .. } => {
+                if let (Some(work), Some((refiner, lifted))) = (work, enhancer.lifted()) {
+                    work.keep(&views.cameras, refiner, lifted)?;
+                }
+            }
+            Event::Join { step, steps } => show("joining", step.into(), steps.into(), None),
+        }
+    }
+    enhancer.finish()
 }
 
-/// Steps of the 2D stage that are done, and all that there will be. How many rounds a batch takes is not known: if those to
+/// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
 /// come place as many Gaussians each as those before, they fill the budget after so many.
-fn plane_steps(schedule: &Schedule, batch: usize, batches: usize, at: &plane::Progress) -> (u64, u64) {
-    let Schedule { round_steps, final_steps, max_rounds } = *schedule;
+fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
+    let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
     let last = at.steps == final_steps && at.steps != round_steps;
     let rounds = if last {
         at.round
@@ -423,10 +433,10 @@ mod tests {
 
     #[test]
     fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
-        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20 };
+        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
         let at = |round, step, steps, count| {
-            let progress = plane::Progress { round, step, steps, count, budget: 100, loss: 0.5 };
-            plane_steps(&schedule, 0, 1, &progress)
+            let progress = screen::Progress { round, step, steps, count, budget: 100, loss: 0.5 };
+            screen_steps(&schedule, 0, 1, &progress)
         };
         // A fifth placed in one round: five rounds.
         assert_eq!(at(1, 50, 200, 20), (50, 2000));
@@ -441,7 +451,7 @@ mod tests {
         // The last steps.
         assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
         assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
-        let progress = plane::Progress { round: 1, step: 50, steps: 200, count: 20, budget: 100, loss: 0.5 };
-        assert_eq!(plane_steps(&schedule, 2, 3, &progress), (4050, 6000));
+        let progress = screen::Progress { round: 1, step: 50, steps: 200, count: 20, budget: 100, loss: 0.5 };
+        assert_eq!(screen_steps(&schedule, 2, 3, &progress), (4050, 6000));
     }
 }

@@ -31,7 +31,7 @@ use crate::{
     Error, Result,
     data::{self, Dropped, Split},
     gpu::{Context, ContextOptions, GpuError},
-    pipelines::raster::Reduction,
+    pipelines::session::{Policy, Reduction, Session},
     scene::Scene,
 };
 use dataset::PhotoArgs;
@@ -211,8 +211,11 @@ struct ReductionArgs {
 }
 
 impl ReductionArgs {
-    fn reduction(&self) -> Reduction {
-        if self.deterministic { Reduction::Deterministic } else { Reduction::Auto }
+    /// What everything on `context` is run with.
+    fn session(&self, context: &Context, background: [f32; 3], extent: f32, seed: u64) -> Session {
+        let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
+        let policy = Policy { reduction, ..Policy::default() };
+        Session { policy, background, extent, seed, ..Session::new(context) }
     }
 }
 

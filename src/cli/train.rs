@@ -11,9 +11,8 @@ use super::{
 };
 use crate::{
     data::{Split, scene_bytes, write_scene},
-    gpu::StageTime,
     pipelines::{
-        model::Model,
+        model::{Model, Room},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
     },
@@ -37,10 +36,10 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "PLY")]
     output: PathBuf,
     /// Steps, one photo each
-    #[arg(long, value_name = "N", default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     iterations: u32,
     /// Degree of the spherical harmonics, 0 to 3
-    #[arg(long, value_name = "L", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     /// Gaussians: of more sparse points a random selection is taken, and as many random points are made where there are no
     /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
@@ -50,7 +49,7 @@ pub(super) struct Args {
     /// Seed of the random points and of the order of photos; the same seed gives the same scene on the same device
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON: what was done, how fast, and the device time of each stage in the first steps
+    /// Print JSON: what was done, how fast, and the device time of each stage
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -84,7 +83,7 @@ struct Report<'a> {
     stages: Vec<Stage>,
 }
 
-/// Mean device time of a stage over the first steps.
+/// Mean device time of a stage over steps all through the run.
 #[derive(Serialize)]
 struct Stage {
     name: &'static str,
@@ -128,16 +127,17 @@ impl Args {
             let scene = 3 * scene_bytes(count as u64, 0, self.sh_degree);
             tracing::info!("on the device: {:.1} MB of {count} Gaussians and their moments", megabytes(scene));
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
-            let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, 0)?;
+            let scene = Scene { base, supplement: None };
+            let model = Model::upload_around(context, views.origin, &scene, Room::default())?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
-            let reduction = self.reduction.reduction();
-            let options = BaseOptions { iterations, sh_degree, seed, extent, reduction };
+            let session = self.reduction.session(context, background, extent, seed);
+            let options = BaseOptions { iterations, sh_degree };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let set = |done: u32| training.set(done.into());
-            let trained = train_base(context, &model, &views, background, &options, timed, set)?;
+            let trained = train_base(&session, &model, &views, &options, timed, set)?;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
             write_scene(&self.output, &model.download()?)?;
@@ -146,10 +146,12 @@ impl Args {
             for (pass, losses) in passes(&trained.losses, photos.len()) {
                 tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
             }
-            for stage in stages(&trained.steps.stages) {
-                tracing::info!("a step's {}: {:.3} ms", stage.name, stage.milliseconds_per_step);
+            let stages = trained.steps.milliseconds();
+            for (name, milliseconds) in &stages {
+                tracing::info!("a step's {name}: {milliseconds:.3} ms");
             }
             let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
+            let stage = |(name, milliseconds_per_step)| Stage { name, milliseconds_per_step };
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
@@ -162,7 +164,7 @@ impl Args {
                 steps_per_second: f64::from(iterations) / seconds,
                 final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
-                stages: stages(&trained.steps.stages),
+                stages: stages.into_iter().map(stage).collect(),
             };
             if self.json {
                 return Ok(print_json(&report)?);
@@ -186,21 +188,6 @@ fn passes(losses: &[f32], photos: usize) -> Vec<(String, &[f32])> {
         (format!("{} to {}", first + 1, first + all[i].len()), all[i])
     };
     (0..shown).map(|i| named(at(i))).collect()
-}
-
-/// Sums the times of equal stages and divides them by the number of steps that they are of.
-fn stages(times: &[StageTime]) -> Vec<Stage> {
-    // Every step ends with one of these.
-    let steps = times.iter().filter(|t| t.name == "step_done").count().max(1);
-    let mut sums: Vec<Stage> = Vec::new();
-    for time in times {
-        let milliseconds = time.time.as_secs_f64() * 1e3 / steps as f64;
-        match sums.iter_mut().find(|s| s.name == time.name) {
-            Some(stage) => stage.milliseconds_per_step += milliseconds,
-            None => sums.push(Stage { name: time.name, milliseconds_per_step: milliseconds }),
-        }
-    }
-    sums
 }
 
 #[cfg(test)]

@@ -167,6 +167,7 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
     let frame = shot.camera.for_image(size).map_err(fail)?;
     let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(shot.translation.to_array());
     // What reaches the device is float32.
+    // guard: cameras within float32
     if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
         return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
     }

@@ -24,9 +24,11 @@ pub(super) fn write_whole(
 ) -> Result<()> {
     let at = |source| Error::io(path, source);
     let target = match fs::metadata(path) {
+        // guard: no folder is written over
         Ok(found) if !found.is_file() => {
             return Err(Error::input(path, "exists and is not a file, so it cannot be written to"));
         }
+        // guard: links to outputs
         Ok(_) => fs::canonicalize(path).map_err(at)?,
         Err(_) => path.to_owned(),
     };
@@ -35,11 +37,13 @@ pub(super) fn write_whole(
     builder.prefix(PREFIX);
     // A temporary file is private by default; an output has the rights that the umask leaves.
     #[cfg(unix)]
+    // guard: rights of outputs
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let file = builder.tempfile_in(folder).map_err(at)?;
     // Tells `sweep` that the file is in use. File systems without locks do without.
     let _ = file.as_file().try_lock();
     let mut writer = BufWriter::with_capacity(1 << 20, file);
+    // guard: outputs whole or not at all
     fill(&mut writer).map_err(at)?;
     writer.flush().map_err(at)?;
     let file = writer.into_inner().map_err(|failed| at(failed.into_error()))?;

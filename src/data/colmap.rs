@@ -103,6 +103,7 @@ impl Pose {
         let [w, x, y, z] = self.quat;
         let quat = DQuat::from_xyzw(x, y, z, w);
         // Any length but zero means the same rotation.
+        // guard: COLMAP: poses
         if !self.quat.iter().chain(&self.translation).all(|v| v.is_finite()) || !quat.length_squared().is_normal() {
             let Pose { name, quat, translation, .. } = self;
             return Err(format!("image `{name}`: its pose {quat:?} {translation:?} is not finite or has no rotation"));
@@ -240,6 +241,7 @@ fn records<'a, T>(
     let mut bytes = Bytes { left: bytes };
     let count = bytes.u64().ok_or_else(|| fail(format!("is too short for the number of {what}s")))?;
     let have = bytes.left.len();
+    // guard: COLMAP: promises
     if count > (have / least) as u64 {
         let need = format!("at least {} bytes", count as u128 * least as u128);
         return Err(fail(format!("promises {count} {what}s, which take {need}, but has {have}")));
@@ -387,6 +389,7 @@ pub(super) fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
 
 fn point(position: [f64; 3]) -> Result<[f32; 3], String> {
     let narrow = position.map(|v| v as f32);
+    // guard: COLMAP: points
     match narrow.iter().all(|v| v.is_finite()) {
         true => Ok(narrow),
         false => Err(format!("the position {position:?} is not finite")),

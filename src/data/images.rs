@@ -226,10 +226,12 @@ fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<Header
     let decoder = reader.into_decoder().map_err(|error| decode_error(path, error))?;
     let (width, height) = decoder.dimensions();
     let pixels = width as u64 * height as u64;
+    // guard: images: sizes
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         let what = format!("is {width} × {height}; sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels are read");
         return Err(Error::input(path, what));
     }
+    // guard: images: what their bytes can hold
     if pixels > length.saturating_mul(densest) {
         let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
@@ -264,6 +266,7 @@ pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Resu
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
     let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
+    // guard: images: the size they had
     if found != file.size {
         let [[w, h], [ew, eh]] = [found, file.size];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
@@ -312,6 +315,7 @@ pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
 }
 
 fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage> {
+    // guard: images: ends
     if jpeg_is_cut(bytes) {
         return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
     }

@@ -89,6 +89,7 @@ pub(super) fn without_ending(name: &str) -> &str {
 /// `name` without what could lead out of a folder, so that outputs may be named after photos.
 pub(super) fn clean(name: &str) -> String {
     let parts = Path::new(name).components().filter_map(|part| match part {
+        // guard: names within a folder (2 lines)
         Component::Normal(part) => Some(part.to_string_lossy()),
         _ => None,
     });

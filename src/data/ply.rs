@@ -141,6 +141,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
             return Ok(());
         }
         let position = xyz.map(|p| values[p] as f32);
+        // guard: PLY: points
         if let Some(axis) = position.iter().position(|v| !v.is_finite()) {
             let name = ["x", "y", "z"][axis];
             return Err(fail(format!("row {row} of element `{BASE}`: `{name}` is not a finite number")));

@@ -228,6 +228,7 @@ impl<'a> Ply<'a> {
         if self.encoding == Encoding::Ascii || !fixed {
             let least: u128 = self.elements.iter().map(|e| needs(e, e.least_row_bytes(self.encoding))).sum();
             // The last line's end may be missing.
+            // guard: PLY: sizes of text
             if least > have + 1 {
                 let promised = self.promises();
                 let what = format!("the header promises {promised}, at least {least} bytes, but the body has {have}");
@@ -236,6 +237,7 @@ impl<'a> Ply<'a> {
             return Ok(());
         }
         let need: u128 = self.elements.iter().map(|e| needs(e, e.row_bytes().unwrap_or(0))).sum();
+        // guard: PLY: sizes
         if need == have {
             return Ok(());
         }

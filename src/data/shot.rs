@@ -53,6 +53,7 @@ pub(super) struct SourceCamera {
 impl SourceCamera {
     /// What is wrong with the numbers, before any image is known.
     pub(super) fn check(&self) -> Result<(), String> {
+        // guard: focal lengths
         let positive = |v: &f64| v.is_finite() && *v > 0.0;
         let angle = |v: &f64| *v > 0.0 && *v < std::f64::consts::PI;
         if let Some(size) = self.size.filter(|size| !size.iter().all(positive)) {
@@ -67,6 +68,7 @@ impl SourceCamera {
             }
             _ => {}
         }
+        // guard: principal points
         if let Some(center) = self.center.filter(|center| !center.iter().all(|v| v.is_finite())) {
             return Err(format!("the principal point {center:?} is not finite"));
         }

@@ -99,10 +99,12 @@ fn faults<'a>(
 
 fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
     let bad = |name: &str| format!("`{name}` is not a finite number");
+    // guard: PLY: numbers
     let vector = |values: &[f32], names: &[&str]| Some(bad(names[values.iter().position(|v| !v.is_finite())?]));
     let k = gaussians.sh_coefficients();
     let (sh, quat) = (&gaussians.sh[row * k..(row + 1) * k], gaussians.quats[row]);
     let turn = || {
+        // guard: PLY: rotations
         if !has_direction(&quat) {
             return Some(format!("the rotation `rot_0..3` = {quat:?} has no direction"));
         }
@@ -110,6 +112,7 @@ fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
     };
     let higher = || {
         for (coefficient, rgb) in sh[1..].iter().enumerate() {
+            // guard: PLY: SH
             if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
                 return Some(bad(&format!("f_rest_{}", channel * (k - 1) + coefficient)));
             }
@@ -133,13 +136,16 @@ fn has_direction(finite: &[f32]) -> bool {
 fn lobe_fault(lobes: &Lobes, row: usize) -> Option<String> {
     let [x, y, z] = lobes.directions[row];
     for (value, name) in [x, y, z, lobes.widths[row], lobes.sharpness[row]].into_iter().zip(LOBE) {
+        // guard: PLY: lobes
         if !value.is_finite() {
             return Some(format!("`{name}` is not a finite number"));
         }
     }
+    // guard: PLY: directions
     if !has_direction(&[x, y, z]) {
         return Some(format!("the lobe direction {:?} has no direction", [x, y, z]));
     }
+    // guard: PLY: widths
     if !LOBE_WIDTHS.contains(&lobes.widths[row]) {
         return Some(format!("`lobe_width` is {}, expected 0.01 to 1", lobes.widths[row]));
     }

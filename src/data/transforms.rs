@@ -250,6 +250,7 @@ fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     if !(rows.len() == 3 || rows.len() == 4) || rows.iter().any(|row| row.len() != 4) {
         return Err("`transform_matrix` is not 4 × 4 (or 3 × 4)".into());
     }
+    // guard: transforms: numbers
     if rows.iter().flatten().any(|v| !v.is_finite()) {
         return Err("`transform_matrix` holds a number that is not finite".into());
     }
@@ -267,6 +268,7 @@ fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     turn *= 1.0 / scale;
     let skew = turn.transpose() * turn - DMat3::IDENTITY;
     let skew = skew.to_cols_array().map(f64::abs);
+    // guard: transforms: rotations
     if !skew.iter().all(|v| *v <= MAX_SKEW) {
         let worst = skew.iter().copied().fold(0.0, f64::max);
         return Err(format!(

@@ -26,9 +26,26 @@ pub enum Location {
 pub struct RawBuffer {
     pub(super) handle: vk::Buffer,
     pub(super) bytes: u64,
+    /// Stands for a binding that a variant of a kernel does not touch: no hazard comes from it.
+    pub(super) unused: bool,
     name: String,
     allocation: Option<Allocation>,
     context: Context,
+}
+
+/// What is bound where a variant of a kernel touches nothing: every binding needs a buffer.
+pub struct Unused(Arc<RawBuffer>);
+
+impl Unused {
+    pub fn new(context: &Context) -> Result<Self, GpuError> {
+        // As large as the largest element of any kernel.
+        Ok(Unused(Buffer::<u32>::create(context, "unused", 64, Location::Device, true)?.raw))
+    }
+
+    /// As the buffer of any binding.
+    pub fn of<T: Pod>(&self) -> Buffer<T> {
+        Buffer { raw: self.0.clone(), len: 1, element: PhantomData }
+    }
 }
 
 /// `len` elements of type `T` in one storage buffer. Cloning shares it.
@@ -47,8 +64,14 @@ impl<T> Clone for Buffer<T> {
 impl<T: Pod> Buffer<T> {
     /// Uninitialised room for `len` elements (at least one: Vulkan has no empty buffers).
     pub fn new(context: &Context, name: &str, len: usize, location: Location) -> Result<Self, GpuError> {
+        Self::create(context, name, len, location, false)
+    }
+
+    fn create(context: &Context, name: &str, len: usize, location: Location, unused: bool) -> Result<Self, GpuError> {
+        // guard: buffers of nothing
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let limit = context.info().max_storage_bytes;
+        // guard: buffers that the device cannot bind
         if bytes > limit {
             return Err(GpuError::BufferTooLarge { name: name.into(), bytes, limit });
         }
@@ -72,8 +95,14 @@ impl<T: Pod> Buffer<T> {
                 }
             };
             let bound = device.bind_buffer_memory(handle, allocation.memory(), allocation.offset());
-            let raw =
-                RawBuffer { handle, bytes, name: name.into(), allocation: Some(allocation), context: context.clone() };
+            let raw = RawBuffer {
+                handle,
+                bytes,
+                unused,
+                name: name.into(),
+                allocation: Some(allocation),
+                context: context.clone(),
+            };
             bound.check("vkBindBufferMemory")?;
             if let (Some(debug), Ok(name)) = (&context.0.debug, std::ffi::CString::new(name)) {
                 let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);

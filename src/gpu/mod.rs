@@ -8,7 +8,7 @@ mod recorder;
 
 pub use ash;
 pub use context::{BorrowedDevice, Context, ContextOptions, Counters, DeviceInfo};
-pub use memory::{Buffer, Location, RawBuffer};
+pub use memory::{Buffer, Location, RawBuffer, Unused};
 pub use pipeline::{Access, Kernel, Pipeline};
 pub use recorder::{Recorder, StageTime, Submission};
 

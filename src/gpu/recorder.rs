@@ -120,15 +120,15 @@ impl Recorder {
         }
     }
 
-    /// Runs `kernel` on at least `threads` threads (rounded up to whole workgroups; none for 0).
+    /// Runs `kernel` on so many workgroups; not at all for 0.
     pub fn dispatch<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
         buffers: &K::Buffers<'_>,
         push: &K::Push,
-        threads: u32,
+        groups: u32,
     ) {
-        let groups = threads.div_ceil(pipeline.workgroup_size);
+        // guard: dispatches of nothing
         if groups == 0 {
             return;
         }
@@ -280,7 +280,7 @@ impl Recorder {
 
     /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
     fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)>) {
-        let used: Vec<_> = used.map(|(b, a)| (b.handle, a.writes())).collect();
+        let used: Vec<_> = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.handle, a.writes())).collect();
         let hazard = used.iter().any(|(b, writes)| self.touched.get(b).is_some_and(|written| *written || *writes));
         if hazard {
             let everything = [vk::MemoryBarrier::default()

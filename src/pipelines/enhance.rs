@@ -1,4 +1,4 @@
-//! The whole augmentation of a base scene: base losses → 2D stage → inverse splatting, batch by batch → joint optimisation.
+//! The whole augmentation of a base scene: base losses → screen phase → inverse splatting, batch by batch → joint phase.
 
 use std::{
     ops::Range,
@@ -7,17 +7,16 @@ use std::{
 
 use super::{
     join::{JoinOptions, join},
-    lift::{LiftOptions, LiftStage, Lifted},
-    model::Model,
-    plane::{self, PlaneStage, Refined, Schedule, base_losses, budgets},
-    raster::Reduction,
-    render::{MEDIAN_THRESHOLD, RenderOptions, Renderer},
-    train::TrainReport,
+    lift::{LiftOptions, LiftPhase, Lifted},
+    model::{Model, Room, Segment},
+    render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
+    screen::{self, Refiner, Schedule, base_losses, budgets},
+    session::Session,
+    train::{TrainReport, Trainer},
     views::Views,
 };
 use crate::{
     error::{Error, Result},
-    gpu::Context,
     scene::Scene,
     stages::types::Lift,
 };
@@ -28,79 +27,52 @@ pub struct EnhanceOptions {
     pub ratio: f64,
     pub schedule: Schedule,
     pub lift: LiftOptions,
-    /// Joint steps for each view.
-    pub steps_per_view: u32,
-    /// ⚖ Adam's bias correction of the standard parameters in the joint stage; the release has none.
-    pub bias_correction: bool,
+    pub join: JoinOptions,
     /// ⚖ Transmittance at which a pixel has its depth: 0.5, the release 0.7.
     pub median_threshold: f32,
     /// Take the z of the median Gaussian's centre, not of its point of maximum response.
     pub centre_depth: bool,
-    pub seed: u32,
-    /// 1.1 × the largest camera distance from their mean, scene units.
-    pub extent: f32,
-    /// sRGB, 0 to 1.
-    pub background: [f32; 3],
-    pub reduction: Reduction,
 }
 
 impl EnhanceOptions {
     /// The paper's settings.
-    pub fn paper(extent: f32, background: [f32; 3]) -> Self {
+    pub fn paper() -> Self {
         EnhanceOptions {
             ratio: 0.1,
             schedule: Schedule::PAPER,
             lift: LiftOptions::default(),
-            steps_per_view: 30,
-            bias_correction: false,
+            join: JoinOptions { steps_per_view: 30, bias_correction: false },
             median_threshold: MEDIAN_THRESHOLD,
             centre_depth: false,
-            seed: 0,
-            extent,
-            background,
-            reduction: Reduction::Auto,
         }
     }
 
     /// The same stages with shorter rounds.
-    pub fn quick(extent: f32, background: [f32; 3]) -> Self {
-        EnhanceOptions { schedule: Schedule::QUICK, ..Self::paper(extent, background) }
+    pub fn quick() -> Self {
+        EnhanceOptions { schedule: Schedule::QUICK, ..Self::paper() }
     }
 }
 
-/// What is going on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stage {
-    /// Rendering the base in every view.
+/// What is about to be done, or was.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// The base was rendered in every view; how many 2D Gaussians each may have is known.
     Base,
-    /// Refining a batch of views in image space, of how many.
-    Plane {
-        batch: usize,
-        batches: usize,
-        progress: plane::Progress,
-    },
-    Lift,
+    /// A batch of views is next. [`Enhancer::resume`] may now give what an earlier run lifted from it.
+    Batch { batch: usize, batches: usize, views: Range<usize> },
+    /// The views of the batch are being refined in image space.
+    Screen { batch: usize, batches: usize, progress: screen::Progress },
+    /// The batch was lifted; [`Enhancer::lifted`] has it until the next event.
+    Lifted { views: Range<usize> },
     /// Joint steps done, of how many.
-    Join {
-        step: u32,
-        steps: u32,
-    },
+    Join { step: u32, steps: u32 },
 }
 
-/// A batch whose 2D Gaussians were lifted; the stage still holds them.
-pub struct LiftedBatch<'a> {
-    pub plane: &'a PlaneStage,
-    pub batch: usize,
-    pub views: Range<usize>,
-    pub refined: &'a Refined,
-    pub lifted: &'a Lifted,
-}
-
-/// Wall-clock time of each stage.
+/// Wall-clock time of each phase.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Times {
     pub base: Duration,
-    pub plane: Duration,
+    pub screen: Duration,
     pub lift: Duration,
     pub join: Duration,
 }
@@ -112,7 +84,7 @@ pub struct Enhanced {
     pub base_losses: Vec<f64>,
     /// 2D Gaussians that each view was allowed.
     pub budgets: Vec<u32>,
-    /// 2D Gaussians left after the 2D stage, and those of them that were lifted.
+    /// 2D Gaussians left after the screen phase, and those of them that were lifted.
     pub refined: u32,
     pub lifted: u32,
     /// Views whose lifts came from an earlier run.
@@ -122,104 +94,191 @@ pub struct Enhanced {
     pub join: Option<TrainReport>,
 }
 
-/// Augments `scene`, whose supplement must be `None`, from the photographs of `views`.
-///
-/// `watch` hears of progress. Before a batch of views is refined, `resume` may give what an earlier run lifted from it; `keep`
-/// hears of every batch that was lifted now.
-///
-/// # Errors
-/// [`Error::Usage`] for a scene that is empty or augmented already, or for no views; else what the device lacks.
+/// What is next.
+enum Next {
+    Base,
+    Batch(usize),
+    Screen(usize),
+    Join(Box<Trainer>),
+    Done,
+}
+
+/// An augmentation on its way: call [`Enhancer::next`] until it has nothing more to tell.
+pub struct Enhancer {
+    session: Session,
+    options: EnhanceOptions,
+    model: Model,
+    /// Of the base alone, with depth.
+    renderer: Renderer,
+    refiner: Option<Refiner>,
+    lift: LiftPhase,
+    next: Next,
+    lifted: Option<Lifted>,
+    base_losses: Vec<f64>,
+    budgets: Vec<u32>,
+    refined: u32,
+    resumed: usize,
+    times: Times,
+    join: Option<TrainReport>,
+}
+
+impl Enhancer {
+    /// For `scene`, whose supplement must be `None`, and the photographs of `views`. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a scene that is empty or augmented already, or for no views; else what the device lacks.
+    pub fn new(session: &Session, scene: &Scene, views: &Views, options: &EnhanceOptions) -> Result<Self> {
+        if scene.supplement.is_some() {
+            return Err(Error::Usage("the scene is augmented already; give its base".into()));
+        }
+        if scene.base.is_empty() || views.cameras.is_empty() {
+            return Err(Error::Usage("there is nothing to augment: no Gaussians, or no training views".into()));
+        }
+        let render = RenderOptions {
+            depth: true,
+            centre_depth: options.centre_depth,
+            median_threshold: options.median_threshold,
+            backward: false,
+            policy: session.policy,
+        };
+        let model = Model::upload_around(&session.context, views.origin, scene, Room::default())?;
+        Ok(Enhancer {
+            renderer: Renderer::new(&session.context, Needs::of(&model), views, render)?,
+            lift: LiftPhase::new(&session.context, options.lift)?,
+            session: session.clone(),
+            options: *options,
+            model,
+            refiner: None,
+            next: Next::Base,
+            lifted: None,
+            base_losses: Vec::new(),
+            budgets: Vec::new(),
+            refined: 0,
+            resumed: 0,
+            times: Times::default(),
+            join: None,
+        })
+    }
+
+    /// Goes on until there is something to tell; `None` once all is done. `views` are those that it was made for.
+    pub fn next(&mut self, views: &Views) -> Result<Option<Event>> {
+        self.lifted = None;
+        loop {
+            let started = Instant::now();
+            match &mut self.next {
+                Next::Base => {
+                    self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+                    self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
+                    self.model.reserve(Segment::Supplement, self.budgets.iter().sum())?;
+                    self.times.base = started.elapsed();
+                    self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, self.options.schedule)?);
+                    self.times.screen = started.elapsed() - self.times.base;
+                    self.next = Next::Batch(0);
+                    return Ok(Some(Event::Base));
+                }
+                Next::Batch(batch) => {
+                    let batch = *batch;
+                    let Some((batches, range)) = self.batch(batch) else {
+                        self.refiner = None;
+                        self.next = self.begin_join(views)?;
+                        self.times.join = started.elapsed();
+                        continue;
+                    };
+                    self.next = Next::Screen(batch);
+                    return Ok(Some(Event::Batch { batch, batches, views: range }));
+                }
+                Next::Screen(batch) => {
+                    let batch = *batch;
+                    let Some((batches, range)) = self.batch(batch) else { return Ok(None) };
+                    let Some(refiner) = &mut self.refiner else { return Ok(None) };
+                    if refiner.views() != range {
+                        refiner.start(views, batch)?;
+                    }
+                    if let Some(progress) = refiner.advance(&mut self.renderer, &self.model, views)? {
+                        self.times.screen += started.elapsed();
+                        return Ok(Some(Event::Screen { batch, batches, progress }));
+                    }
+                    self.refined += refiner.refined().counts.iter().sum::<u32>();
+                    self.times.screen += started.elapsed();
+                    let started = Instant::now();
+                    let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
+                    self.lifted = Some(self.lift.lift(refiner, views, unit, &mut self.model)?);
+                    self.times.lift += started.elapsed();
+                    self.next = Next::Batch(batch + 1);
+                    return Ok(Some(Event::Lifted { views: range }));
+                }
+                Next::Join(trainer) => {
+                    let steps = trainer.total();
+                    if let Some(step) = trainer.advance(&self.model, views)? {
+                        self.times.join += started.elapsed();
+                        return Ok(Some(Event::Join { step, steps }));
+                    }
+                    self.join = Some(trainer.report());
+                    self.next = Next::Done;
+                }
+                Next::Done => return Ok(None),
+            }
+        }
+    }
+
+    /// Instead of refining the batch that [`Event::Batch`] told of: what an earlier run lifted from it. Waits.
+    pub fn resume(&mut self, lifts: &[Lift]) -> Result<()> {
+        let Next::Screen(batch) = self.next else {
+            return Err(Error::Usage("lifts are taken up when a batch is about to begin".into()));
+        };
+        self.resumed += self.batch(batch).map_or(0, |(_, views)| views.len());
+        self.refined += lifts.len() as u32;
+        self.lift.append_lifts(lifts, &mut self.model)?;
+        self.next = Next::Batch(batch + 1);
+        Ok(())
+    }
+
+    /// The batch that [`Event::Lifted`] told of: its 2D Gaussians, still on the device, and what they were lifted to.
+    pub fn lifted(&self) -> Option<(&Refiner, &Lifted)> {
+        self.refiner.as_ref().zip(self.lifted.as_ref())
+    }
+
+    /// The scene, once there is nothing more to tell. Waits.
+    pub fn finish(self) -> Result<Enhanced> {
+        Ok(Enhanced {
+            scene: self.model.download()?,
+            lifted: self.model.count_of(Segment::Supplement),
+            base_losses: self.base_losses,
+            budgets: self.budgets,
+            refined: self.refined,
+            resumed: self.resumed,
+            times: self.times,
+            join: self.join,
+        })
+    }
+
+    /// How many batches there are, and the views of one.
+    fn batch(&self, batch: usize) -> Option<(usize, Range<usize>)> {
+        let batches = self.refiner.as_ref()?.batches();
+        Some((batches.len(), batches.get(batch)?.clone()))
+    }
+
+    fn begin_join(&self, views: &Views) -> Result<Next> {
+        if self.model.count_of(Segment::Supplement) == 0 {
+            return Ok(Next::Done);
+        }
+        let mut trainer = join(&self.session, &self.model, views, &self.options.join)?;
+        trainer.start(true)?;
+        Ok(Next::Join(Box::new(trainer)))
+    }
+}
+
+/// Augments `scene` from the photographs of `views` at one go; `watch` hears of every event.
 pub fn enhance(
-    context: &Context,
+    session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
-    mut watch: impl FnMut(&Stage),
-    mut resume: impl FnMut(Range<usize>) -> Result<Option<Vec<Lift>>>,
-    mut keep: impl FnMut(&LiftedBatch<'_>) -> Result<()>,
+    mut watch: impl FnMut(&Event),
 ) -> Result<Enhanced> {
-    if scene.supplement.is_some() {
-        return Err(Error::Usage("the scene is augmented already; give its base".into()));
+    let mut enhancer = Enhancer::new(session, scene, views, options)?;
+    while let Some(event) = enhancer.next(views)? {
+        watch(&event);
     }
-    if scene.base.is_empty() || views.cameras.is_empty() {
-        return Err(Error::Usage("there is nothing to augment: no Gaussians, or no training views".into()));
-    }
-    let unit = if options.extent > 0.0 { options.extent } else { 1.0 };
-    let mut times = Times::default();
-
-    watch(&Stage::Base);
-    let started = Instant::now();
-    let render = RenderOptions {
-        depth: true,
-        centre_depth: options.centre_depth,
-        median_threshold: options.median_threshold,
-        ..Default::default()
-    };
-    let count = scene.base.len() as u32;
-    let base = Model::upload_around(context, views.origin, scene, 0)?;
-    let mut renderer = Renderer::new(context, count, views, render)?;
-    let losses = base_losses(&mut renderer, &base, views, options.background)?;
-    let budgets = budgets(&losses, count, options.ratio);
-    let total: u32 = budgets.iter().sum();
-    drop(base);
-    let mut model = Model::upload_around(context, views.origin, scene, total as usize)?;
-    times.base = started.elapsed();
-
-    let started = Instant::now();
-    let mut stage = PlaneStage::new(context, views, &budgets, options.schedule, options.seed, options.reduction)?;
-    let lift = LiftStage::new(context, options.lift)?;
-    times.plane += started.elapsed();
-    let batches = stage.batches().to_vec();
-    let (mut refined_count, mut resumed) = (0, 0);
-    // The base alone is what the 2D stage refines: lifted Gaussians of earlier batches are hidden from its renders.
-    for (batch, range) in batches.iter().enumerate() {
-        if let Some(lifts) = resume(range.clone())? {
-            resumed += range.len();
-            refined_count += lifts.len() as u32;
-            model.append(&lifts)?;
-            continue;
-        }
-        let base = Model { supplement_count: 0, ..model.clone() };
-        let started = Instant::now();
-        let refined = stage.refine(&mut renderer, &base, views, batch, options.background, |progress| {
-            watch(&Stage::Plane { batch, batches: batches.len(), progress: *progress });
-        })?;
-        refined_count += refined.counts.iter().sum::<u32>();
-        times.plane += started.elapsed();
-
-        watch(&Stage::Lift);
-        let started = Instant::now();
-        let lifted = lift.lift(&stage, range, views, unit, &mut model)?;
-        times.lift += started.elapsed();
-        keep(&LiftedBatch { plane: &stage, batch, views: range.clone(), refined: &refined, lifted: &lifted })?;
-    }
-    drop((stage, lift, renderer));
-
-    let started = Instant::now();
-    let joined = if model.supplement_count > 0 {
-        let join_options = JoinOptions {
-            steps_per_view: options.steps_per_view,
-            seed: u64::from(options.seed),
-            extent: options.extent,
-            bias_correction: options.bias_correction,
-            reduction: options.reduction,
-        };
-        let steps = options.steps_per_view * views.cameras.len() as u32;
-        Some(join(context, &model, views, options.background, &join_options, true, |step| {
-            watch(&Stage::Join { step, steps });
-        })?)
-    } else {
-        None
-    };
-    times.join = started.elapsed();
-    Ok(Enhanced {
-        scene: model.download()?,
-        base_losses: losses,
-        budgets,
-        refined: refined_count,
-        resumed,
-        lifted: model.supplement_count,
-        times,
-        join: joined,
-    })
+    enhancer.finish()
 }

@@ -1,8 +1,8 @@
 //! Renders parts of a scene from one camera after another, without a second copy of the scene on the device.
 
 use super::{
-    model::Model,
-    render::{RenderOptions, Rendered, Renderer},
+    model::{Model, Room, Segment},
+    render::{Needs, RenderOptions, Rendered, Renderer, Show},
     views::{Views, origin_for},
 };
 use crate::{
@@ -16,7 +16,7 @@ use crate::{
 pub enum Layer {
     /// Base and supplement.
     Whole,
-    /// The base Gaussians as they are stored. The joint stage changes their opacities, so this is not the scene that was
+    /// The base Gaussians as they are stored. The joint phase changes their opacities, so this is not the scene that was
     /// augmented.
     Base,
     /// The base Gaussians with their constant SH band only: the same from everywhere.
@@ -43,21 +43,24 @@ impl Layers {
         let origin = origin_for(&sizes);
         sizes.sort_by_key(|c| (c.width, c.height));
         sizes.dedup_by_key(|c| (c.width, c.height));
-        let model = Model::upload_around(context, origin, scene, 0)?;
+        let model = Model::upload_around(context, origin, scene, Room::default())?;
         let views = Views::upload_around(context, origin, &sizes, &[])?;
-        let renderer = Renderer::new(context, model.count(), &views, options)?;
+        let mut needs = Needs::of(&model);
+        if model.sh_degree > 0 {
+            needs.degrees.push(0);
+        }
+        let renderer = Renderer::new(context, needs, &views, options)?;
         Ok(Layers { context: context.clone(), model, renderer })
     }
 
     /// What `camera` sees of `layer` over `background` (sRGB values). Waits for the device.
     pub fn render(&mut self, layer: Layer, camera: &Camera, background: [f32; 3]) -> Result<Rendered> {
-        // Supplementary Gaussians come last and SH planes are sorted by band: parts of a scene are prefixes of its buffers.
-        let model = match layer {
-            Layer::Whole => self.model.clone(),
-            Layer::Base => Model { supplement_count: 0, ..self.model.clone() },
-            Layer::Constant => Model { supplement_count: 0, sh_degree: 0, ..self.model.clone() },
+        let show = match layer {
+            Layer::Whole => Show::all(&self.model, background),
+            Layer::Base => Show { upto: Segment::Base, degree: self.model.sh_degree, background },
+            Layer::Constant => Show { upto: Segment::Base, degree: 0, background },
         };
         let views = Views::upload_around(&self.context, self.model.origin, &[*camera], &[])?;
-        self.renderer.render(&model, &views, 0, background)
+        self.renderer.render_shown(&self.model, &views, 0, &show)
     }
 }

@@ -1,30 +1,28 @@
 //! Inverse splatting (method, section 4): from 2D Gaussians and depth maps to supplementary Gaussians, all on the device.
 //!
-//! count → scan → points → cluster → pca → scan → append. The host reads two numbers of a batch: its points, which size the
-//! buffers, and its lifts.
+//! count → scan → points → (join → groups) … → pca → scan → append. The host reads one number of a batch, its points, which
+//! sizes buffers.
 
 use std::ops::Range;
 
 use super::{
-    model::Model,
-    plane::PlaneStage,
-    raster::WORKGROUP,
+    model::{Model, Segment},
+    plan::buffers,
+    screen::Refiner,
     sort::{Extent, Scan, ScanBuffers},
     views::{Views, view},
 };
 use crate::{
-    error::Result,
-    gpu::{Buffer, Context, GpuError, Location},
+    error::{Error, Result},
+    gpu::{Buffer, Context, GpuError, Recorder},
     scene::Camera,
     stages::{
-        dispatch_args::{self, DispatchArgs},
-        lift_append::{self, LiftAppend},
-        lift_cluster::{self, LiftCluster},
-        lift_count::{self, LiftCount},
-        lift_pca::{self, LiftPca},
-        lift_points::{self, LiftPoints},
-        scan_reduce::{block_sums_len, items_per_group},
-        types::Lift,
+        WORKGROUP,
+        blocks::{block_sums_len, items_per_group},
+        constants::cluster::MAX_GROWTHS,
+        dispatch_args, lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points,
+        status::{self, Resource, Status},
+        types::{Lift, View},
     },
 };
 
@@ -37,205 +35,358 @@ pub struct LiftOptions {
     pub plain_weights: bool,
 }
 
-/// What became of the 2D Gaussians of a batch, by slot.
+/// What became of the 2D Gaussians of a batch, by place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lifted {
     /// `cluster_size` 0: no lift.
     pub lifts: Vec<Lift>,
     /// The τ at which clustering succeeded, scene units.
     pub taus: Vec<f32>,
-    /// Gaussians that were appended to the model.
-    pub appended: u32,
 }
 
-/// The pipelines of inverse splatting.
-pub struct LiftStage {
-    context: Context,
-    count: LiftCount,
-    scan: Scan,
-    args: DispatchArgs,
-    points: LiftPoints,
-    cluster: LiftCluster,
-    pca: LiftPca,
-    append: LiftAppend,
+/// Sizes of [`LiftBuffers`].
+#[derive(Debug, Clone, Copy)]
+pub struct LiftSizes {
+    pub places: u32,
+    /// Those of the batch first.
+    pub views: u32,
+    pub train_views: u32,
 }
 
-/// Words of `counts`: 2D Gaussians, their points, their lifts.
-const SLOTS: u32 = 0;
+buffers! {
+    /// By set of points, which is by place of a 2D Gaussian.
+    pub struct LiftBuffers(o: LiftSizes) {
+        pub views: View = o.views,
+        /// Indices of the training views.
+        pub train_views: u32 = o.train_views,
+        /// 2D Gaussians, their points, their lifts.
+        pub counts: u32 = 3,
+        args: u32 = 3,
+        block_sums: u32 = block_sums_len(o.places),
+        pub point_counts: u32 = o.places,
+        pub point_firsts: u32 = o.places,
+        /// Index within the set of the point of greatest weight.
+        pub heaviest: u32 = o.places,
+        /// Before clustering τ0, after it the τ at which it succeeded, or the last one tried.
+        pub taus: f32 = o.places,
+        /// Label of the prime group; undefined where there is none.
+        pub prime_labels: u32 = o.places,
+        /// Points of the prime group; 0: no lift (fewer than 3 points, τ0 not in (0, 1e18], or failure to the last).
+        pub cluster_sizes: u32 = o.places,
+        pub lifts: Lift = o.places,
+        pub lift_flags: u32 = o.places,
+        lift_ranks: u32 = o.places,
+        /// Dispatches of two stages for every round of clustering.
+        pub rounds: u32 = 6 * (MAX_GROWTHS + 1),
+    }
+}
+
+buffers! {
+    /// By point; sets lie one after the other without overlap.
+    pub struct PointBuffers(points: u32) {
+        /// x, y, z in the camera's frame, and the weight.
+        pub points: [f32; 4] = *points,
+        pub point_sets: u32 = *points,
+        /// Before clustering a point's own index within its set, after it that of the first point of its component.
+        pub labels: u32 = *points,
+        group_sizes: u32 = *points,
+    }
+}
+
+/// Words of `counts`.
+const PLACES: u32 = 0;
 const POINTS: u32 = 1;
 const LIFTS: u32 = 2;
 
-impl LiftStage {
+/// 2D Gaussians of views, by place.
+#[derive(Clone, Copy)]
+pub struct Flat<'a> {
+    /// Planes of `glsl/shared/screen.glsl` × `stride`.
+    pub screen_planes: &'a Buffer<f32>,
+    pub stride: u32,
+    /// The view of each, counted in [`LiftBuffers::views`].
+    pub screen_frames: &'a Buffer<u32>,
+    pub depths: &'a Buffer<f32>,
+    pub count: u32,
+}
+
+/// The pipelines of inverse splatting.
+pub struct LiftPhase {
+    context: Context,
+    count: lift_count::Stage,
+    scan: Scan,
+    args: dispatch_args::Stage,
+    points: lift_points::Stage,
+    join: lift_join::Stage,
+    groups: lift_groups::Stage,
+    pca: lift_pca::Stage,
+    append: lift_append::Stage,
+    status: Buffer<u32>,
+}
+
+impl LiftPhase {
     pub fn new(context: &Context, options: LiftOptions) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
+        let fail_on_smallest = u32::from(options.fail_on_smallest);
         let plain_weights = u32::from(options.plain_weights);
-        Ok(LiftStage {
-            count: LiftCount::new(context, &lift_count::Spec { workgroup_size })?,
+        Ok(LiftPhase {
+            count: lift_count::Stage::new(context, &lift_count::Spec { workgroup_size })?,
             scan: Scan::new(context, false)?,
-            args: DispatchArgs::new(context)?,
-            points: LiftPoints::new(context, &lift_points::Spec { workgroup_size })?,
-            cluster: LiftCluster::new(context, workgroup_size, options.fail_on_smallest)?,
-            pca: LiftPca::new(context, &lift_pca::Spec { workgroup_size, plain_weights })?,
-            append: LiftAppend::new(context, &lift_append::Spec { workgroup_size })?,
+            args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+            points: lift_points::Stage::new(context, &lift_points::Spec { workgroup_size })?,
+            join: lift_join::Stage::new(context, &lift_join::Spec { workgroup_size })?,
+            groups: lift_groups::Stage::new(context, &lift_groups::Spec { workgroup_size, fail_on_smallest })?,
+            pca: lift_pca::Stage::new(context, &lift_pca::Spec { workgroup_size, plain_weights })?,
+            append: lift_append::Stage::new(context, &lift_append::Spec { workgroup_size })?,
+            status: Buffer::zeroed(context, "lift status", status::WORDS)?,
             context: context.clone(),
         })
     }
 
-    /// Lifts the 2D Gaussians of `batch`, which `plane` refined last, and appends them to `model`, which must have been
-    /// uploaded with room to spare. All of `views` count as training views. `unit` is the scene's own length: eigenvalues are
-    /// at least 1e-7 of its square.
-    pub fn lift(
-        &self,
-        plane: &PlaneStage,
-        batch: &Range<usize>,
-        views: &Views,
-        unit: f32,
-        model: &mut Model,
-    ) -> Result<Lifted> {
-        let slots = plane.stride;
-        let n = slots as usize;
-        let context = &self.context;
-        let words = |name: &str, len: usize| Buffer::<u32>::new(context, name, len, Location::Device);
-        let (view_list, train_list) = lift_views(&views.cameras, batch);
-        let lift_views = Buffer::from_slice(context, "lift views", &view_list)?;
-        let train_views = Buffer::from_slice(context, "train views", &train_list)?;
-        let counts = Buffer::from_slice(context, "lift counts", &[slots, 0, 0])?;
-        let (point_counts, point_firsts) = (words("point counts", n)?, words("point firsts", n)?);
-        let block_sums = words("lift block sums", block_sums_len(slots))?;
-        let status = Buffer::zeroed(context, "lift status", 1)?;
-        let args = words("lift args", 3)?;
-        let view_count = batch.len() as u32;
-
-        let mut recorder = context.recorder("lift points")?;
+    /// Pixels with a depth that each 2D Gaussian covers, and where their points begin.
+    pub fn record_count(&self, recorder: &mut Recorder, flat: &Flat<'_>, b: &LiftBuffers) {
+        let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.count.record(
-            &mut recorder,
+            recorder,
             &lift_count::Buffers {
-                plane: &plane.plane,
-                plane_views: &plane.plane_frames,
-                views: &lift_views,
-                depths: &plane.depths,
-                point_counts: &point_counts,
+                screen_planes,
+                screen_frames,
+                views: &b.views,
+                depths,
+                point_counts: &b.point_counts,
             },
-            &lift_count::Push { count: slots, stride: plane.stride, view_count },
+            &lift_count::Push { count, stride, view_count: b.views.len() as u32 },
+            count,
         );
         self.args.record(
-            &mut recorder,
-            &dispatch_args::Buffers { count: &counts, dispatch_args: &args, status: &status },
+            recorder,
+            &dispatch_args::Buffers { count: &b.counts, dispatch_args: &b.args, status: &self.status },
             &dispatch_args::Push {
-                count_index: SLOTS,
-                capacity: slots,
-                items_per_group: items_per_group(context.info().subgroup_size),
+                count_index: PLACES,
+                capacity: count,
+                items_per_group: items_per_group(self.context.info().subgroup_size),
                 args_index: 0,
-                status_index: 0,
+                resource_index: Resource::Intersections.index(),
             },
+            1,
         );
-        let extent = Extent { count: &counts, index: SLOTS, args: &args, slot: 0 };
-        let scan = |values, offsets| ScanBuffers { values, index: None, block_sums: &block_sums, offsets };
-        self.scan.record(&mut recorder, &scan(&point_counts, &point_firsts), extent, POINTS);
-        recorder.submit()?.wait()?;
-        let point_count = counts.download_range(POINTS as usize, 1)?[0];
+        self.record_scan(recorder, b, &b.point_counts, &b.point_firsts, POINTS);
+    }
 
-        let per_point = |name: &str| words(name, point_count as usize);
-        let points = Buffer::new(context, "points", point_count as usize, Location::Device)?;
-        let (point_sets, labels, group_sizes) =
-            (per_point("point sets")?, per_point("labels")?, per_point("group sizes")?);
-        let (heaviest, prime_labels, cluster_sizes) =
-            (words("heaviest", n)?, words("prime labels", n)?, words("cluster sizes", n)?);
-        let taus = Buffer::new(context, "taus", n, Location::Device)?;
-        let rounds = words("rounds", lift_cluster::ROUNDS_LEN)?;
-        let lifts = Buffer::new(context, "lifts", n, Location::Device)?;
-        let (lift_flags, lift_ranks) = (words("lift flags", n)?, words("lift ranks", n)?);
-        let mut recorder = context.recorder("lift")?;
+    fn record_scan(
+        &self,
+        recorder: &mut Recorder,
+        b: &LiftBuffers,
+        values: &Buffer<u32>,
+        to: &Buffer<u32>,
+        total: u32,
+    ) {
+        let extent = Extent { count: &b.counts, index: PLACES, args: &b.args, dispatch: 0 };
+        let buffers = ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets: to };
+        self.scan.record(recorder, &buffers, extent, total);
+    }
+
+    /// The covered pixels as 3D points.
+    pub fn record_points(&self, recorder: &mut Recorder, flat: &Flat<'_>, b: &LiftBuffers, p: &PointBuffers) {
+        let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.points.record(
-            &mut recorder,
+            recorder,
             &lift_points::Buffers {
-                plane: &plane.plane,
-                plane_views: &plane.plane_frames,
-                views: &lift_views,
-                depths: &plane.depths,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                points: &points,
-                heaviest: &heaviest,
-                taus: &taus,
-                point_sets: &point_sets,
-                labels: &labels,
+                screen_planes,
+                screen_frames,
+                views: &b.views,
+                depths,
+                point_counts: &b.point_counts,
+                point_firsts: &b.point_firsts,
+                points: &p.points,
+                heaviest: &b.heaviest,
+                taus: &b.taus,
+                point_sets: &p.point_sets,
+                labels: &p.labels,
             },
-            &lift_points::Push { count: slots, stride: plane.stride, view_count },
+            &lift_points::Push { count, stride, view_count: b.views.len() as u32 },
+            count,
         );
-        self.cluster.record(
-            &mut recorder,
-            &lift_cluster::Buffers {
-                points: &points,
-                point_sets: &point_sets,
-                labels: &labels,
-                group_sizes: &group_sizes,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                heaviest: &heaviest,
-                taus: &taus,
-                prime_labels: &prime_labels,
-                cluster_sizes: &cluster_sizes,
-                rounds: &rounds,
-            },
-            slots,
-            point_count,
-        );
+    }
+
+    /// Separates foreground from background in `count` sets of `point_count` points altogether: rounds at growing τ, as many as
+    /// are needed, decided on the device.
+    pub fn record_clusters(
+        &self,
+        recorder: &mut Recorder,
+        count: u32,
+        point_count: u32,
+        b: &LiftBuffers,
+        p: &PointBuffers,
+    ) {
+        recorder.fill(&b.cluster_sizes, 0);
+        recorder.fill(&b.rounds, 0);
+        if point_count == 0 {
+            return;
+        }
+        let join = lift_join::Buffers {
+            points: &p.points,
+            point_sets: &p.point_sets,
+            point_counts: &b.point_counts,
+            point_firsts: &b.point_firsts,
+            taus: &b.taus,
+            cluster_sizes: &b.cluster_sizes,
+            labels: &p.labels,
+        };
+        let groups = lift_groups::Buffers {
+            point_counts: &b.point_counts,
+            point_firsts: &b.point_firsts,
+            heaviest: &b.heaviest,
+            labels: &p.labels,
+            group_sizes: &p.group_sizes,
+            taus: &b.taus,
+            prime_labels: &b.prime_labels,
+            cluster_sizes: &b.cluster_sizes,
+            rounds: &b.rounds,
+        };
+        let join_push = lift_join::Push { point_count };
+        for round in 0..=MAX_GROWTHS {
+            let push = lift_groups::Push { count, point_count, round, last_round: MAX_GROWTHS };
+            if round == 0 {
+                self.join.record(recorder, &join, &join_push, point_count);
+                self.groups.record(recorder, &groups, &push, count);
+            } else {
+                self.join.record_indirect(recorder, &join, &join_push, &b.rounds, 2 * round);
+                self.groups.record_indirect(recorder, &groups, &push, &b.rounds, 2 * round + 1);
+            }
+        }
+    }
+
+    /// The 3D Gaussian of each prime group. `unit` is the scene's own length: eigenvalues are at least 1e-7 of its square.
+    pub fn record_pca(&self, recorder: &mut Recorder, flat: &Flat<'_>, unit: f32, b: &LiftBuffers, p: &PointBuffers) {
+        let Flat { screen_planes, stride, screen_frames, count, .. } = *flat;
         self.pca.record(
-            &mut recorder,
+            recorder,
             &lift_pca::Buffers {
-                plane: &plane.plane,
-                plane_views: &plane.plane_frames,
-                views: &lift_views,
-                train_views: &train_views,
-                points: &points,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                heaviest: &heaviest,
-                labels: &labels,
-                prime_labels: &prime_labels,
-                cluster_sizes: &cluster_sizes,
-                lifts: &lifts,
-                lift_flags: &lift_flags,
+                screen_planes,
+                screen_frames,
+                views: &b.views,
+                train_views: &b.train_views,
+                points: &p.points,
+                point_counts: &b.point_counts,
+                point_firsts: &b.point_firsts,
+                heaviest: &b.heaviest,
+                labels: &p.labels,
+                prime_labels: &b.prime_labels,
+                cluster_sizes: &b.cluster_sizes,
+                lifts: &b.lifts,
+                lift_flags: &b.lift_flags,
             },
             &lift_pca::Push {
-                count: slots,
-                stride: plane.stride,
-                view_count: view_list.len() as u32,
-                train_count: train_list.len() as u32,
+                count,
+                stride,
+                view_count: b.views.len() as u32,
+                train_count: b.train_views.len() as u32,
                 unit,
             },
+            count,
         );
-        self.scan.record(&mut recorder, &scan(&lift_flags, &lift_ranks), extent, LIFTS);
-        self.append.record(
-            &mut recorder,
-            &lift_append::Buffers {
-                lifts: &lifts,
-                lift_ranks: &lift_ranks,
-                geometry: &model.geometry,
-                sh: &model.sh,
-                lobes: &model.lobes,
-            },
-            &lift_append::Push {
-                count: slots,
-                gaussian_first: model.count(),
-                lobe_first: model.supplement_count,
-                stride: model.stride,
-                lobe_stride: model.lobe_stride,
-                sh_coefficients: model.coefficients(),
-            },
-        );
+    }
+
+    /// Appends lifts to the supplement of `model`. What it has no room for is reported in `status`, and left out.
+    pub fn record_append(
+        &self,
+        recorder: &mut Recorder,
+        count: u32,
+        b: &LiftBuffers,
+        model: &Model,
+        status: &Buffer<u32>,
+    ) {
+        self.record_scan(recorder, b, &b.lift_flags, &b.lift_ranks, LIFTS);
+        let part = model.part(Segment::Supplement);
+        for (k, _, page) in model.pages(Segment::Supplement) {
+            self.append.record(
+                recorder,
+                &lift_append::Buffers {
+                    lifts: &b.lifts,
+                    lift_ranks: &b.lift_ranks,
+                    population: &model.population,
+                    geometry: part.geometry.page(k),
+                    sh: part.sh.page(k),
+                    lobes: part.lobes.page(k),
+                },
+                &lift_append::Push {
+                    count,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    sh_coefficients: model.coefficients(),
+                },
+                count,
+            );
+        }
+        model.record_recount(recorder, Some((Segment::Supplement, &b.counts, LIFTS)), status);
+    }
+
+    /// Lifts the 2D Gaussians of the batch that `refiner` refined last and appends them to `model`. All of `views` count as
+    /// training views. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the model has no room for them; else what the device lacks.
+    pub fn lift(&self, refiner: &Refiner, views: &Views, unit: f32, model: &mut Model) -> Result<Lifted> {
+        let (screen, batch) = (&refiner.screen, refiner.views());
+        let places = screen.sizes.places;
+        let (view_list, train_list) = lift_views(&views.cameras, &batch);
+        let sizes = LiftSizes { places, views: view_list.len() as u32, train_views: train_list.len() as u32 };
+        let b = LiftBuffers::new(&self.context, &sizes)?;
+        b.views.upload(0, &view_list)?;
+        b.train_views.upload(0, &train_list)?;
+        b.counts.upload(0, &[places, 0, 0])?;
+        let flat = Flat {
+            screen_planes: &screen.buffers.screen_planes,
+            stride: places,
+            screen_frames: &screen.buffers.screen_frames,
+            depths: &screen.buffers.depths,
+            count: places,
+        };
+        let mut recorder = self.context.recorder("lift points")?;
+        self.record_count(&mut recorder, &flat, &b);
         recorder.submit()?.wait()?;
-        // What lay beyond the model's room was not written.
-        let room = model.lobe_stride - model.supplement_count;
-        let appended = counts.download_range(LIFTS as usize, 1)?[0].min(room);
-        model.supplement_count += appended;
-        Ok(Lifted { lifts: lifts.download()?, taus: taus.download()?, appended })
+        let point_count = b.counts.download_range(POINTS as usize, 1)?[0];
+
+        let p = PointBuffers::new(&self.context, &point_count)?;
+        let mut recorder = self.context.recorder("lift")?;
+        self.record_points(&mut recorder, &flat, &b, &p);
+        self.record_clusters(&mut recorder, places, point_count, &b, &p);
+        self.record_pca(&mut recorder, &flat, unit, &b, &p);
+        recorder.submit()?.wait()?;
+        self.append(places, &b, model)?;
+        Ok(Lifted { lifts: b.lifts.download()?, taus: b.taus.download()? })
+    }
+
+    /// Appends lifts of an earlier run; entries that are none are passed over. Waits.
+    pub fn append_lifts(&self, lifts: &[Lift], model: &mut Model) -> Result<()> {
+        let count = lifts.len() as u32;
+        let b = LiftBuffers::new(&self.context, &LiftSizes { places: count, views: 1, train_views: 1 })?;
+        b.lifts.upload(0, lifts)?;
+        b.lift_flags.upload(0, &lifts.iter().map(|l| u32::from(l.cluster_size > 0)).collect::<Vec<_>>())?;
+        b.counts.upload(0, &[count, 0, 0])?;
+        // The dispatch over their blocks: a folded one cannot come from so few.
+        let groups = count.div_ceil(items_per_group(self.context.info().subgroup_size)).max(1);
+        b.args.upload(0, &[groups, 1, 1])?;
+        self.append(count, &b, model)
+    }
+
+    fn append(&self, count: u32, b: &LiftBuffers, model: &mut Model) -> Result<()> {
+        let status = Buffer::<u32>::zeroed(&self.context, "append status", status::WORDS)?;
+        let mut recorder = self.context.recorder("append")?;
+        self.record_append(&mut recorder, count, b, model, &status);
+        recorder.submit()?.wait()?;
+        model.learn_counts()?;
+        let found = Status::read(&status.download()?);
+        match found.needs().next() {
+            None => Ok(()),
+            Some((what, needed)) => Err(Error::Usage(format!("there is no room for {needed} {what}"))),
+        }
     }
 }
 
-/// The batch's views as the plane stage numbers them, then the others; and each training view's index among these.
-fn lift_views(cameras: &[Camera], batch: &Range<usize>) -> (Vec<crate::stages::types::View>, Vec<u32>) {
+/// The batch's views as the screen phase numbers them, then the others; and each training view's index among these.
+fn lift_views(cameras: &[Camera], batch: &Range<usize>) -> (Vec<View>, Vec<u32>) {
     let mut list = Vec::with_capacity(cameras.len());
     let mut pixel_first = 0;
     for camera in &cameras[batch.clone()] {

@@ -1,93 +1,180 @@
 //! The photometric loss of rendered frames and its gradient: 0.8·L1 + 0.2·(1 − SSIM).
 
-use super::raster::Raster;
+use super::plan::{Plan, buffers};
 use crate::{
-    gpu::{Buffer, Context, GpuError, Location, Recorder},
+    gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
     stages::{
-        loss_sum::{self, LossSum},
-        ssim_backward::{self, SsimBackward},
-        ssim_forward::{self, SsimForward, partials_len, tile_sums_len},
+        loss_sum,
+        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len},
+        ssim_backward, ssim_forward,
         types::{Frame, Loss},
     },
 };
 
+/// Which tiles a loss is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tiles {
+    All,
+    /// All, and the loss of each pixel.
+    Map,
+    /// Those of [`TileLists`].
+    Listed,
+}
+
+/// What a [`Photometric`] must hold and do.
+#[derive(Debug, Clone, Copy)]
+pub struct LossOptions {
+    /// Tiles of the largest batch, each frame having as many as its largest.
+    pub tiles: u32,
+    /// Pixels of the largest batch, for [`Tiles::Map`].
+    pub map_pixels: u32,
+    /// Losses remembered.
+    pub losses: u32,
+    /// With [`Tiles::Listed`].
+    pub listed: bool,
+    pub backward: bool,
+}
+
+/// The frames of a batch, what they show and what they should.
+#[derive(Clone, Copy)]
+pub struct Batch<'a> {
+    pub frames: &'a Buffer<Frame>,
+    pub frame_first: u32,
+    pub frame_count: u32,
+    /// The most of any frame, see [`tiles_per_frame`](crate::stages::ssim::tiles_per_frame).
+    pub tiles_per_frame: u32,
+    pub image: &'a Buffer<[f32; 4]>,
+    pub targets: &'a Buffer<u32>,
+}
+
+buffers! {
+    struct LossBuffers(o: LossOptions) {
+        partials: f32 = partials_len(o.tiles),
+        tile_sums: [f32; 2] = o.tiles,
+        loss_map: f32 = o.map_pixels,
+    }
+}
+
+buffers! {
+    /// Tiles of the loss that matter: a list for its forward pass and one for its gradient.
+    pub struct TileLists(tiles: u32) {
+        pub tile_marks: u32 = 2 * *tiles,
+        /// Tiles of each list, and the dispatches of that many workgroups.
+        pub count: u32 = 2,
+        pub args: u32 = 6,
+        pub forward_tiles: u32 = *tiles,
+        pub backward_tiles: u32 = *tiles,
+    }
+}
+
 /// Pipelines and working buffers for batches of up to a number of frames.
 pub struct Photometric {
-    forward: SsimForward,
-    backward: SsimBackward,
-    sum: LossSum,
-    tiles_per_frame: u32,
-    partials: Buffer<f32>,
-    tile_sums: Buffer<[f32; 2]>,
-    /// By step and frame. In host memory: 12 bytes are written for each frame of each step.
+    buffers: LossBuffers,
+    /// By step or by frame. In host memory: 12 bytes are written for each frame of each step.
     pub losses: Buffer<Loss>,
+    /// Of all tiles, with the map, and of listed ones.
+    forward: [Option<ssim_forward::Stage>; 3],
+    backward: [Option<ssim_backward::Stage>; 3],
+    sum: loss_sum::Stage,
+    unused: Unused,
 }
 
 impl Photometric {
-    /// For `frame_count` frames at a time, `tiles_per_frame` the most of any ([`ssim_forward::tiles_per_frame`]), and
-    /// `losses` losses remembered.
-    pub fn new(context: &Context, frame_count: u32, tiles_per_frame: u32, losses: usize) -> Result<Self, GpuError> {
+    pub fn new(context: &Context, options: &LossOptions) -> Result<Self, GpuError> {
+        let (workgroup_size, ssim_weight) = (WORKGROUP, SSIM_WEIGHT);
+        let forward = |wanted, tile_list, loss_map| {
+            let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map };
+            if wanted { ssim_forward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
+        };
+        let backward = |wanted, tile_list| {
+            let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight };
+            if wanted { ssim_backward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
+        };
+        let sum_spec = loss_sum::Spec { workgroup_size: SUM_WORKGROUP, ssim_weight };
         Ok(Photometric {
-            forward: SsimForward::new(context, false, false)?,
-            backward: SsimBackward::new(context, false)?,
-            sum: LossSum::new(context)?,
-            tiles_per_frame,
-            partials: Buffer::new(context, "partials", partials_len(frame_count, tiles_per_frame), Location::Device)?,
-            tile_sums: Buffer::new(
-                context,
-                "tile sums",
-                tile_sums_len(frame_count, tiles_per_frame),
-                Location::Device,
-            )?,
-            losses: Buffer::new(context, "losses", losses, Location::Readback)?,
+            forward: [
+                forward(true, false, false)?,
+                forward(options.map_pixels > 0, false, true)?,
+                forward(options.listed, true, false)?,
+            ],
+            backward: [backward(options.backward, false)?, None, backward(options.backward && options.listed, true)?],
+            sum: loss_sum::Stage::new(context, &sum_spec)?,
+            buffers: LossBuffers::new(context, options)?,
+            losses: Buffer::new(context, "losses", options.losses as usize, Location::Readback)?,
+            unused: Unused::new(context)?,
         })
     }
 
-    /// Compares the raster's image of frames `frame_first..+frame_count` with their targets: `image_grad` of the raster, and
-    /// the losses at `slot` and on.
-    pub fn record(
+    /// What the loss of such batches holds.
+    pub fn plan(options: &LossOptions) -> Plan {
+        LossBuffers::plan(options)
+    }
+
+    /// By pixel of the batch, once [`Tiles::Map`] was recorded.
+    pub fn loss_map(&self) -> &Buffer<f32> {
+        &self.buffers.loss_map
+    }
+
+    /// Compares the batch's images with their targets. `lists` are for [`Tiles::Listed`].
+    pub fn record_forward(&self, recorder: &mut Recorder, batch: &Batch<'_>, tiles: Tiles, lists: Option<&TileLists>) {
+        let Some(stage) = &self.forward[tiles as usize] else { return };
+        let (words, map) = (self.unused.of(), self.unused.of());
+        let buffers = ssim_forward::Buffers {
+            count: lists.map_or(&words, |l| &l.count),
+            tile_list: lists.map_or(&words, |l| &l.forward_tiles),
+            frames: batch.frames,
+            image: batch.image,
+            targets: batch.targets,
+            partials: &self.buffers.partials,
+            tile_sums: &self.buffers.tile_sums,
+            loss_map: if tiles == Tiles::Map { &self.buffers.loss_map } else { &map },
+        };
+        let (frame_first, tiles_per_frame) = (batch.frame_first, batch.tiles_per_frame);
+        let tile_count = tiles_per_frame * batch.frame_count;
+        let push = ssim_forward::Push { frame_first, tiles_per_frame, tile_count, count_index: 0 };
+        match lists.filter(|_| tiles == Tiles::Listed) {
+            Some(lists) => stage.record_indirect(recorder, &buffers, &push, &lists.args, 0),
+            None => stage.record(recorder, &buffers, &push, tile_count),
+        }
+    }
+
+    /// The gradient of what [`Photometric::record_forward`] compared, by the images' pixels.
+    pub fn record_backward(
         &self,
         recorder: &mut Recorder,
-        raster: &Raster,
-        frames: &Buffer<Frame>,
-        targets: &Buffer<u32>,
-        (frame_first, frame_count): (u32, u32),
-        slot: u32,
+        batch: &Batch<'_>,
+        image_grad: &Buffer<f32>,
+        tiles: Tiles,
+        lists: Option<&TileLists>,
     ) {
-        let tiles_per_frame = self.tiles_per_frame;
-        let tile_count = tiles_per_frame * frame_count;
-        // Without tile list and loss map their bindings are not read or written: any buffers will do.
-        self.forward.record(
-            recorder,
-            &ssim_forward::Buffers {
-                count: targets,
-                tile_list: targets,
-                frames,
-                image: &raster.image,
-                targets,
-                partials: &self.partials,
-                tile_sums: &self.tile_sums,
-                loss_map: &raster.image_grad,
-            },
-            &ssim_forward::Push { frame_first, tiles_per_frame, tile_count, count_index: 0 },
-        );
-        self.backward.record(
-            recorder,
-            &ssim_backward::Buffers {
-                count: targets,
-                tile_list: targets,
-                frames,
-                image: &raster.image,
-                targets,
-                partials: &self.partials,
-                image_grad: &raster.image_grad,
-            },
-            &ssim_backward::Push { frame_first, tiles_per_frame, tile_count, count_index: 0 },
-        );
+        let Some(stage) = &self.backward[tiles as usize] else { return };
+        let words = self.unused.of();
+        let buffers = ssim_backward::Buffers {
+            count: lists.map_or(&words, |l| &l.count),
+            tile_list: lists.map_or(&words, |l| &l.backward_tiles),
+            frames: batch.frames,
+            image: batch.image,
+            targets: batch.targets,
+            partials: &self.buffers.partials,
+            image_grad,
+        };
+        let (frame_first, tiles_per_frame) = (batch.frame_first, batch.tiles_per_frame);
+        let tile_count = tiles_per_frame * batch.frame_count;
+        let push = ssim_backward::Push { frame_first, tiles_per_frame, tile_count, count_index: 1 };
+        match lists.filter(|_| tiles == Tiles::Listed) {
+            Some(lists) => stage.record_indirect(recorder, &buffers, &push, &lists.args, 1),
+            None => stage.record(recorder, &buffers, &push, tile_count),
+        }
+    }
+
+    /// Sums the tiles of all frames into [`Photometric::losses`] from `first` on.
+    pub fn record_sum(&self, recorder: &mut Recorder, batch: &Batch<'_>, first: u32) {
+        let Batch { frames, frame_first, frame_count, tiles_per_frame, .. } = *batch;
         self.sum.record(
             recorder,
-            &loss_sum::Buffers { frames, tile_sums: &self.tile_sums, losses: &self.losses },
-            &loss_sum::Push { frame_first, frame_count, tiles_per_frame, slot },
+            &loss_sum::Buffers { frames, tile_sums: &self.buffers.tile_sums, losses: &self.losses },
+            &loss_sum::Push { frame_first, frame_count, tiles_per_frame, first },
+            frame_count,
         );
     }
 }

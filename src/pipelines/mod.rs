@@ -3,12 +3,15 @@
 pub mod enhance;
 pub mod join;
 pub mod layers;
+pub mod learn;
 pub mod lift;
 pub mod loss;
 pub mod model;
-pub mod plane;
+pub mod plan;
 pub mod raster;
 pub mod render;
+pub mod screen;
+pub mod session;
 pub mod sort;
 pub mod start;
 pub mod steps;

@@ -1,96 +1,319 @@
-//! A scene on the device: the parameter planes that every stage reads.
+//! A scene on the device: base and supplement as segments of pages, and how many Gaussians each has.
 
 use glam::DVec3;
 
 use super::views::Views;
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, GpuError},
-    scene::{Gaussians, Lobes, Scene, Supplement},
-    stages::types::Lift,
+    gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
+    scene::{
+        Gaussians, Lobes, Scene, Supplement,
+        layout::{self, GEOMETRY_PLANES, LOBE_PLANES, MEAN},
+    },
+    stages::{
+        WORKGROUP,
+        blocks::items_per_group,
+        constants::{constants::NONE, population},
+        dispatch_args, gather, recount,
+        status::{self, Resource},
+        types::Page,
+    },
 };
 
-/// Planes of `geometry`: mean, log scale, quaternion, opacity.
-pub const GEOMETRY_PLANES: usize = 11;
-/// Planes of `lobes`: direction, width, sharpness.
-pub const LOBE_PLANES: usize = 5;
+/// The two parts of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Segment {
+    Base = population::BASE as isize,
+    /// Gaussians with lobes.
+    Supplement = population::SUPPLEMENT as isize,
+}
 
-/// Base Gaussians first, supplementary ones after them; see the buffer table of ARCHITECTURE.md.
-#[derive(Clone)]
+impl Segment {
+    pub const ALL: [Segment; population::SEGMENTS as usize] = [Segment::Base, Segment::Supplement];
+
+    /// As kernels are given it.
+    pub fn index(self) -> u32 {
+        self as u32
+    }
+
+    /// What is too small when there is no room in it.
+    pub fn resource(self) -> Resource {
+        match self {
+            Segment::Base => Resource::BaseGaussians,
+            Segment::Supplement => Resource::SupplementGaussians,
+        }
+    }
+}
+
+/// Values of a segment's Gaussians, a number of planes for each, page by page.
+pub struct Planes {
+    name: &'static str,
+    planes: usize,
+    pages: Vec<Buffer<f32>>,
+}
+
+impl Planes {
+    fn new(context: &Context, name: &'static str, planes: usize, pages: &[Page]) -> Result<Self, GpuError> {
+        let mut all = Planes { name, planes, pages: Vec::new() };
+        all.reserve(context, pages)?;
+        Ok(all)
+    }
+
+    /// All 0, for the pages that a segment has.
+    pub fn zeroed(context: &Context, name: &'static str, planes: usize, pages: &[Page]) -> Result<Self, GpuError> {
+        let all = Self::new(context, name, planes, pages)?;
+        let mut recorder = context.recorder("zero")?;
+        all.record_zero(&mut recorder);
+        recorder.submit()?.wait()?;
+        Ok(all)
+    }
+
+    pub fn record_zero(&self, recorder: &mut Recorder) {
+        self.pages.iter().for_each(|page| recorder.fill(page, 0));
+    }
+
+    /// Makes the pages that are missing; their contents are undefined.
+    fn reserve(&mut self, context: &Context, pages: &[Page]) -> Result<(), GpuError> {
+        for page in &pages[self.pages.len()..] {
+            let len = self.planes * page.capacity as usize;
+            self.pages.push(Buffer::new(context, self.name, len, Location::Device)?);
+        }
+        Ok(())
+    }
+
+    /// Planes of each Gaussian.
+    pub fn planes(&self) -> usize {
+        self.planes
+    }
+
+    /// Of one page: element place of plane p is p × capacity + place.
+    pub fn page(&self, page: usize) -> &Buffer<f32> {
+        &self.pages[page]
+    }
+
+    /// The values of plane p of all places, page after page. Waits.
+    pub fn download(&self) -> Result<Vec<Vec<f32>>, GpuError> {
+        let mut all = vec![Vec::new(); self.planes];
+        for page in &self.pages {
+            let values = page.download()?;
+            let capacity = values.len() / self.planes.max(1);
+            for (p, plane) in all.iter_mut().enumerate() {
+                plane.extend_from_slice(&values[p * capacity..(p + 1) * capacity]);
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// The parameters of one segment.
+pub struct Part {
+    /// In order; a page begins where the one before ends.
+    pub pages: Vec<Page>,
+    pub geometry: Planes,
+    pub sh: Planes,
+    /// None for the base.
+    pub lobes: Planes,
+}
+
+impl Part {
+    pub fn capacity(&self) -> u32 {
+        self.pages.iter().map(|page| page.capacity).sum()
+    }
+}
+
+/// Room for Gaussians beyond those of a scene.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Room {
+    pub base: u32,
+    pub supplement: u32,
+    /// Gaussians of a page at most; `None` for as many as the device binds at once.
+    pub page: Option<u32>,
+}
+
+/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
 pub struct Model {
-    pub geometry: Buffer<f32>,
-    pub sh: Buffer<f32>,
-    pub lobes: Buffer<f32>,
-    /// Gaussians that a plane has room for.
-    pub stride: u32,
-    /// Supplementary Gaussians that a plane of `lobes` has room for.
-    pub lobe_stride: u32,
-    pub base_count: u32,
-    pub supplement_count: u32,
+    context: Context,
+    parts: [Part; 2],
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,
+    page_limit: u32,
+    /// Gaussians of each segment, as the host knows them: see [`Model::learn_counts`].
+    known: [u32; 2],
+    /// Where each segment begins in the Gaussian index, and the number of all Gaussians.
+    pub population: Buffer<u32>,
+    /// Dispatches over pages, then over the blocks of all Gaussians up to the end of each segment.
+    pub population_args: Buffer<u32>,
+    segment_counts: Buffer<u32>,
+    pages: Buffer<Page>,
+    recount: recount::Stage,
+    unused: Unused,
 }
 
 impl Model {
-    /// Copies `scene` to the device, with room for `spare` more supplementary Gaussians.
+    /// Copies `scene` to the device, with room for `spare` more supplementary Gaussians. Waits.
     ///
     /// # Errors
-    /// [`GpuError::BufferTooLarge`] where the planes do not fit into one buffer of the device.
-    pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self, GpuError> {
-        Self::upload_around(context, DVec3::ZERO, scene, spare)
+    /// Where the device's memory does not suffice.
+    pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self> {
+        let room = Room { supplement: spare as u32, ..Default::default() };
+        Self::upload_around(context, DVec3::ZERO, scene, room)
     }
 
     /// In coordinates that count from `origin`, the views' own.
-    pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, spare: usize) -> Result<Self, GpuError> {
-        let empty = Supplement::default();
-        let supplement = scene.supplement.as_ref().unwrap_or(&empty);
-        let (n, m) = (scene.base.len(), supplement.gaussians.len());
-        let (stride, lobe_stride) = (n + m + spare, m + spare);
-        let coefficients = scene.base.sh_coefficients();
-        let mut geometry = vec![0f32; GEOMETRY_PLANES * stride];
-        let mut sh = vec![0f32; 3 * coefficients * stride];
-        let mut lobes = vec![0f32; LOBE_PLANES * lobe_stride];
-        for (from, first) in [(&scene.base, 0), (&supplement.gaussians, n)] {
-            for i in 0..from.len() {
-                let at = first + i;
-                for c in 0..3 {
-                    geometry[c * stride + at] = moved(from.means[i][c], -origin[c]);
-                    geometry[(3 + c) * stride + at] = from.log_scales[i][c];
-                }
-                for c in 0..4 {
-                    geometry[(6 + c) * stride + at] = from.quats[i][c];
-                }
-                geometry[10 * stride + at] = from.opacities[i];
-                for k in 0..coefficients.min(from.sh_coefficients()) {
-                    for c in 0..3 {
-                        sh[(3 * k + c) * stride + at] = from.sh[i * from.sh_coefficients() + k][c];
-                    }
-                }
-            }
+    pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
+        let none = Supplement::default();
+        let supplement = scene.supplement.as_ref().unwrap_or(&none);
+        let sh_degree = scene.base.sh_degree;
+        let counts = [scene.base.len(), supplement.gaussians.len()].map(|n| n as u32);
+        // A page's largest buffer holds two moments of every SH plane.
+        let planes = 2 * layout::sh_planes(sh_degree).max(GEOMETRY_PLANES + 1);
+        let fits = (context.info().max_storage_bytes / (4 * planes as u64)).min(u64::from(u32::MAX)) as u32;
+        let page_limit = room.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1);
+        let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
+            let mut part = Part {
+                pages: Vec::new(),
+                geometry: Planes::new(context, "geometry", GEOMETRY_PLANES, &[])?,
+                sh: Planes::new(context, "sh", layout::sh_planes(sh_degree), &[])?,
+                lobes: Planes::new(context, "lobes", if segment == Segment::Base { 0 } else { LOBE_PLANES }, &[])?,
+            };
+            part.reserve(context, segment, capacity, page_limit)?;
+            Ok(part)
+        };
+        // The base has a page even where it is empty: what a pixel without a Gaussian gets is written by its first.
+        let base = part(Segment::Base, counts[0].saturating_add(room.base).max(1))?;
+        let supplement_part = part(Segment::Supplement, counts[1].saturating_add(room.supplement))?;
+        let parts = [base, supplement_part];
+        for (part, gaussians, lobes) in
+            [(&parts[0], &scene.base, None), (&parts[1], &supplement.gaussians, Some(&supplement.lobes))]
+        {
+            part.upload(gaussians, lobes, origin)?;
         }
-        for j in 0..m {
-            for c in 0..3 {
-                lobes[c * lobe_stride + j] = supplement.lobes.directions[j][c];
-            }
-            lobes[3 * lobe_stride + j] = supplement.lobes.widths[j];
-            lobes[4 * lobe_stride + j] = supplement.lobes.sharpness[j];
-        }
-        Ok(Model {
-            geometry: Buffer::from_slice(context, "geometry", &geometry)?,
-            sh: Buffer::from_slice(context, "sh", &sh)?,
-            lobes: Buffer::from_slice(context, "lobes", &lobes)?,
-            stride: stride as u32,
-            lobe_stride: lobe_stride as u32,
-            base_count: n as u32,
-            supplement_count: m as u32,
-            sh_degree: scene.base.sh_degree,
+        let page_count = parts.iter().map(|p| p.pages.len()).sum();
+        let mut model = Model {
+            parts,
+            sh_degree,
             origin,
-        })
+            page_limit,
+            known: counts,
+            population: Buffer::zeroed(context, "population", Segment::ALL.len() + 1)?,
+            population_args: Buffer::new(context, "population_args", args_len(page_count), Location::Device)?,
+            segment_counts: Buffer::from_slice(context, "segment_counts", &counts)?,
+            pages: Buffer::new(context, "pages", page_count, Location::Device)?,
+            recount: recount::Stage::new(context, &recount::Spec { workgroup_size: 1 })?,
+            unused: Unused::new(context)?,
+            context: context.clone(),
+        };
+        model.upload_pages()?;
+        Ok(model)
+    }
+
+    /// The table of pages and what follows from it. Waits.
+    fn upload_pages(&mut self) -> Result<()> {
+        let pages: Vec<Page> = self.parts.iter().flat_map(|part| part.pages.iter().copied()).collect();
+        if pages.len() > self.pages.len() {
+            self.pages = Buffer::new(&self.context, "pages", pages.len(), Location::Device)?;
+            self.population_args =
+                Buffer::new(&self.context, "population_args", args_len(pages.len()), Location::Device)?;
+        }
+        self.pages.upload(0, &pages)?;
+        let status = Buffer::<u32>::zeroed(&self.context, "recount status", status::WORDS)?;
+        let mut recorder = self.context.recorder("recount")?;
+        self.record_recount(&mut recorder, None, &status);
+        Ok(recorder.submit()?.wait().map(drop)?)
+    }
+
+    /// Makes everything follow the segments' counts on the device. With `added` word `added.1` of `added.0` is first added to
+    /// the segment's; what the pages have no room for is reported in `status`.
+    pub fn record_recount(
+        &self,
+        recorder: &mut Recorder,
+        added: Option<(Segment, &Buffer<u32>, u32)>,
+        status: &Buffer<u32>,
+    ) {
+        let nothing = self.unused.of();
+        let (segment, words, added_index) = added.unwrap_or((Segment::Base, &nothing, NONE));
+        self.recount.record(
+            recorder,
+            &recount::Buffers {
+                added: words,
+                pages: &self.pages,
+                segment_counts: &self.segment_counts,
+                population: &self.population,
+                population_args: &self.population_args,
+                status,
+            },
+            &recount::Push {
+                page_count: self.parts.iter().map(|p| p.pages.len() as u32).sum(),
+                threads_per_group: WORKGROUP,
+                items_per_group: items_per_group(self.context.info().subgroup_size),
+                segment: segment.index(),
+                added_index,
+            },
+            1,
+        );
+    }
+
+    /// Asks the device how many Gaussians there are. Waits.
+    pub fn learn_counts(&mut self) -> Result<[u32; 2]> {
+        let counts = self.segment_counts.download()?;
+        self.known = [counts[0], counts[1]];
+        Ok(self.known)
+    }
+
+    /// Room for at least so many Gaussians in a segment: more pages, beside those that there are. Waits.
+    pub fn reserve(&mut self, segment: Segment, capacity: u32) -> Result<()> {
+        let limit = self.page_limit;
+        self.parts[segment as usize].reserve(&self.context, segment, capacity, limit)?;
+        self.upload_pages()
+    }
+
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+
+    pub fn part(&self, segment: Segment) -> &Part {
+        &self.parts[segment as usize]
+    }
+
+    /// The pages of a segment, each with its number in the segment, that of its dispatch, and what it is.
+    pub fn pages(&self, segment: Segment) -> impl Iterator<Item = (usize, u32, Page)> + '_ {
+        let before = if segment == Segment::Base { 0 } else { self.parts[0].pages.len() };
+        self.part(segment).pages.iter().enumerate().map(move |(k, &page)| (k, (before + k) as u32, page))
+    }
+
+    /// The dispatch over the blocks of all Gaussians up to the end of `segment`.
+    pub fn blocks_dispatch(&self, segment: Segment) -> u32 {
+        self.parts.iter().map(|p| p.pages.len() as u32).sum::<u32>() + segment.index()
+    }
+
+    /// Gaussians of a segment, as the host knows them.
+    pub fn count_of(&self, segment: Segment) -> u32 {
+        self.known[segment as usize]
+    }
+
+    /// Gaussians in all, as the host knows them.
+    pub fn count(&self) -> u32 {
+        self.known.iter().sum()
+    }
+
+    /// Gaussians that there is room for.
+    pub fn capacity(&self) -> u32 {
+        self.parts.iter().map(Part::capacity).sum()
+    }
+
+    pub fn has_supplement(&self) -> bool {
+        self.parts[1].capacity() > 0
+    }
+
+    /// SH coefficients that are stored for each Gaussian.
+    pub fn coefficients(&self) -> u32 {
+        layout::coefficients(self.sh_degree) as u32
     }
 
     /// Fails where `views` count from another origin.
     pub fn check_origin(&self, views: &Views) -> Result<()> {
+        // guard: one origin for model and views
         match self.origin == views.origin {
             true => Ok(()),
             false => {
@@ -99,78 +322,189 @@ impl Model {
         }
     }
 
-    /// Gaussians in all.
-    pub fn count(&self) -> u32 {
-        self.base_count + self.supplement_count
-    }
-
-    /// SH coefficients that are stored for each Gaussian.
-    pub fn coefficients(&self) -> u32 {
-        (self.sh_degree + 1).pow(2)
-    }
-
-    /// Appends what was lifted, plane by plane, and waits; how many there was room for is the answer. Entries that are no lift
-    /// (`cluster_size` 0) are passed over. What `lift_append` does on the device, for lifts that come from a file.
-    pub fn append(&mut self, lifts: &[Lift]) -> Result<u32, GpuError> {
-        let room = (self.lobe_stride - self.supplement_count) as usize;
-        let lifts: Vec<&Lift> = lifts.iter().filter(|l| l.cluster_size > 0).take(room).collect();
-        let (first, lobe_first) = (self.count() as usize, self.supplement_count as usize);
-        let (stride, lobe_stride) = (self.stride as usize, self.lobe_stride as usize);
-        let values = |of: &dyn Fn(&Lift) -> f32| lifts.iter().map(|&l| of(l)).collect::<Vec<f32>>();
-        let zeros = vec![0.0; lifts.len()];
-        for c in 0..3 {
-            self.geometry.upload(c * stride + first, &values(&|l| l.mean[c]))?;
-            self.geometry.upload((3 + c) * stride + first, &values(&|l| l.log_scale[c]))?;
-            self.sh.upload(c * stride + first, &values(&|l| l.dc[c]))?;
-            self.lobes.upload(c * lobe_stride + lobe_first, &values(&|l| l.lobe_dir[c]))?;
-        }
-        for c in 0..4 {
-            self.geometry.upload((6 + c) * stride + first, &values(&|l| l.quat[c]))?;
-        }
-        self.geometry.upload(10 * stride + first, &values(&|l| l.opacity))?;
-        for plane in 3..3 * self.coefficients() as usize {
-            self.sh.upload(plane * stride + first, &zeros)?;
-        }
-        self.lobes.upload(3 * lobe_stride + lobe_first, &values(&|l| l.lobe_width))?;
-        self.lobes.upload(4 * lobe_stride + lobe_first, &zeros)?;
-        self.supplement_count += lifts.len() as u32;
-        Ok(lifts.len() as u32)
-    }
-
-    /// Copies the scene back to the host, and waits.
+    /// Copies the scene back to the host, as the device has it by now. Waits.
     pub fn download(&self) -> Result<Scene> {
-        let (geometry, sh, lobes) = (self.geometry.download()?, self.sh.download()?, self.lobes.download()?);
-        let (stride, coefficients) = (self.stride as usize, self.coefficients() as usize);
-        let gaussians = |first: usize, count: usize| {
-            let plane = |p: usize, i: usize| geometry[p * stride + i];
-            let range = first..first + count;
-            Gaussians {
-                sh_degree: self.sh_degree,
-                means: range.clone().map(|i| [0, 1, 2].map(|p| moved(plane(p, i), self.origin[p]))).collect(),
-                log_scales: range.clone().map(|i| [3, 4, 5].map(|p| plane(p, i))).collect(),
-                quats: range.clone().map(|i| [6, 7, 8, 9].map(|p| plane(p, i))).collect(),
-                opacities: range.clone().map(|i| plane(10, i)).collect(),
-                sh: range
-                    .flat_map(|i| (0..coefficients).map(move |k| (i, k)))
-                    .map(|(i, k)| [0, 1, 2].map(|c| sh[(3 * k + c) * stride + i]))
-                    .collect(),
+        let counts = self.segment_counts.download()?;
+        let (base, _) = self.parts[0].download(counts[0] as usize, self.sh_degree, self.origin)?;
+        let supplement = match counts[1] {
+            0 => None,
+            m => {
+                let (gaussians, lobes) = self.parts[1].download(m as usize, self.sh_degree, self.origin)?;
+                Some(Supplement { gaussians, lobes })
             }
         };
-        let (n, m, lobe_stride) = (self.base_count as usize, self.supplement_count as usize, self.lobe_stride as usize);
-        let lobe = |p: usize, j: usize| lobes[p * lobe_stride + j];
-        let supplement = (m > 0).then(|| Supplement {
-            gaussians: gaussians(n, m),
-            lobes: Lobes {
-                directions: (0..m).map(|j| [0, 1, 2].map(|p| lobe(p, j))).collect(),
-                widths: (0..m).map(|j| lobe(3, j)).collect(),
-                sharpness: (0..m).map(|j| lobe(4, j)).collect(),
-            },
-        });
-        Ok(Scene { base: gaussians(0, n), supplement })
+        Ok(Scene { base, supplement })
     }
 }
 
-/// The coordinate seen from elsewhere, rounded once; by 0 to the very bits, be it −0 or no number.
+fn args_len(pages: usize) -> usize {
+    3 * (pages + Segment::ALL.len())
+}
+
+impl Part {
+    fn reserve(&mut self, context: &Context, segment: Segment, capacity: u32, limit: u32) -> Result<(), GpuError> {
+        let mut first = self.capacity();
+        let mut pages = self.pages.clone();
+        while first < capacity {
+            let page = Page { segment: segment.index(), first, capacity: (capacity - first).min(limit) };
+            first += page.capacity;
+            pages.push(page);
+        }
+        self.geometry.reserve(context, &pages)?;
+        self.sh.reserve(context, &pages)?;
+        self.lobes.reserve(context, &pages)?;
+        self.pages = pages;
+        Ok(())
+    }
+
+    fn upload(&self, gaussians: &Gaussians, lobes: Option<&Lobes>, origin: DVec3) -> Result<(), GpuError> {
+        for (k, page) in self.pages.iter().enumerate() {
+            let (first, capacity) = (page.first as usize, page.capacity as usize);
+            let numbers = first..gaussians.len().min(first + capacity);
+            if numbers.is_empty() {
+                break;
+            }
+            let mut values = vec![0f32; GEOMETRY_PLANES * capacity];
+            for i in numbers.clone() {
+                let mut planes = layout::geometry(gaussians, i);
+                for c in 0..3 {
+                    // guard: model around the origin
+                    planes[MEAN + c] = moved(planes[MEAN + c], -origin[c]);
+                }
+                planes.into_iter().enumerate().for_each(|(p, v)| values[p * capacity + i - first] = v);
+            }
+            self.geometry.page(k).upload(0, &values)?;
+            let mut values = vec![0f32; self.sh.planes * capacity];
+            for p in 0..self.sh.planes {
+                numbers.clone().for_each(|i| values[p * capacity + i - first] = layout::sh(gaussians, i, p));
+            }
+            self.sh.page(k).upload(0, &values)?;
+            if let Some(lobes) = lobes {
+                let mut values = vec![0f32; LOBE_PLANES * capacity];
+                for j in numbers {
+                    let planes = layout::lobe(lobes, j).into_iter().enumerate();
+                    planes.for_each(|(p, v)| values[p * capacity + j - first] = v);
+                }
+                self.lobes.page(k).upload(0, &values)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn download(&self, count: usize, sh_degree: u32, origin: DVec3) -> Result<(Gaussians, Lobes), GpuError> {
+        let (geometry, sh, lobes) = (self.geometry.download()?, self.sh.download()?, self.lobes.download()?);
+        let mut gaussians = Gaussians { sh_degree, ..Default::default() };
+        let mut out = Lobes::default();
+        for i in 0..count {
+            let value = |p: usize| match p {
+                // guard: download around the origin
+                MEAN..3 => moved(geometry[p][i], origin[p]),
+                _ => geometry[p][i],
+            };
+            layout::push(&mut gaussians, value, |p| sh[p][i]);
+            if !lobes.is_empty() {
+                layout::push_lobe(&mut out, |p| lobes[p][i]);
+            }
+        }
+        Ok((gaussians, out))
+    }
+}
+
+/// The coordinate seen from elsewhere, rounded once; from the same place it keeps its bits, −0 and NaN too.
 fn moved(coordinate: f32, by: f64) -> f32 {
+    // guard: bits at the world's origin
     if by == 0.0 { coordinate } else { (f64::from(coordinate) + by) as f32 }
+}
+
+/// Moves the Gaussians of a segment to new numbers: to fewer, in another order, some of them several times.
+pub struct Rearrange {
+    gather: gather::Stage,
+    dispatch_args: dispatch_args::Stage,
+    args: Buffer<u32>,
+    gathered: Buffer<f32>,
+    targets: u32,
+    planes: u32,
+}
+
+/// What a segment's Gaussians become.
+#[derive(Clone, Copy)]
+pub struct Sources<'a> {
+    /// By new number the old one; [`NONE`] where all planes become 0.
+    pub sources: &'a Buffer<u32>,
+    /// Word `index` of `count` is the segment's new count.
+    pub count: &'a Buffer<u32>,
+    pub index: u32,
+}
+
+/// Planes that are moved at once: as few dispatches as 16 MiB of scratch allow for a million Gaussians.
+const PLANES_AT_ONCE: u32 = 4;
+
+impl Rearrange {
+    /// For up to `targets` Gaussians.
+    pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
+        let planes = PLANES_AT_ONCE;
+        Ok(Rearrange {
+            gather: gather::Stage::new(context, &gather::Spec { workgroup_size: WORKGROUP })?,
+            dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+            args: Buffer::new(context, "rearrange_args", 3, Location::Device)?,
+            gathered: Buffer::new(context, "gathered", targets as usize * planes as usize, Location::Device)?,
+            targets,
+            planes,
+        })
+    }
+
+    /// Gives the Gaussians of `segment` new numbers, and their planes in `others` (moments) with them. What does not fit is
+    /// reported in `status`, and the count kept within the room that there is.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        segment: Segment,
+        from: Sources<'_>,
+        others: &[&Planes],
+        status: &Buffer<u32>,
+    ) {
+        let part = model.part(segment);
+        let Sources { sources, count: words, index: count_index } = from;
+        self.dispatch_args.record(
+            recorder,
+            &dispatch_args::Buffers { count: words, dispatch_args: &self.args, status },
+            &dispatch_args::Push {
+                count_index,
+                capacity: self.targets.min(part.capacity()),
+                items_per_group: WORKGROUP,
+                args_index: 0,
+                resource_index: segment.resource().index(),
+            },
+            1,
+        );
+        for planes in [&part.geometry, &part.sh, &part.lobes].into_iter().chain(others.iter().copied()) {
+            for plane_first in (0..planes.planes as u32).step_by(self.planes as usize) {
+                let some = self.planes.min(planes.planes as u32 - plane_first);
+                for (k, page) in part.pages.iter().enumerate() {
+                    let push = gather::Push {
+                        count_index,
+                        targets: self.targets,
+                        page_first: page.first,
+                        stride: page.capacity,
+                        plane_first,
+                        planes: some,
+                    };
+                    let buffers =
+                        gather::Buffers { count: words, sources, from: planes.page(k), gathered: &self.gathered };
+                    self.gather.record_indirect(recorder, &buffers, &push, &self.args, 0);
+                }
+                for (k, page) in part.pages.iter().enumerate().filter(|(_, page)| page.first < self.targets) {
+                    let n = page.capacity.min(self.targets - page.first) as usize;
+                    for p in 0..some as usize {
+                        let from = p * self.targets as usize + page.first as usize;
+                        let to = (plane_first as usize + p) * page.capacity as usize;
+                        recorder.copy(&self.gathered, from, planes.page(k), to, n);
+                    }
+                }
+            }
+        }
+        recorder.copy(words, count_index as usize, &model.segment_counts, segment as usize, 1);
+        model.record_recount(recorder, None, status);
+    }
 }

@@ -3,26 +3,22 @@
 //! Splats come from a projection stage (`project` for scenes, `plane_project` for the 2D stage), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
-use super::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers};
+use super::{
+    plan::{Plan, buffers},
+    session::{Policy, Reduction},
+    sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+};
 use crate::{
-    gpu::{Buffer, Context, GpuError, Location, Recorder},
+    gpu::{Buffer, Context, GpuError, Kernel, Recorder, Unused},
     stages::{
-        blend::{self, Blend},
-        blend_backward::{self, BlendBackward},
-        blend_backward_atomic::{self, BlendBackwardAtomic},
-        dispatch_args::{self, DispatchArgs},
-        emit::{self, Emit},
-        kernels,
-        radix_upsweep::{block_counts_len, digit_totals_len},
-        scan_reduce::{block_sums_len, items_per_group},
-        step_done::OVERFLOW,
-        tile_ranges::{self, TileRanges},
+        WORKGROUP, blend, blend_backward, blend_backward_atomic,
+        blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
+        dispatch_args, emit,
+        status::Resource,
+        tile_ranges,
         types::{Frame, Splat},
     },
 };
-
-/// Floats of a gradient record, see ARCHITECTURE.md.
-pub const RECORD: usize = kernels::constants::constants::RECORD as usize;
 
 /// How a subgroup covers a tile; see `glsl/shared/tile.glsl` for what must hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +42,7 @@ impl TileShape {
         let area = width.checked_mul(height)?;
         let fits = width > 0 && lanes.is_multiple_of(width) && area > 0 && area.is_multiple_of(lanes);
         // The pixels of a lane that are not finished are the bits of a word.
+        // guard: tiles that a subgroup covers
         (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
     }
 
@@ -86,18 +83,6 @@ impl Grid {
     }
 }
 
-/// How the gradient records of a Gaussian's intersections are added up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Reduction {
-    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
-    #[default]
-    Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
-    Deterministic,
-    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
-    Atomic,
-}
-
 /// What a [`Raster`] must hold and do.
 #[derive(Debug, Clone, Copy)]
 pub struct RasterOptions {
@@ -117,7 +102,27 @@ pub struct RasterOptions {
     pub median: bool,
     /// Gradients will be asked for.
     pub backward: bool,
-    pub reduction: Reduction,
+    pub policy: Policy,
+}
+
+impl RasterOptions {
+    fn digit_bits(&self) -> u32 {
+        RadixSort::digit_bits_for(DEPTH_BITS).max(RadixSort::digit_bits_for(self.tile_bits()))
+    }
+
+    /// Bits of a tile's number.
+    fn tile_bits(&self) -> u32 {
+        self.tiles.saturating_sub(1).checked_ilog2().map_or(1, |b| b + 1)
+    }
+
+    fn only_if(&self, what: bool, elements: u32) -> u32 {
+        if what { elements } else { 1 }
+    }
+
+    /// Elements of each buffer of gradient records.
+    fn records(&self, by_gaussian: bool) -> u32 {
+        self.only_if(self.backward, if by_gaussian { self.splats } else { self.isects })
+    }
 }
 
 /// Words of `count`.
@@ -125,82 +130,111 @@ const SPLATS: u32 = 0;
 pub(crate) const VISIBLE: u32 = 1;
 pub(crate) const ISECTS: u32 = 2;
 const ISECTS_SORTED: u32 = 3;
-/// Slots of `args`: block-wise stages over splats, visible splats and intersections, and thread-wise stages.
-const SPLAT_BLOCKS: u32 = 0;
-const VISIBLE_BLOCKS: u32 = 1;
-const VISIBLE_THREADS: u32 = 2;
-const ISECT_BLOCKS: u32 = 3;
-const ISECT_THREADS: u32 = 4;
+/// Dispatches in `args`: block-wise stages over visible splats and intersections, and thread-wise stages.
+const VISIBLE_BLOCKS: u32 = 0;
+const VISIBLE_THREADS: u32 = 1;
+const ISECT_BLOCKS: u32 = 2;
+const ISECT_THREADS: u32 = 3;
+/// Bits of a depth key.
+const DEPTH_BITS: u32 = 32;
 
-/// Threads of a workgroup where the stage has no wish of its own.
-pub const WORKGROUP: u32 = 64;
-
-/// Buffers whose size depends on the number of intersections.
-struct IsectBuffers {
-    capacity: u32,
-    tiles: Buffer<u32>,
-    /// Sorting goes from `tiles` to `keys`, back, and so on; the values between these two.
-    keys: Buffer<u32>,
-    values: [Buffer<u32>; 2],
-    global_from_slot: Buffer<u32>,
-    block_counts: Buffer<u32>,
+buffers! {
+    /// What is by splat, by pixel and by tile.
+    pub struct RasterBuffers(o: RasterOptions) {
+        pub splats: Splat = o.splats,
+        pub splat_colours: [f32; 3] = o.splats,
+        pub depth_keys: u32 = o.splats,
+        pub tile_counts: u32 = o.splats,
+        /// By Gaussian index: where its intersection slots begin. Valid where `tile_counts` is not 0.
+        pub first_slot: u32 = o.splats,
+        /// RGB with the background, and transmittance.
+        pub image: [f32; 4] = o.pixels,
+        pub image_grad: f32 = 3 * o.only_if(o.backward, o.pixels),
+        pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
+        pub median_ids: u32 = o.only_if(o.median, o.pixels),
+        pub(crate) tile_ranges: [u32; 2] = o.tiles,
+        pub(crate) count: u32 = 4,
+        args: u32 = 12,
+        sorted_keys: u32 = o.splats,
+        sorted_keys_1: u32 = o.splats,
+        global_from_rank: u32 = o.splats,
+        global_from_rank_1: u32 = o.splats,
+        rank_first_slot: u32 = o.splats,
+        block_sums: u32 = block_sums_len(o.splats),
+        depth_block_counts: u32 = block_counts_len(o.splats, RadixSort::digit_bits_for(DEPTH_BITS)),
+        digit_totals: u32 = digit_totals_len(o.digit_bits()),
+    }
 }
 
-impl IsectBuffers {
-    fn new(context: &Context, capacity: u32, digit_bits: u32) -> Result<Self, GpuError> {
-        let n = capacity as usize;
-        let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
-        Ok(IsectBuffers {
-            capacity,
-            tiles: words("isect tiles", n)?,
-            keys: words("isect keys", n)?,
-            values: [words("isect slots 0", n)?, words("isect slots 1", n)?],
-            global_from_slot: words("global from slot", n)?,
-            block_counts: words("isect block counts", block_counts_len(capacity, digit_bits))?,
-        })
+buffers! {
+    /// What is by intersection. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on.
+    struct Isects(o: RasterOptions) {
+        isect_tiles: u32 = o.isects,
+        isect_keys: u32 = o.isects,
+        isect_slots: u32 = o.isects,
+        isect_slots_1: u32 = o.isects,
+        global_from_slot: u32 = o.isects,
+        isect_block_counts: u32 = block_counts_len(o.isects, RadixSort::digit_bits_for(o.tile_bits())),
+    }
+}
+
+buffers! {
+    /// Gradient records, by intersection slot.
+    pub struct Records(o: RasterOptions) {
+        pub record_centres: [f32; 3] = o.records(false),
+        pub record_shapes: [f32; 3] = o.records(false),
+        pub record_colours: [f32; 3] = o.records(false),
+    }
+}
+
+buffers! {
+    /// Gradient records added up by Gaussian.
+    struct GaussianRecords(o: RasterOptions) {
+        record_centres: [f32; 3] = o.records(true),
+        record_shapes: [f32; 3] = o.records(true),
+        record_colours: [f32; 3] = o.records(true),
     }
 }
 
 /// The blend's backward pass.
 enum Backward {
     /// Records by intersection slot.
-    Deterministic(BlendBackward),
+    Deterministic(blend_backward::Stage),
     /// Records by Gaussian.
-    Atomic(BlendBackwardAtomic),
+    Atomic(blend_backward_atomic::Stage),
 }
 
 impl Backward {
-    /// With the records' buffer, for so many intersections.
-    fn new(
-        context: &Context,
-        options: &RasterOptions,
-        tile: TileShape,
-        isects: u32,
-    ) -> Result<(Self, Buffer<f32>), GpuError> {
+    /// With the records' buffers.
+    fn new(context: &Context, options: &RasterOptions, tile: TileShape) -> Result<(Self, Records), GpuError> {
         let workgroup_size = WORKGROUP;
         let TileShape { width: tile_width, height: tile_height, pixels } = tile;
-        let records = |name, count: u32| Buffer::new(context, name, count as usize * RECORD, Location::Device);
         let deterministic = || {
-            let records = records("isect grads", isects)?;
             let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels };
-            Ok((Backward::Deterministic(BlendBackward::new(context, &spec)?), records))
+            let records = Records::new(context, options)?;
+            Ok((Backward::Deterministic(blend_backward::Stage::new(context, &spec)?), records))
         };
         let atomic = || {
-            let records = records("splat grads", options.splats.max(1))?;
+            let GaussianRecords { record_centres, record_shapes, record_colours } =
+                GaussianRecords::new(context, options)?;
             let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels };
-            Ok((Backward::Atomic(BlendBackwardAtomic::new(context, &spec)?), records))
+            let records = Records { record_centres, record_shapes, record_colours };
+            Ok((Backward::Atomic(blend_backward_atomic::Stage::new(context, &spec)?), records))
         };
-        match options.reduction {
+        match options.policy.reduction {
+            // guard: deterministic or nothing
             Reduction::Deterministic => deterministic(),
             Reduction::Atomic if !context.info().float_atomics => {
                 Err(GpuError::Missing { device: context.info().name.clone(), feature: "float atomics".into() })
             }
             Reduction::Atomic => atomic(),
             Reduction::Auto => deterministic().or_else(|error| match error {
+                // guard: atomics take over
                 GpuError::BufferTooLarge { .. } | GpuError::Allocation { .. } if context.info().float_atomics => {
                     tracing::warn!(
-                        "no room for the gradients of {isects} intersections: float atomics add them up by Gaussian, so \
-                         two runs will differ in their last digits"
+                        "no room for the gradients of {} intersections: float atomics add them up by Gaussian, so two runs \
+                         will differ in their last digits",
+                        options.isects
                     );
                     atomic()
                 }
@@ -210,8 +244,13 @@ impl Backward {
     }
 }
 
-fn no_records(context: &Context) -> Result<Buffer<f32>, GpuError> {
-    Buffer::new(context, "no records", 1, Location::Device)
+/// How many splats there are: word `index` of `count` on the device, and the dispatch over their blocks.
+#[derive(Clone, Copy)]
+pub struct SplatCount<'a> {
+    pub count: &'a Buffer<u32>,
+    pub index: u32,
+    pub args: &'a Buffer<u32>,
+    pub dispatch: u32,
 }
 
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
@@ -219,54 +258,24 @@ pub struct Raster {
     context: Context,
     options: RasterOptions,
     pub tile: TileShape,
-    pub splats: Buffer<Splat>,
-    pub depth_keys: Buffer<u32>,
-    pub tile_counts: Buffer<u32>,
-    /// By Gaussian index: where its intersection slots begin. Valid where `tile_counts` is not 0.
-    pub first_slot: Buffer<u32>,
-    /// RGB with the background, and transmittance.
-    pub image: Buffer<[f32; 4]>,
-    pub image_grad: Buffer<f32>,
-    pub backdrop: Buffer<[f32; 4]>,
-    pub median_ids: Buffer<u32>,
-    pub(crate) tile_ranges: Buffer<[u32; 2]>,
-    pub(crate) count: Buffer<u32>,
-    args: Buffer<u32>,
-    depth_sorted: [(Buffer<u32>, Buffer<u32>); 2],
-    rank_first_slot: Buffer<u32>,
-    block_sums: Buffer<u32>,
-    depth_block_counts: Buffer<u32>,
-    digit_totals: Buffer<u32>,
-    isects: IsectBuffers,
+    pub buffers: RasterBuffers,
+    isects: Isects,
+    /// Where gradients are asked for; by Gaussian where [`Raster::by_gaussian`].
+    pub records: Records,
     depth_sort: RadixSort,
     tile_sort: RadixSort,
     scan: Scan,
-    dispatch_args: DispatchArgs,
-    emit: Emit,
-    ranges: TileRanges,
-    blend: Blend,
+    dispatch_args: dispatch_args::Stage,
+    emit: emit::Stage,
+    ranges: tile_ranges::Stage,
+    blend: blend::Stage,
     backward: Option<Backward>,
-    /// Gradient records: by Gaussian where [`Raster::by_gaussian`], else by intersection slot.
-    pub records: Buffer<f32>,
+    unused: Unused,
 }
 
 impl Raster {
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
-        Self::with_tile(context, options, TileShape::for_subgroup(context.info().subgroup_size))
-    }
-
-    /// With tiles of a shape that [`TileShape::new`] gave for the device's subgroups.
-    pub fn with_tile(context: &Context, options: RasterOptions, tile: TileShape) -> Result<Self, GpuError> {
-        let (splats, pixels) = (options.splats.max(1) as usize, options.pixels as usize);
-        let words = |name: &str, len: usize| Buffer::new(context, name, len, Location::Device);
-        let pair = |i: usize| -> Result<_, GpuError> {
-            Ok((words(&format!("depth keys {i}"), splats)?, words(&format!("global from rank {i}"), splats)?))
-        };
-        // A tile's number needs this many bits.
-        let tile_bits = options.tiles.saturating_sub(1).checked_ilog2().map_or(1, |b| b + 1);
-        let depth_sort = RadixSort::new(context, 32, true)?;
-        let tile_sort = RadixSort::new(context, tile_bits, true)?;
-        let digit_bits = depth_sort.digit_bits().max(tile_sort.digit_bits());
+        let tile = options.policy.tile(context);
         let TileShape { width: tile_width, height: tile_height, pixels: lane_pixels } = tile;
         let workgroup_size = WORKGROUP;
         let blend_spec = blend::Spec {
@@ -279,53 +288,31 @@ impl Raster {
         };
         let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
         let (backward, records) = match options.backward {
-            true => {
-                Backward::new(context, &options, tile, options.isects.max(1)).map(|(stage, to)| (Some(stage), to))?
-            }
-            false => (None, no_records(context)?),
+            true => Backward::new(context, &options, tile).map(|(stage, records)| (Some(stage), records))?,
+            false => (None, Records::new(context, &options)?),
         };
-        let raster = Raster {
+        Ok(Raster {
             tile,
-            splats: Buffer::new(context, "splats", splats, Location::Device)?,
-            depth_keys: words("depth keys", splats)?,
-            tile_counts: words("tile counts", splats)?,
-            first_slot: words("first slot", splats)?,
-            image: Buffer::new(context, "image", pixels, Location::Device)?,
-            image_grad: Buffer::new(
-                context,
-                "image grad",
-                if options.backward { 3 * pixels } else { 1 },
-                Location::Device,
-            )?,
-            backdrop: Buffer::new(
-                context,
-                "backdrop",
-                if options.background_image { pixels } else { 1 },
-                Location::Device,
-            )?,
-            median_ids: words("median ids", if options.median { pixels } else { 1 })?,
-            tile_ranges: Buffer::new(context, "tile ranges", options.tiles as usize, Location::Device)?,
-            count: words("count", 4)?,
-            args: words("dispatch args", 15)?,
-            depth_sorted: [pair(0)?, pair(1)?],
-            rank_first_slot: words("rank first slot", splats)?,
-            block_sums: words("block sums", block_sums_len(splats as u32))?,
-            depth_block_counts: words("depth block counts", block_counts_len(splats as u32, depth_sort.digit_bits()))?,
-            digit_totals: words("digit totals", digit_totals_len(digit_bits))?,
-            isects: IsectBuffers::new(context, options.isects.max(1), tile_sort.digit_bits())?,
-            depth_sort,
-            tile_sort,
-            scan: Scan::new(context, true)?,
-            dispatch_args: DispatchArgs::new(context)?,
-            emit: Emit::new(context, &emit_spec)?,
-            ranges: TileRanges::new(context, &tile_ranges::Spec { workgroup_size })?,
-            blend: Blend::new(context, &blend_spec)?,
-            backward,
+            buffers: RasterBuffers::new(context, &options)?,
+            isects: Isects::new(context, &options)?,
             records,
+            depth_sort: RadixSort::new(context, DEPTH_BITS, true)?,
+            tile_sort: RadixSort::new(context, options.tile_bits(), true)?,
+            scan: Scan::new(context, true)?,
+            dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+            emit: emit::Stage::new(context, &emit_spec)?,
+            ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size })?,
+            blend: blend::Stage::new(context, &blend_spec)?,
+            backward,
+            unused: Unused::new(context)?,
             context: context.clone(),
             options,
-        };
-        Ok(raster)
+        })
+    }
+
+    /// What a raster of these options holds, its records by intersection.
+    pub fn plan(options: &RasterOptions) -> Plan {
+        RasterBuffers::plan(options).and(Isects::plan(options)).and(Records::plan(options))
     }
 
     pub fn context(&self) -> &Context {
@@ -334,7 +321,15 @@ impl Raster {
 
     /// Intersections that fit.
     pub fn capacity(&self) -> u32 {
-        self.isects.capacity
+        self.options.isects
+    }
+
+    /// The stage that makes gradient records, if there is one.
+    pub fn backward_stage(&self) -> Option<&'static str> {
+        self.backward.as_ref().map(|backward| match backward {
+            Backward::Deterministic(_) => blend_backward::Kernel::NAME,
+            Backward::Atomic(_) => blend_backward_atomic::Kernel::NAME,
+        })
     }
 
     /// Records are by Gaussian, added up by atomics.
@@ -345,12 +340,13 @@ impl Raster {
     /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
     /// be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
-        let capacity = needed.saturating_add(needed / 4);
-        self.isects = IsectBuffers::new(&self.context, capacity, self.tile_sort.digit_bits())?;
+        // guard: room that stops growing
+        self.options.isects = needed.saturating_add(needed / 4);
+        self.isects.remake(&self.context, &self.options)?;
         if let Some(Backward::Deterministic(_)) = self.backward {
             // What there was makes room for what comes.
-            self.records = no_records(&self.context)?;
-            let (stage, records) = Backward::new(&self.context, &self.options, self.tile, capacity)?;
+            self.records = Records::new(&self.context, &RasterOptions { backward: false, ..self.options })?;
+            let (stage, records) = Backward::new(&self.context, &self.options, self.tile)?;
             (self.backward, self.records) = (Some(stage), records);
         }
         Ok(())
@@ -361,86 +357,91 @@ impl Raster {
         Grid::new(self.tile, frame_first, frame_count, width, height)
     }
 
-    /// Sorts the first `splats` splats by depth, lists their tiles and sorts the list by tile, front to back in each. Raises
-    /// `status` where the intersections do not fit. `splat_frames` is read only by a batch raster; else any buffer will do.
+    /// Sorts the splats by depth, lists their tiles and sorts the list by tile, front to back in each. Raises `status` where the
+    /// intersections do not fit. `splat_frames` is for a batch raster.
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
-        splats: u32,
+        splats: SplatCount<'_>,
         grid: &Grid,
         frames: &Buffer<Frame>,
-        splat_frames: &Buffer<u32>,
+        splat_frames: Option<&Buffer<u32>>,
         status: &Buffer<u32>,
     ) {
         let per_block = items_per_group(self.context.info().subgroup_size);
-        let isects = &self.isects;
-        let extent = |index, slot| Extent { count: &self.count, index, args: &self.args, slot };
-        recorder.fill(&self.count, splats);
-        self.args_for(recorder, status, SPLATS, splats, per_block, SPLAT_BLOCKS);
+        let (f, isects, capacity) = (&self.buffers, &self.isects, self.options.isects);
+        let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
+        recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
         let by_depth = self.depth_sort.record(
             recorder,
-            Pairs { keys: &self.depth_keys, values: &self.depth_keys },
-            [0, 1].map(|i| Pairs { keys: &self.depth_sorted[i].0, values: &self.depth_sorted[i].1 }),
-            RadixScratch { block_counts: &self.depth_block_counts, digit_totals: &self.digit_totals },
-            extent(SPLATS, SPLAT_BLOCKS),
+            Pairs { keys: &f.depth_keys, values: &f.depth_keys },
+            [
+                Pairs { keys: &f.sorted_keys, values: &f.global_from_rank },
+                Pairs { keys: &f.sorted_keys_1, values: &f.global_from_rank_1 },
+            ],
+            RadixScratch { block_counts: &f.depth_block_counts, digit_totals: &f.digit_totals },
+            Extent { args: splats.args, dispatch: splats.dispatch, ..extent(SPLATS, 0) },
             VISIBLE,
         );
         let global_from_rank = by_depth.values;
-        self.args_for(recorder, status, VISIBLE, splats, per_block, VISIBLE_BLOCKS);
-        self.args_for(recorder, status, VISIBLE, splats, WORKGROUP, VISIBLE_THREADS);
+        self.args_for(recorder, status, VISIBLE, self.options.splats, per_block, VISIBLE_BLOCKS);
+        self.args_for(recorder, status, VISIBLE, self.options.splats, WORKGROUP, VISIBLE_THREADS);
         self.scan.record(
             recorder,
             &ScanBuffers {
-                values: &self.tile_counts,
+                values: &f.tile_counts,
                 index: Some(global_from_rank),
-                block_sums: &self.block_sums,
-                offsets: &self.rank_first_slot,
+                block_sums: &f.block_sums,
+                offsets: &f.rank_first_slot,
             },
             extent(VISIBLE, VISIBLE_BLOCKS),
             ISECTS,
         );
-        self.args_for(recorder, status, ISECTS, isects.capacity, per_block, ISECT_BLOCKS);
-        self.args_for(recorder, status, ISECTS, isects.capacity, WORKGROUP, ISECT_THREADS);
+        self.args_for(recorder, status, ISECTS, capacity, per_block, ISECT_BLOCKS);
+        self.args_for(recorder, status, ISECTS, capacity, WORKGROUP, ISECT_THREADS);
 
-        self.emit.record(
+        let no_frames = self.unused.of();
+        self.emit.record_indirect(
             recorder,
             &emit::Buffers {
                 frames,
-                count: &self.count,
+                count: &f.count,
                 global_from_rank,
-                rank_first_slot: &self.rank_first_slot,
-                splats: &self.splats,
-                splat_frames,
-                isect_tiles: &isects.tiles,
+                rank_first_slot: &f.rank_first_slot,
+                splats: &f.splats,
+                splat_frames: splat_frames.unwrap_or(&no_frames),
+                isect_tiles: &isects.isect_tiles,
                 global_from_slot: &isects.global_from_slot,
-                first_slot: &self.first_slot,
+                first_slot: &f.first_slot,
             },
             &emit::Push {
                 frame_first: grid.frame_first,
                 tiles_x: grid.tiles_x,
                 tiles_per_frame: grid.tiles_per_frame(),
-                capacity: isects.capacity,
+                capacity,
                 count_index: VISIBLE,
             },
-            &self.args,
+            &f.args,
             VISIBLE_THREADS,
         );
         let by_tile = self.tile_sort.record(
             recorder,
-            Pairs { keys: &isects.tiles, values: &isects.tiles },
+            Pairs { keys: &isects.isect_tiles, values: &isects.isect_tiles },
             [
-                Pairs { keys: &isects.keys, values: &isects.values[0] },
-                Pairs { keys: &isects.tiles, values: &isects.values[1] },
+                Pairs { keys: &isects.isect_keys, values: &isects.isect_slots },
+                Pairs { keys: &isects.isect_tiles, values: &isects.isect_slots_1 },
             ],
-            RadixScratch { block_counts: &isects.block_counts, digit_totals: &self.digit_totals },
+            RadixScratch { block_counts: &isects.isect_block_counts, digit_totals: &f.digit_totals },
             extent(ISECTS, ISECT_BLOCKS),
             ISECTS_SORTED,
         );
-        self.ranges.record(
+        // guard: tile ranges begin empty
+        recorder.fill(&f.tile_ranges, 0);
+        self.ranges.record_indirect(
             recorder,
-            &tile_ranges::Buffers { count: &self.count, isect_tiles: by_tile.keys, tile_ranges: &self.tile_ranges },
+            &tile_ranges::Buffers { count: &f.count, isect_tiles: by_tile.keys, tile_ranges: &f.tile_ranges },
             &tile_ranges::Push { count_index: ISECTS },
-            &self.args,
+            &f.args,
             ISECT_THREADS,
         );
     }
@@ -454,30 +455,19 @@ impl Raster {
         background: [f32; 3],
         median_threshold: f32,
     ) {
-        self.record_blend_by(&self.blend, recorder, grid, frames, background, median_threshold);
-    }
-
-    /// The same by a stage of the caller's, made for this raster's tiles.
-    pub fn record_blend_by(
-        &self,
-        stage: &Blend,
-        recorder: &mut Recorder,
-        grid: &Grid,
-        frames: &Buffer<Frame>,
-        background: [f32; 3],
-        median_threshold: f32,
-    ) {
-        stage.record(
+        let f = &self.buffers;
+        self.blend.record(
             recorder,
             &blend::Buffers {
                 frames,
-                tile_ranges: &self.tile_ranges,
+                tile_ranges: &f.tile_ranges,
                 isect_slots: self.isect_slots(),
                 global_from_slot: &self.isects.global_from_slot,
-                splats: &self.splats,
-                backdrop: &self.backdrop,
-                image: &self.image,
-                median_ids: &self.median_ids,
+                splats: &f.splats,
+                splat_colours: &f.splat_colours,
+                backdrop: &f.backdrop,
+                image: &f.image,
+                median_ids: &f.median_ids,
             },
             &blend::Push {
                 frame_first: grid.frame_first,
@@ -487,60 +477,85 @@ impl Raster {
                 background,
                 median_threshold,
             },
+            grid.tiles(),
         );
     }
 
-    /// Turns `image_grad` into gradient records. Gaussians below `full_first` get the gradient of their opacity only.
-    pub fn record_blend_backward(&self, recorder: &mut Recorder, grid: &Grid, frames: &Buffer<Frame>, full_first: u32) {
+    /// Turns `image_grad` into gradient records. Gaussians of the first `frozen` segments get the gradient of their opacity only;
+    /// `population` says where segments begin.
+    pub fn record_blend_backward(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        population: &Buffer<u32>,
+        frozen: u32,
+    ) {
         let Some(backward) = &self.backward else { return };
+        let (f, isect_slots, global_from_slot) = (&self.buffers, self.isect_slots(), &self.isects.global_from_slot);
+        let RasterBuffers { tile_ranges, splats, splat_colours, image, image_grad, .. } = f;
+        let Records { record_centres, record_shapes, record_colours } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
-        recorder.fill(&self.records, 0);
+        // guard: sums begin at 0 (3 lines)
+        recorder.fill(record_centres, 0);
+        recorder.fill(record_shapes, 0);
+        recorder.fill(record_colours, 0);
         match backward {
             Backward::Deterministic(stage) => stage.record(
                 recorder,
                 &blend_backward::Buffers {
                     frames,
-                    tile_ranges: &self.tile_ranges,
-                    isect_slots: self.isect_slots(),
-                    global_from_slot: &self.isects.global_from_slot,
-                    splats: &self.splats,
-                    image: &self.image,
-                    image_grad: &self.image_grad,
-                    isect_grads: &self.records,
+                    tile_ranges,
+                    isect_slots,
+                    global_from_slot,
+                    splats,
+                    splat_colours,
+                    image,
+                    image_grad,
+                    population,
+                    record_centres,
+                    record_shapes,
+                    record_colours,
                 },
-                &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
+                &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
+                tile_count,
             ),
             Backward::Atomic(stage) => stage.record(
                 recorder,
                 &blend_backward_atomic::Buffers {
                     frames,
-                    tile_ranges: &self.tile_ranges,
-                    isect_slots: self.isect_slots(),
-                    global_from_slot: &self.isects.global_from_slot,
-                    splats: &self.splats,
-                    image: &self.image,
-                    image_grad: &self.image_grad,
-                    splat_grads: &self.records,
+                    tile_ranges,
+                    isect_slots,
+                    global_from_slot,
+                    splats,
+                    splat_colours,
+                    image,
+                    image_grad,
+                    population,
+                    record_centres,
+                    record_shapes,
+                    record_colours,
                 },
-                &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, full_first },
+                &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
+                tile_count,
             ),
         }
     }
 
     /// Gaussian index by depth rank.
     pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
-        &self.depth_sorted[self.depth_sort.last_pair()].1
+        [&self.buffers.global_from_rank, &self.buffers.global_from_rank_1][self.depth_sort.last_pair()]
     }
 
     /// Tiles of the sorted intersections.
     pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
-        [&self.isects.keys, &self.isects.tiles][self.tile_sort.last_pair()]
+        [&self.isects.isect_keys, &self.isects.isect_tiles][self.tile_sort.last_pair()]
     }
 
     pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
-        &self.isects.values[self.tile_sort.last_pair()]
+        [&self.isects.isect_slots, &self.isects.isect_slots_1][self.tile_sort.last_pair()]
     }
 
     pub(crate) fn global_from_slot(&self) -> &Buffer<u32> {
@@ -554,18 +569,19 @@ impl Raster {
         count_index: u32,
         capacity: u32,
         items_per_group: u32,
-        slot: u32,
+        dispatch: u32,
     ) {
         self.dispatch_args.record(
             recorder,
-            &dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status },
+            &dispatch_args::Buffers { count: &self.buffers.count, dispatch_args: &self.buffers.args, status },
             &dispatch_args::Push {
                 count_index,
                 capacity,
                 items_per_group,
-                args_index: 3 * slot,
-                status_index: OVERFLOW as u32,
+                args_index: 3 * dispatch,
+                resource_index: Resource::Intersections.index(),
             },
+            1,
         );
     }
 }

@@ -1,17 +1,17 @@
 //! Renders a scene from one of a set of cameras: project → order → blend, and the median depth where it is asked for.
 
 use super::{
-    model::Model,
-    raster::{Grid, Raster, RasterOptions, Reduction, TileShape, WORKGROUP},
+    model::{Model, Segment},
+    raster::{Grid, Raster, RasterOptions, SplatCount},
+    session::Policy,
     views::Views,
 };
 use crate::{
-    error::Result,
+    error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     stages::{
-        median_depth::{self, MedianDepth},
-        project::{self, Project},
-        step_done::{OVERFLOW, STATUS_WORDS},
+        WORKGROUP, median_depth, project,
+        status::{self, Resource, Status},
     },
 };
 
@@ -27,30 +27,60 @@ pub const MEDIAN_THRESHOLD: f32 = 0.5;
 /// What a [`Renderer`] can do beyond colour and transmittance.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions {
-    /// Mip-Splatting-style opacity compensation.
-    pub compensate: bool,
     pub depth: bool,
     /// Take the z of the median Gaussian's centre, not of its point of maximum response.
     pub centre_depth: bool,
     pub median_threshold: f32,
     /// Gradients will be asked for.
     pub backward: bool,
-    pub reduction: Reduction,
-    /// What a subgroup covers; `None` is the shape that suits the device. The image does not depend on it.
-    pub tile: Option<TileShape>,
+    pub policy: Policy,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
         RenderOptions {
-            compensate: false,
             depth: false,
             centre_depth: false,
             median_threshold: MEDIAN_THRESHOLD,
             backward: false,
-            reduction: Reduction::Auto,
-            tile: None,
+            policy: Policy::default(),
         }
+    }
+}
+
+/// What of the scenes a [`Renderer`] is made for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Needs {
+    /// Gaussians at most, base and supplement.
+    pub gaussians: u32,
+    /// Some have lobes.
+    pub supplement: bool,
+    /// Bands of harmonics that views are rendered with: a pipeline for each number.
+    pub degrees: Vec<u32>,
+}
+
+impl Needs {
+    /// For all of a model, at its own degree.
+    pub fn of(model: &Model) -> Self {
+        Needs { gaussians: model.capacity(), supplement: model.has_supplement(), degrees: vec![model.sh_degree] }
+    }
+}
+
+/// What of a model is rendered, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Show {
+    /// The last segment that is shown: the base alone, or both.
+    pub upto: Segment,
+    /// Bands of harmonics.
+    pub degree: u32,
+    /// sRGB, 0 to 1.
+    pub background: [f32; 3],
+}
+
+impl Show {
+    /// All of `model`.
+    pub fn all(model: &Model, background: [f32; 3]) -> Self {
+        Show { upto: Segment::Supplement, degree: model.sh_degree, background }
     }
 }
 
@@ -58,9 +88,10 @@ impl Default for RenderOptions {
 pub struct Renderer {
     pub raster: Raster,
     options: RenderOptions,
-    /// `[lobes]`: a scene without supplement never pays for lobes.
-    project: [Project; 2],
-    median_depth: Option<MedianDepth>,
+    needs: Needs,
+    /// By segment, then by degree in the order of `needs`: a scene without supplement never pays for lobes.
+    project: [Vec<project::Stage>; 2],
+    median_depth: Option<median_depth::Stage>,
     /// Camera z by pixel of the view rendered last, 0 where there is none.
     pub depths: Buffer<f32>,
     status: Buffer<u32>,
@@ -79,126 +110,184 @@ pub struct Rendered {
 }
 
 impl Renderer {
-    /// For up to `gaussians` Gaussians in any of `views`.
-    pub fn new(context: &Context, gaussians: u32, views: &Views, options: RenderOptions) -> Result<Self, GpuError> {
-        let tile = options.tile.unwrap_or_else(|| TileShape::for_subgroup(context.info().subgroup_size));
+    /// For any of `views`. Waits.
+    pub fn new(context: &Context, needs: Needs, views: &Views, options: RenderOptions) -> Result<Self, GpuError> {
+        let tile = options.policy.tile(context);
         let grids = views.cameras.iter().map(|c| Grid::new(tile, 0, 1, c.width, c.height).tiles());
         let raster_options = RasterOptions {
-            splats: gaussians,
+            splats: needs.gaussians.max(1),
             pixels: views.max_pixels(),
             tiles: grids.max().unwrap_or(1),
-            isects: gaussians.saturating_mul(ISECTS_PER_GAUSSIAN).max(MIN_ISECTS),
+            isects: needs.gaussians.saturating_mul(ISECTS_PER_GAUSSIAN).max(MIN_ISECTS),
             batch: false,
             background_image: false,
             median: options.depth,
             backward: options.backward,
-            reduction: options.reduction,
+            policy: options.policy,
         };
-        let project = |lobes| {
-            let spec = project::Spec {
-                workgroup_size: WORKGROUP,
-                tile_width: tile.width,
-                tile_height: tile.height,
-                compensate: options.compensate,
-                lobes,
+        let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
+            let has_lobes = segment == Segment::Supplement;
+            let degrees = if has_lobes && !needs.supplement { &[] } else { &needs.degrees[..] };
+            let stage = |&sh_degree: &u32| {
+                let spec = project::Spec {
+                    workgroup_size: WORKGROUP,
+                    tile_width: tile.width,
+                    tile_height: tile.height,
+                    compensate: options.policy.compensate,
+                    has_lobes,
+                    sh_degree,
+                };
+                project::Stage::new(context, &spec)
             };
-            Project::new(context, &spec)
+            degrees.iter().map(stage).collect()
         };
         let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
+        let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };
         Ok(Renderer {
-            raster: Raster::with_tile(context, raster_options, tile)?,
+            raster: Raster::new(context, raster_options)?,
+            project: [project(Segment::Base)?, project(Segment::Supplement)?],
+            median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
+            depths: Buffer::new(context, "depths", depth_pixels, Location::Device)?,
+            status: Buffer::zeroed(context, "render status", status::WORDS)?,
             options,
-            project: [project(false)?, project(true)?],
-            median_depth: if options.depth { Some(MedianDepth::new(context, &depth_spec)?) } else { None },
-            depths: Buffer::new(
-                context,
-                "depths",
-                if options.depth { views.max_pixels() as usize } else { 1 },
-                Location::Device,
-            )?,
-            status: Buffer::zeroed(context, "render status", STATUS_WORDS)?,
+            needs,
         })
     }
 
-    /// Records view `view` of `model` into [`Raster::image`] (and `depths`), with SH bands up to `active_degree`.
-    #[expect(clippy::too_many_arguments, reason = "each is a different thing that the view depends on")]
+    /// Records view `view` of `model` into the raster's image (and `depths`).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the renderer was not made for this.
     pub fn record(
         &self,
         recorder: &mut Recorder,
         model: &Model,
         views: &Views,
         view: u32,
-        active_degree: u32,
-        background: [f32; 3],
+        show: &Show,
         status: &Buffer<u32>,
-    ) -> Grid {
-        let camera = &views.cameras[view as usize];
-        let raster = &self.raster;
-        let grid = raster.grid(view, 1, camera.width, camera.height);
-        self.project[usize::from(model.supplement_count > 0)].record(
-            recorder,
-            &project::Buffers {
-                views: &views.views,
-                geometry: &model.geometry,
-                sh: &model.sh,
-                lobes: &model.lobes,
-                splats: &raster.splats,
-                depth_keys: &raster.depth_keys,
-                tile_counts: &raster.tile_counts,
-            },
-            &project::Push {
-                count: model.count(),
-                stride: model.stride,
-                lobe_first: model.base_count,
-                lobe_stride: model.lobe_stride,
-                view,
-                active_degree: active_degree.min(model.sh_degree),
-            },
-        );
-        // Any buffer will do for the frames of splats: there is one frame.
-        raster.record_order(recorder, model.count(), &grid, &views.frames, &raster.tile_counts, status);
-        raster.record_blend(recorder, &grid, &views.frames, background, self.options.median_threshold);
-        if let Some(median_depth) = &self.median_depth {
-            median_depth.record(
-                recorder,
-                &median_depth::Buffers {
-                    views: &views.views,
-                    geometry: &model.geometry,
-                    median_ids: &raster.median_ids,
-                    depths: &self.depths,
-                },
-                &median_depth::Push { stride: model.stride, view, depth_first: 0 },
-                camera.pixels(),
-            );
+    ) -> Result<Grid> {
+        let grid = self.record_order(recorder, model, views, view, show, status)?;
+        self.raster.record_blend(recorder, &grid, &views.frames, show.background, self.options.median_threshold);
+        self.record_depths(recorder, model, views, view, show);
+        Ok(grid)
+    }
+
+    /// The part after pixels, of a renderer made with depth: the depths of the Gaussians in the raster's `median_ids`.
+    pub fn record_depths(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
+        let Some(median_depth) = &self.median_depth else { return };
+        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32) {
+            for (k, _, page) in model.pages(segment) {
+                median_depth.record(
+                    recorder,
+                    &median_depth::Buffers {
+                        population: &model.population,
+                        views: &views.views,
+                        geometry: model.part(segment).geometry.page(k),
+                        median_ids: &self.raster.buffers.median_ids,
+                        depths: &self.depths,
+                    },
+                    &median_depth::Push {
+                        segment: segment.index(),
+                        page_first: page.first,
+                        stride: page.capacity,
+                        view,
+                        depth_first: 0,
+                    },
+                    views.cameras[view as usize].pixels(),
+                );
+            }
         }
-        grid
+    }
+
+    /// The part before pixels: splats, and the ordered lists of their tiles.
+    pub fn record_order(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        views: &Views,
+        view: u32,
+        show: &Show,
+        status: &Buffer<u32>,
+    ) -> Result<Grid> {
+        let degree = show.degree.min(model.sh_degree);
+        let pipeline = self.needs.degrees.iter().position(|&d| d == degree);
+        let camera = views.cameras.get(view as usize);
+        let (Some(pipeline), Some(camera)) = (pipeline, camera) else {
+            return Err(Error::Usage(format!(
+                "the renderer was made for degrees {:?} and {} views, not for degree {degree} and view {view}",
+                self.needs.degrees,
+                views.cameras.len()
+            )));
+        };
+        let (raster, shown) = (&self.raster, |s: &Segment| *s as u32 <= show.upto as u32);
+        let grid = raster.grid(view, 1, camera.width, camera.height);
+        for segment in Segment::ALL.into_iter().filter(shown) {
+            let part = model.part(segment);
+            for (k, dispatch, page) in model.pages(segment) {
+                let Some(stage) = self.project[segment as usize].get(pipeline) else {
+                    return Err(Error::Usage("the renderer was made for scenes without supplement".into()));
+                };
+                stage.record_indirect(
+                    recorder,
+                    &project::Buffers {
+                        population: &model.population,
+                        views: &views.views,
+                        geometry: part.geometry.page(k),
+                        sh: part.sh.page(k),
+                        lobes: part.lobes.page(k),
+                        splats: &raster.buffers.splats,
+                        splat_colours: &raster.buffers.splat_colours,
+                        depth_keys: &raster.buffers.depth_keys,
+                        tile_counts: &raster.buffers.tile_counts,
+                    },
+                    &project::Push { segment: segment.index(), page_first: page.first, stride: page.capacity, view },
+                    &model.population_args,
+                    dispatch,
+                );
+            }
+        }
+        let splats = SplatCount {
+            count: &model.population,
+            index: show.upto.index() + 1,
+            args: &model.population_args,
+            dispatch: model.blocks_dispatch(show.upto),
+        };
+        raster.record_order(recorder, splats, &grid, &views.frames, None, status);
+        Ok(grid)
     }
 
     /// Renders one view and leaves it on the device, growing the intersection buffers where they are too small. Waits.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] where model and views have different origins; else what the device lacks.
-    pub fn render_on_device(&mut self, model: &Model, views: &Views, view: u32, background: [f32; 3]) -> Result<()> {
+    /// [`Error::Usage`] where model and views have different origins; else what the device lacks.
+    pub fn render_on_device(&mut self, model: &Model, views: &Views, view: u32, show: &Show) -> Result<()> {
         model.check_origin(views)?;
         loop {
-            self.status.upload(0, &[0; STATUS_WORDS])?;
             let mut recorder = self.raster.context().recorder("render")?;
-            self.record(&mut recorder, model, views, view, model.sh_degree, background, &self.status);
+            recorder.fill(&self.status, 0);
+            self.record(&mut recorder, model, views, view, show, &self.status)?;
             recorder.submit()?.wait()?;
-            let overflow = self.status.download()?[OVERFLOW];
-            if overflow == 0 {
-                return Ok(());
+            let status = Status::read(&self.status.download()?);
+            // guard: a view that did not fit is drawn again
+            match status.needed(Resource::Intersections) {
+                None => return Ok(()),
+                Some(needed) => self.raster.grow(needed)?,
             }
-            self.raster.grow(overflow)?;
         }
     }
 
-    /// Renders one view and reads it back.
+    /// Renders one view of all of `model` and reads it back.
     pub fn render(&mut self, model: &Model, views: &Views, view: u32, background: [f32; 3]) -> Result<Rendered> {
-        self.render_on_device(model, views, view, background)?;
+        self.render_shown(model, views, view, &Show::all(model, background))
+    }
+
+    /// Renders what is to be shown of one view and reads it back.
+    pub fn render_shown(&mut self, model: &Model, views: &Views, view: u32, show: &Show) -> Result<Rendered> {
+        self.render_on_device(model, views, view, show)?;
         let camera = &views.cameras[view as usize];
         let pixels = camera.pixels() as usize;
-        let image = self.raster.image.download_range(0, pixels)?;
+        let image = self.raster.buffers.image.download_range(0, pixels)?;
         Ok(Rendered {
             width: camera.width,
             height: camera.height,

@@ -3,31 +3,27 @@
 use crate::{
     gpu::{Buffer, Context, GpuError, Recorder},
     stages::{
-        radix_downsweep::{self, RadixDownsweep},
-        radix_spine::{self, RadixSpine},
-        radix_upsweep::{self, RadixUpsweep, passes_for},
-        scan_apply::{self, ScanApply},
-        scan_reduce::{self, ScanReduce},
-        scan_spine::{self, ScanSpine},
+        blocks::{BLOCK, SPINE_WORKGROUP, WORKGROUP, passes_for},
+        radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine,
     },
 };
 
-/// How many items there are, and the workgroups for them: `count[index]` and slot `slot` of `args`, which
-/// `dispatch_args` made with [`scan_reduce::items_per_group`].
+/// How many items there are, and the workgroups for them: `count[index]` and dispatch `dispatch` of `args`, which
+/// `dispatch_args` made with [`items_per_group`](crate::stages::blocks::items_per_group).
 #[derive(Clone, Copy)]
 pub struct Extent<'a> {
     pub count: &'a Buffer<u32>,
     pub index: u32,
     pub args: &'a Buffer<u32>,
-    pub slot: u32,
+    pub dispatch: u32,
 }
 
 /// Exclusive prefix sum of u32.
 pub struct Scan {
     gather: bool,
-    reduce: ScanReduce,
-    spine: ScanSpine,
-    apply: ScanApply,
+    reduce: scan_reduce::Stage,
+    spine: scan_spine::Stage,
+    apply: scan_apply::Stage,
 }
 
 /// What a scan reads and writes.
@@ -36,7 +32,7 @@ pub struct ScanBuffers<'a> {
     pub values: &'a Buffer<u32>,
     /// Item i is `values[index[i]]`; `None` for a scan that was made without gather.
     pub index: Option<&'a Buffer<u32>>,
-    /// Scratch, [`scan_reduce::block_sums_len`] elements.
+    /// Scratch, [`block_sums_len`](crate::stages::blocks::block_sums_len) elements.
     pub block_sums: &'a Buffer<u32>,
     /// By item, in the order of the items.
     pub offsets: &'a Buffer<u32>,
@@ -44,11 +40,13 @@ pub struct ScanBuffers<'a> {
 
 impl Scan {
     pub fn new(context: &Context, gather: bool) -> Result<Self, GpuError> {
+        let workgroup_size = WORKGROUP;
+        let spine = scan_spine::Spec { workgroup_size: SPINE_WORKGROUP, block: BLOCK };
         Ok(Scan {
             gather,
-            reduce: ScanReduce::new(context, gather)?,
-            spine: ScanSpine::new(context)?,
-            apply: ScanApply::new(context, gather)?,
+            reduce: scan_reduce::Stage::new(context, &scan_reduce::Spec { workgroup_size, block: BLOCK, gather })?,
+            spine: scan_spine::Stage::new(context, &spine)?,
+            apply: scan_apply::Stage::new(context, &scan_apply::Spec { workgroup_size, block: BLOCK, gather })?,
         })
     }
 
@@ -57,25 +55,26 @@ impl Scan {
         let ScanBuffers { values, block_sums, offsets, .. } = *buffers;
         let index = buffers.index.unwrap_or(values);
         debug_assert_eq!(self.gather, buffers.index.is_some());
-        let Extent { count, index: count_index, args, slot } = extent;
-        self.reduce.record(
+        let Extent { count, index: count_index, args, dispatch } = extent;
+        self.reduce.record_indirect(
             recorder,
             &scan_reduce::Buffers { count, values, index, block_sums },
             &scan_reduce::Push { count_index },
             args,
-            slot,
+            dispatch,
         );
         self.spine.record(
             recorder,
             &scan_spine::Buffers { count, block_sums },
             &scan_spine::Push { count_index, total_index },
+            1,
         );
-        self.apply.record(
+        self.apply.record_indirect(
             recorder,
             &scan_apply::Buffers { count, values, index, block_sums, offsets },
             &scan_apply::Push { count_index },
             args,
-            slot,
+            dispatch,
         );
     }
 }
@@ -84,10 +83,12 @@ impl Scan {
 pub struct RadixSort {
     passes: u32,
     digit_bits: u32,
-    compact: Option<(RadixUpsweep, RadixDownsweep)>,
-    upsweep: RadixUpsweep,
-    spine: RadixSpine,
-    downsweep: RadixDownsweep,
+    compact: Option<(radix_upsweep::Stage, radix_downsweep::Stage)>,
+    upsweep: radix_upsweep::Stage,
+    spine: radix_spine::Stage,
+    /// Workgroups of the spine: a lane for each digit.
+    spine_groups: u32,
+    downsweep: radix_downsweep::Stage,
 }
 
 /// Keys and the values that go with them.
@@ -100,9 +101,9 @@ pub struct Pairs<'a> {
 /// Scratch of a radix sort.
 #[derive(Clone, Copy)]
 pub struct RadixScratch<'a> {
-    /// [`radix_upsweep::block_counts_len`] elements for [`RadixSort::digit_bits`].
+    /// [`block_counts_len`](crate::stages::blocks::block_counts_len) elements for [`RadixSort::digit_bits`].
     pub block_counts: &'a Buffer<u32>,
-    /// [`radix_upsweep::digit_totals_len`] elements.
+    /// [`digit_totals_len`](crate::stages::blocks::digit_totals_len) elements.
     pub digit_totals: &'a Buffer<u32>,
 }
 
@@ -111,24 +112,36 @@ impl RadixSort {
     /// is its index.
     pub fn new(context: &Context, key_bits: u32, compact: bool) -> Result<Self, GpuError> {
         let (passes, digit_bits) = passes_for(key_bits);
-        let compact = if compact {
-            Some((RadixUpsweep::new(context, digit_bits, true)?, RadixDownsweep::new(context, digit_bits, true)?))
-        } else {
-            None
+        let (workgroup_size, block) = (WORKGROUP, BLOCK);
+        let upsweep = |compact| {
+            let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, compact };
+            radix_upsweep::Stage::new(context, &spec)
         };
+        let downsweep = |compact| {
+            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact };
+            radix_downsweep::Stage::new(context, &spec)
+        };
+        let lanes = context.info().subgroup_size.max(1);
+        // A workgroup of the spine has a column of counters per lane, so they are few, and on a GPU it takes many subgroups in
+        // each to hide the latency (1024 threads is what GPUs allow). On a CPU each subgroup is only a cost.
+        let spine_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(1024) };
         Ok(RadixSort {
             passes,
             digit_bits,
-            compact,
-            upsweep: RadixUpsweep::new(context, digit_bits, false)?,
-            spine: RadixSpine::new(context, digit_bits)?,
-            downsweep: RadixDownsweep::new(context, digit_bits, false)?,
+            compact: if compact { Some((upsweep(true)?, downsweep(true)?)) } else { None },
+            upsweep: upsweep(false)?,
+            spine: radix_spine::Stage::new(
+                context,
+                &radix_spine::Spec { workgroup_size: spine_size, block, digit_bits },
+            )?,
+            spine_groups: (1u32 << digit_bits).div_ceil(lanes),
+            downsweep: downsweep(false)?,
         })
     }
 
-    /// Width of the digits.
-    pub fn digit_bits(&self) -> u32 {
-        self.digit_bits
+    /// Width of the digits for keys of that many bits.
+    pub fn digit_bits_for(key_bits: u32) -> u32 {
+        passes_for(key_bits).1
     }
 
     /// Which of the two pairs of [`RadixSort::record`] the sorted ones end up in.
@@ -149,7 +162,7 @@ impl RadixSort {
         kept_index: u32,
     ) -> Pairs<'a> {
         let RadixScratch { block_counts, digit_totals } = scratch;
-        let Extent { count, index, args, slot } = extent;
+        let Extent { count, index, args, dispatch } = extent;
         let (mut count_index, mut from) = (index, input);
         for pass in 0..self.passes {
             let shift = pass * self.digit_bits;
@@ -159,9 +172,9 @@ impl RadixSort {
                 _ => (&self.upsweep, &self.downsweep),
             };
             let buffers = radix_upsweep::Buffers { count, keys_in: from.keys, block_counts };
-            upsweep.record(recorder, &buffers, &radix_upsweep::Push { count_index, shift }, args, slot);
+            upsweep.record_indirect(recorder, &buffers, &radix_upsweep::Push { count_index, shift }, args, dispatch);
             let buffers = radix_spine::Buffers { count, block_counts, digit_totals };
-            self.spine.record(recorder, &buffers, &radix_spine::Push { count_index });
+            self.spine.record(recorder, &buffers, &radix_spine::Push { count_index }, self.spine_groups);
             let buffers = radix_downsweep::Buffers {
                 count,
                 keys_in: from.keys,
@@ -172,7 +185,7 @@ impl RadixSort {
                 values_out: to.values,
             };
             let push = radix_downsweep::Push { count_index, kept_index, shift };
-            downsweep.record(recorder, &buffers, &push, args, slot);
+            downsweep.record_indirect(recorder, &buffers, &push, args, dispatch);
             // The dropped keys are at the end of the dispatch from here on: workgroups beyond the count have nothing to do.
             if self.compact.is_some() {
                 count_index = kept_index;

@@ -7,8 +7,12 @@ use super::views::{Views, origin_for};
 use crate::{
     Error, Result,
     data::{Dataset, Photo, PointCloud, Split, load_photos},
-    gpu::{Buffer, Context, Location},
+    gpu::Context,
     scene::Camera,
+    stages::{
+        ssim::{partials_len, tiles_for},
+        types::Frame,
+    },
 };
 
 /// Random points at most: 3DGS's number.
@@ -23,27 +27,22 @@ pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 /// hears of every photo that is done: how many are, and its pixels as the device has them.
 ///
 /// # Errors
-/// Those of the files, and [`Error::Usage`] where all photographs do not fit into one buffer of the device.
+/// Those of the files, and [`Error::Usage`] where a photograph is more than the device can learn from at once.
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
     mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
-    // 4 bytes for each pixel. Checked before cameras are numbered: positions of pixels are 32 bits.
-    let pixels: u64 = photos.iter().map(|p| u64::from(p.camera.width) * u64::from(p.camera.height)).sum();
-    let limit = context.info().max_storage_bytes.min(4 * u64::from(u32::MAX));
-    if 4 * pixels > limit {
-        return Err(too_many(photos, pixels, limit));
+    if let Some(error) = photos.iter().find_map(|photo| too_large(photo, context.info().max_storage_bytes)) {
+        return Err(error);
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-    let mut views = Views::upload_around(context, origin_for(&cameras), &cameras, &[])?;
-    views.targets = Buffer::new(context, "targets", pixels as usize, Location::Device)?;
-    let (mut first, mut done) = (0, 0);
+    let views = Views::without_photographs(context, origin_for(&cameras), &cameras, true)?;
+    let mut done = 0;
     load_photos(photos, background, |image| {
         let packed = image.packed();
-        views.targets.upload(first, &packed)?;
-        first += packed.len();
+        views.upload_photograph(done, &packed)?;
         done += 1;
         progress(done, &packed);
         Ok(())
@@ -51,20 +50,25 @@ pub fn upload_photos(
     Ok(views)
 }
 
-/// What to do about photographs of so many pixels, on a device that binds `limit` bytes at once.
-fn too_many(photos: &[&Photo], pixels: u64, limit: u64) -> Error {
-    let longest = photos.iter().map(|photo| photo.camera.width.max(photo.camera.height)).max().unwrap_or(0);
-    let shrink = (limit as f64 / (4 * pixels) as f64).sqrt();
-    // A little less, since sides are rounded.
-    let fits = (0.99 * shrink * f64::from(longest)) as u32;
+/// What to do about a photo that cannot be learned from on a device that binds `limit` bytes at once. Of all that a pixel takes
+/// the derivatives of its loss are the most.
+fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
+    let Camera { width, height, .. } = photo.camera;
+    let frame = Frame { image_first: 0, target_first: 0, width, height };
+    let bytes = (partials_len(tiles_for(&frame)) * size_of::<f32>()) as u64;
+    if bytes <= limit {
+        return None;
+    }
+    // A little less, since tiles are whole.
+    let fits = (0.95 * (limit as f64 / bytes as f64).sqrt() * f64::from(width.max(height))) as u32;
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
-    Error::Usage(format!(
-        "{} photos of up to {longest} pixels a side take {:.0} MB on the device, which binds {:.0} MB at once: --max-size {fits} \
-         fits, or leave photos out",
-        photos.len(),
-        megabytes(4 * pixels),
+    Some(Error::Usage(format!(
+        "the photo {} is {width} × {height}; to learn from it takes {:.0} MB at once, and the device binds {:.0} MB: \
+         --max-size {fits} fits",
+        photo.name,
+        megabytes(bytes),
         megabytes(limit)
-    ))
+    )))
 }
 
 /// Points that a first scene is made of.
@@ -171,12 +175,15 @@ mod tests {
 
     /// It was "buffer targets needs 168820736 bytes".
     #[test]
-    fn photos_that_do_not_fit_are_told_what_would() {
-        let data = dataset(None);
-        let photos: Vec<&Photo> = data.photos.iter().collect();
-        // 36 + 20 + 24 pixels are 320 bytes; half of that is what sides of 9 / √2 take.
-        let message = too_many(&photos, 80, 160).to_string();
-        assert!(message.contains("3 photos of up to 9 pixels") && message.contains("--max-size 6 fits"), "{message}");
+    fn a_photo_that_does_not_fit_is_told_what_would() {
+        let mut photo = dataset(None).photos.swap_remove(0);
+        let limit = 128 << 20;
+        (photo.camera.width, photo.camera.height) = (4000, 3000);
+        let message = too_large(&photo, limit).unwrap().to_string();
+        assert!(message.contains(&photo.name) && message.contains("4000 × 3000"), "{message}");
+        let fits: u32 = message.split("--max-size ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        (photo.camera.width, photo.camera.height) = (fits, fits * 3 / 4);
+        assert!(too_large(&photo, limit).is_none() && fits > 1900, "{fits}");
     }
 
     #[test]

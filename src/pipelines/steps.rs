@@ -1,14 +1,29 @@
 //! Runs many recorded steps without waiting for any one of them.
 
-use std::collections::VecDeque;
+use std::{collections::VecDeque, mem};
 
 use crate::{
+    error::Result,
     gpu::{Buffer, Context, GpuError, Location, Recorder, StageTime, Submission},
-    stages::step_done::{OVERFLOW, STATUS_WORDS, STEPS},
+    stages::{
+        status::{self as words, Resource, Status},
+        step_done,
+    },
 };
 
 /// Submissions that may be on their way at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
+/// Of so many submissions one is timed: enough to see how a long run changes, few enough to cost nothing.
+const TIMED_OF: usize = 8;
+
+/// Something that is done step by step.
+pub trait Looped {
+    /// Records step `step`, all but the counting of it.
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()>;
+
+    /// Makes room where the device found too little; nothing is in flight.
+    fn grow(&mut self, resource: Resource, needed: u32) -> Result<()>;
+}
 
 /// The device's status words and where the host reads them late.
 pub struct Steps {
@@ -18,73 +33,125 @@ pub struct Steps {
     readback: [Buffer<u32>; IN_FLIGHT],
     /// Steps in one command buffer.
     batch: u32,
+    done: step_done::Stage,
+    run: Run,
+}
+
+/// A loop on its way.
+#[derive(Default)]
+struct Run {
+    total: u32,
+    next: u32,
+    submitted: usize,
+    timed: bool,
+    in_flight: VecDeque<(Submission, usize)>,
+    report: StepReport,
 }
 
 /// What a loop did.
 #[derive(Debug, Default)]
 pub struct StepReport {
-    /// How often a buffer was too small and was grown.
+    /// How often something was too small and was made larger.
     pub grown: u32,
-    /// Time of each stage on the device, in the order of recording, summed over the steps that were timed.
+    /// Time of each stage on the device, in the order of recording, of the steps that were timed: some all through the run.
     pub stages: Vec<StageTime>,
+}
+
+impl StepReport {
+    /// Mean milliseconds a step of each stage, in the order in which they first ran.
+    pub fn milliseconds(&self) -> Vec<(&'static str, f64)> {
+        // Every step ends with one of these.
+        let steps = self.stages.iter().filter(|t| t.name == "step_done").count().max(1);
+        let mut sums: Vec<(&'static str, f64)> = Vec::new();
+        for time in &self.stages {
+            let milliseconds = time.time.as_secs_f64() * 1e3 / steps as f64;
+            match sums.iter_mut().find(|(name, _)| *name == time.name) {
+                Some((_, sum)) => *sum += milliseconds,
+                None => sums.push((time.name, milliseconds)),
+            }
+        }
+        sums
+    }
 }
 
 impl Steps {
     pub fn new(context: &Context, batch: u32) -> Result<Self, GpuError> {
         let readback =
-            |i: usize| Buffer::new(context, &format!("status readback {i}"), STATUS_WORDS, Location::Readback);
+            |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);
         Ok(Steps {
             context: context.clone(),
-            status: Buffer::zeroed(context, "status", STATUS_WORDS)?,
+            status: Buffer::zeroed(context, "status", words::WORDS)?,
             readback: [readback(0)?, readback(1)?],
             batch: batch.max(1),
+            done: step_done::Stage::new(context, &step_done::Spec { workgroup_size: 1 })?,
+            run: Run::default(),
         })
     }
 
-    /// Records and submits steps 0..`total`. `record` must end each step with `step_done`. Where a step needed more room
-    /// than the buffers have, nothing after it took effect: `grow` is told how many intersections it needed and the loop goes
-    /// on from that step. `progress` hears of finished steps. With `timed`, every stage of the first submission is timed.
+    /// Begins a loop of steps 0..`total`. With `timed`, the stages of some submissions are timed.
+    pub fn start(&mut self, total: u32, timed: bool) -> Result<()> {
+        self.status.upload(0, &[0; words::WORDS])?;
+        self.run = Run { total, timed, ..Run::default() };
+        Ok(())
+    }
+
+    /// Keeps submissions on their way until one is done; the number of finished steps, or `None` once all are. Where a step
+    /// needed more room than there was, nothing after it took effect: `work` makes room and the loop goes on from that step.
+    pub fn advance(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
+        let Steps { context, status, readback, batch, done, run } = self;
+        while run.next < run.total && run.in_flight.len() < IN_FLIGHT {
+            let mut recorder = context.recorder("steps")?;
+            if run.timed && run.submitted.is_multiple_of(TIMED_OF) {
+                recorder.time_stages();
+            }
+            let end = run.total.min(run.next + *batch);
+            for step in run.next..end {
+                work.record(&mut recorder, step, status)?;
+                done.record(&mut recorder, &step_done::Buffers { status }, &step_done::Push {}, 1);
+            }
+            let ring = run.submitted % IN_FLIGHT;
+            recorder.copy(status, 0, &readback[ring], 0, words::WORDS);
+            run.in_flight.push_back((recorder.submit()?, ring));
+            run.next = end;
+            run.submitted += 1;
+        }
+        let Some((oldest, ring)) = run.in_flight.pop_front() else { return Ok(None) };
+        run.report.stages.extend(oldest.wait()?);
+        let found = Status::read(readback[ring].mapped());
+        if found.failed() {
+            // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
+            run.in_flight.clear();
+            for (resource, needed) in found.needs() {
+                tracing::debug!(step = found.steps(), %resource, needed, "making room");
+                work.grow(resource, needed)?;
+            }
+            run.report.grown += 1;
+            let mut kept = [0; words::WORDS];
+            kept[words::STEPS] = found.steps();
+            status.upload(0, &kept)?;
+            // guard: steps that did not fit are done again
+            run.next = found.steps();
+        }
+        Ok(Some(found.steps()))
+    }
+
+    /// What the loop did so far; the next begins anew.
+    pub fn report(&mut self) -> StepReport {
+        mem::take(&mut self.run.report)
+    }
+
+    /// Runs a whole loop; `progress` hears of finished steps.
     pub fn run(
-        &self,
+        &mut self,
         total: u32,
         timed: bool,
-        mut record: impl FnMut(&mut Recorder, u32),
-        mut grow: impl FnMut(u32) -> Result<(), GpuError>,
+        work: &mut impl Looped,
         mut progress: impl FnMut(u32),
-    ) -> Result<StepReport, GpuError> {
-        let mut report = StepReport::default();
-        self.status.upload(0, &[0; STATUS_WORDS])?;
-        let mut in_flight: VecDeque<(Submission, usize)> = VecDeque::new();
-        let (mut next, mut submitted) = (0, 0);
-        while next < total || !in_flight.is_empty() {
-            while next < total && in_flight.len() < IN_FLIGHT {
-                let mut recorder = self.context.recorder("steps")?;
-                if timed && submitted == 0 {
-                    recorder.time_stages();
-                }
-                let end = total.min(next + self.batch);
-                (next..end).for_each(|step| record(&mut recorder, step));
-                let slot = submitted % IN_FLIGHT;
-                recorder.copy(&self.status, 0, &self.readback[slot], 0, STATUS_WORDS);
-                in_flight.push_back((recorder.submit()?, slot));
-                next = end;
-                submitted += 1;
-            }
-            let Some((oldest, slot)) = in_flight.pop_front() else { break };
-            report.stages.extend(oldest.wait()?);
-            let status = self.readback[slot].mapped();
-            let (overflow, done) = (status[OVERFLOW], status[STEPS]);
+    ) -> Result<StepReport> {
+        self.start(total, timed)?;
+        while let Some(done) = self.advance(work)? {
             progress(done);
-            if overflow != 0 {
-                // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
-                in_flight.clear();
-                tracing::debug!(step = done, intersections = overflow, "growing the intersection buffers");
-                grow(overflow)?;
-                report.grown += 1;
-                self.status.upload(OVERFLOW, &[0])?;
-                next = done;
-            }
         }
-        Ok(report)
+        Ok(self.report())
     }
 }

@@ -1,66 +1,31 @@
-//! Trains Gaussians on photographs: render → loss → backward → Adam, one view a step, all on the device.
+//! Trains Gaussians on photographs: render → loss → backward → Adam, all on the device.
 //!
-//! [`Trainer`] is the loop of both the base scene (method, section 2; Gaussians fixed in number) and the joint stage
+//! [`Trainer`] is the loop of both the base scene (method, section 2; Gaussians fixed in number) and the joint phase
 //! (section 5, `join`): they differ in which Gaussians learn what, and how fast.
 
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::{
-    loss::Photometric,
-    model::{GEOMETRY_PLANES, LOBE_PLANES, Model},
-    raster::{Reduction, WORKGROUP},
-    render::{RenderOptions, Renderer},
-    steps::{StepReport, Steps},
+    learn::{Learner, Lesson, Rates, Seen},
+    loss::{Batch, LossOptions, Photometric, Tiles},
+    model::{Model, Segment},
+    render::{Needs, RenderOptions, Renderer, Show},
+    session::Session,
+    steps::{Looped, StepReport, Steps},
     views::Views,
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, GpuError, Recorder},
-    stages::{
-        project_backward::{self, ProjectBackward},
-        ssim_forward::tiles_per_frame,
-        step_done::{self, StepDone},
-    },
+    gpu::{Buffer, Recorder},
+    stages::{ssim::tiles_per_frame, status::Resource},
 };
 
 /// Steps recorded into one command buffer: enough that submitting costs nothing, few enough that progress is seen and a
 /// replay after growth is short.
 const BATCH: u32 = 16;
 
-/// Learning rates by parameter, per step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Rates {
-    /// Scene units.
-    pub mean: f32,
-    pub log_scale: f32,
-    pub quat: f32,
-    pub opacity: f32,
-    /// Constant SH band.
-    pub dc: f32,
-    /// Other SH bands.
-    pub sh: f32,
-    pub direction: f32,
-    pub width: f32,
-    pub sharpness: f32,
-}
-
-/// What a range of Gaussians learns.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
-    pub first: u32,
-    pub count: u32,
-    /// Supplementary Gaussians, which have lobes.
-    pub lobes: bool,
-    /// All but the opacity is frozen.
-    pub opacity_only: bool,
-    /// Leave alone what a step's view does not blend (SparseAdam).
-    pub sparse: bool,
-    /// Adam's bias correction of all but the lobes, which always have it.
-    pub bias_correction: bool,
-}
-
-/// What a step is made of besides its view.
+/// What a step is made of besides its views.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPlan {
     pub rates: Rates,
@@ -68,49 +33,22 @@ pub struct StepPlan {
     pub active_degree: u32,
 }
 
-/// A part with its pipeline and Adam's moments.
-struct Learner {
-    part: Part,
-    stage: ProjectBackward,
-    geometry_moments: Buffer<f32>,
-    sh_moments: Buffer<f32>,
-    lobe_moments: Buffer<f32>,
-}
-
-impl Learner {
-    fn new(context: &Context, model: &Model, part: Part) -> Result<Self, GpuError> {
-        let spec = project_backward::Spec {
-            workgroup_size: WORKGROUP,
-            compensate: false,
-            lobes: part.lobes,
-            opacity_only: part.opacity_only,
-            sparse: part.sparse,
-            gradients: false,
-        };
-        // Frozen planes have no moments.
-        let (geometry, sh, lobes) = match (part.opacity_only, part.lobes) {
-            (true, _) => (1, 0, 0),
-            (false, false) => (GEOMETRY_PLANES, 3 * model.coefficients() as usize, 0),
-            (false, true) => (GEOMETRY_PLANES, 3 * model.coefficients() as usize, LOBE_PLANES),
-        };
-        let moments = |name: &str, planes: usize| Buffer::zeroed(context, name, 2 * planes * part.count as usize);
-        Ok(Learner {
-            part,
-            stage: ProjectBackward::new(context, &spec)?,
-            geometry_moments: moments("geometry moments", geometry)?,
-            sh_moments: moments("sh moments", sh)?,
-            lobe_moments: moments("lobe moments", lobes)?,
-        })
-    }
-}
-
-/// Everything that a training loop needs, made once.
+/// Everything that a training loop needs, made once, and the loop itself.
 pub struct Trainer {
+    work: Training,
+    steps: Steps,
+}
+
+/// One step after another.
+struct Training {
     renderer: Renderer,
     loss: Photometric,
+    tiles_per_frame: u32,
     learners: Vec<Learner>,
-    done: StepDone,
-    steps: Steps,
+    /// The views of step t are `schedule[t * views_per_step..][..views_per_step]`.
+    schedule: Vec<u32>,
+    views_per_step: u32,
+    plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
 }
 
@@ -118,151 +56,163 @@ pub struct Trainer {
 #[derive(Debug)]
 pub struct TrainReport {
     pub steps: StepReport,
-    /// Loss of every step's view before the step.
+    /// Loss of every view of every step, before the step.
     pub losses: Vec<f32>,
 }
 
+/// A training step on a model and the views it is trained on.
+struct On<'a> {
+    training: &'a mut Training,
+    model: &'a Model,
+    views: &'a Views,
+}
+
 impl Trainer {
-    /// For up to `max_steps` steps on `model` in `views`, whose photographs are the targets.
+    /// For steps on `model` that see `views_per_step` of `views` each, in the order of `schedule`, whose photographs are the
+    /// targets; `plan` says what each step moves.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the schedule names a view that is not there or is not of whole steps, or where model and views
+    /// have different origins; else what the device lacks.
     pub fn new(
-        context: &Context,
+        session: &Session,
         model: &Model,
         views: &Views,
-        parts: &[Part],
-        background: [f32; 3],
-        max_steps: u32,
-        reduction: Reduction,
-    ) -> Result<Self, GpuError> {
-        let frames: Vec<_> = views.frames.download()?;
-        let render = RenderOptions { backward: true, reduction, ..Default::default() };
+        lessons: &[Lesson],
+        schedule: Vec<u32>,
+        views_per_step: u32,
+        plan: impl Fn(u32) -> StepPlan + Send + 'static,
+    ) -> Result<Self> {
+        let whole = views_per_step > 0 && (schedule.len() as u32).is_multiple_of(views_per_step);
+        if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
+            return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
+        }
+        model.check_origin(views)?;
+        let context = &session.context;
+        let render = RenderOptions { backward: true, policy: session.policy, ..Default::default() };
+        let needs = Needs { degrees: (0..=model.sh_degree).collect(), ..Needs::of(model) };
+        let tiles_per_frame = tiles_per_frame(&views.frame_list);
+        let loss = LossOptions {
+            tiles: tiles_per_frame,
+            map_pixels: 0,
+            losses: schedule.len() as u32,
+            listed: false,
+            backward: true,
+        };
+        let learner = |&lesson: &Lesson| Learner::new(model, lesson, views_per_step > 1);
         Ok(Trainer {
-            renderer: Renderer::new(context, model.count(), views, render)?,
-            loss: Photometric::new(context, 1, tiles_per_frame(&frames), max_steps as usize)?,
-            learners: parts.iter().map(|&p| Learner::new(context, model, p)).collect::<Result<_, _>>()?,
-            done: StepDone::new(context, &step_done::Spec { workgroup_size: 1 })?,
+            work: Training {
+                renderer: Renderer::new(context, needs, views, render)?,
+                loss: Photometric::new(context, &loss)?,
+                tiles_per_frame,
+                learners: lessons.iter().map(learner).collect::<Result<_, _>>()?,
+                schedule,
+                views_per_step,
+                plan: Box::new(plan),
+                background: session.background,
+            },
             steps: Steps::new(context, BATCH)?,
-            background,
         })
     }
 
-    /// Step t renders view `schedule[t]` and moves what its [`StepPlan`] says. `progress` hears the number of finished steps.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] where the schedule names a view that is not there or is longer than the trainer was made for, or where model
-    /// and views have different origins.
+    /// Begins, or begins anew with what has been learned so far.
+    pub fn start(&mut self, timed: bool) -> Result<()> {
+        self.steps.start(self.total(), timed)
+    }
+
+    /// Steps of the whole schedule.
+    pub fn total(&self) -> u32 {
+        self.work.schedule.len() as u32 / self.work.views_per_step
+    }
+
+    /// Goes on until some steps are done: how many are by now, or `None` once all are. `model` and `views` are those that it was
+    /// made for.
+    pub fn advance(&mut self, model: &Model, views: &Views) -> Result<Option<u32>> {
+        self.steps.advance(&mut On { training: &mut self.work, model, views })
+    }
+
+    /// What was done.
+    pub fn report(&mut self) -> TrainReport {
+        let losses = self.work.loss.losses.mapped().iter().take(self.work.schedule.len()).map(|l| l.total).collect();
+        TrainReport { steps: self.steps.report(), losses }
+    }
+
+    /// All steps; `progress` hears of finished ones.
     pub fn run(
         &mut self,
         model: &Model,
         views: &Views,
-        schedule: &[u32],
-        plan: impl Fn(u32) -> StepPlan,
         timed: bool,
-        progress: impl FnMut(u32),
+        mut progress: impl FnMut(u32),
     ) -> Result<TrainReport> {
-        if schedule.len() > self.loss.losses.len() || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
-            return Err(Error::Usage("the schedule does not fit the trainer".into()));
+        self.start(timed)?;
+        while let Some(done) = self.advance(model, views)? {
+            progress(done);
         }
-        model.check_origin(views)?;
-        let Trainer { renderer, loss, learners, done, steps, background } = self;
-        let renderer = std::cell::RefCell::new(renderer);
-        // Gaussians below the first that learns more than its opacity need no other gradient.
-        let frozen = learners.iter().filter(|l| l.part.opacity_only).map(|l| l.part.first + l.part.count).max();
-        let report = steps.run(
-            schedule.len() as u32,
-            timed,
-            |recorder, step| {
-                let view = schedule[step as usize];
-                let StepPlan { rates, active_degree } = plan(step);
-                let renderer = renderer.borrow();
-                let grid = renderer.record(recorder, model, views, view, active_degree, *background, &steps.status);
-                loss.record(recorder, &renderer.raster, &views.frames, &views.targets, (view, 1), step);
-                renderer.raster.record_blend_backward(recorder, &grid, &views.frames, frozen.unwrap_or(0));
-                for learner in learners.iter() {
-                    record_learner(
-                        recorder,
-                        learner,
-                        model,
-                        views,
-                        &renderer,
-                        view,
-                        step,
-                        &rates,
-                        active_degree,
-                        &steps.status,
-                    );
-                }
-                done.record(recorder, &step_done::Buffers { status: &steps.status });
-            },
-            |needed| renderer.borrow_mut().raster.grow(needed),
-            progress,
-        )?;
-        let losses = self.loss.losses.mapped().iter().take(schedule.len()).map(|l| l.total).collect();
-        Ok(TrainReport { steps: report, losses })
+        Ok(self.report())
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "private: what one step knows")]
-fn record_learner(
-    recorder: &mut Recorder,
-    learner: &Learner,
-    model: &Model,
-    views: &Views,
-    renderer: &Renderer,
-    view: u32,
-    step: u32,
-    rates: &Rates,
-    active_degree: u32,
-    status: &Buffer<u32>,
-) {
-    let Part { first, count, bias_correction, .. } = learner.part;
-    if count == 0 {
-        return;
+impl On<'_> {
+    /// The gradient records of one view.
+    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<()> {
+        let On { training, model, views } = self;
+        let Training { renderer, loss, .. } = &**training;
+        let view = training.schedule[at as usize];
+        let show = Show { upto: Segment::Supplement, degree, background: training.background };
+        let grid = renderer.record(recorder, model, views, view, &show, status)?;
+        let buffers = &renderer.raster.buffers;
+        let batch = Batch {
+            frames: &views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: training.tiles_per_frame,
+            image: &buffers.image,
+            targets: views.targets(view as usize),
+        };
+        loss.record_forward(recorder, &batch, Tiles::All, None);
+        loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
+        loss.record_sum(recorder, &batch, at);
+        // Segments before the first that learns more than its opacity need no other gradient.
+        let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
+        renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
+        Ok(())
     }
-    let correction = |beta: f64| (1.0 / (1.0 - beta.powi(step as i32 + 1))) as f32;
-    let (lobe_first_correction, lobe_second_correction) = (correction(0.9), correction(0.999));
-    let (first_correction, second_correction) =
-        if bias_correction { (lobe_first_correction, lobe_second_correction) } else { (1.0, 1.0) };
-    let raster = &renderer.raster;
-    learner.stage.record(
-        recorder,
-        &project_backward::Buffers {
-            views: &views.views,
-            status,
-            tile_counts: &raster.tile_counts,
-            first_slot: &raster.first_slot,
-            records: &raster.records,
-            geometry: &model.geometry,
-            sh: &model.sh,
-            lobes: &model.lobes,
-            geometry_moments: &learner.geometry_moments,
-            sh_moments: &learner.sh_moments,
-            lobe_moments: &learner.lobe_moments,
-        },
-        &project_backward::Push {
-            first,
-            count,
-            stride: model.stride,
-            moment_stride: count,
-            lobe_stride: model.lobe_stride,
-            view,
-            active_degree: active_degree.min(model.sh_degree),
-            stored_coefficients: model.coefficients(),
-            rate_mean: rates.mean,
-            rate_log_scale: rates.log_scale,
-            rate_quat: rates.quat,
-            rate_opacity: rates.opacity,
-            rate_dc: rates.dc,
-            rate_sh: rates.sh,
-            rate_direction: rates.direction,
-            rate_width: rates.width,
-            rate_sharpness: rates.sharpness,
-            first_correction,
-            second_correction,
-            lobe_first_correction,
-            lobe_second_correction,
-            by_gaussian: raster.by_gaussian().into(),
-        },
-    );
+}
+
+impl Looped for On<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let On { training, model, views } = &*self;
+        let StepPlan { rates, active_degree: degree } = (training.plan)(step);
+        let (views_per_step, raster) = (training.views_per_step, &training.renderer.raster);
+        let several = views_per_step > 1;
+        if several {
+            training.learners.iter().for_each(|learner| learner.record_begin(recorder));
+        }
+        for at in step * views_per_step..(step + 1) * views_per_step {
+            self.record_view(recorder, at, degree, status)?;
+            let seen = Seen { model, views, view: training.schedule[at as usize], raster, degree, status };
+            for learner in &training.learners {
+                match several {
+                    false => learner.record_step(recorder, &seen, &rates, step),
+                    true => learner.record_add(recorder, &seen),
+                }
+            }
+        }
+        if several {
+            for learner in &training.learners {
+                learner.record_adam(recorder, model, degree, &rates, step, status);
+            }
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, resource: Resource, needed: u32) -> Result<()> {
+        match resource {
+            Resource::Intersections => Ok(self.training.renderer.raster.grow(needed)?),
+            other => Err(Error::Usage(format!("training needs room for {needed} {other}, which are fixed in number"))),
+        }
+    }
 }
 
 /// `steps` views in random permutations of 0..`views`: every view once before any comes again.
@@ -282,18 +232,21 @@ pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
 pub struct BaseOptions {
     pub iterations: u32,
     pub sh_degree: u32,
-    pub seed: u64,
-    /// 1.1 × the largest camera distance from their mean, scene units: what position rates are relative to.
-    pub extent: f32,
-    pub reduction: Reduction,
+}
+
+impl Default for BaseOptions {
+    /// 3DGS's.
+    fn default() -> Self {
+        BaseOptions { iterations: 30_000, sh_degree: 3 }
+    }
 }
 
 impl BaseOptions {
-    /// What step `step` does.
-    pub fn plan(&self, step: u32) -> StepPlan {
+    /// What step `step` does; `extent` is the session's.
+    pub fn plan(&self, extent: f32, step: u32) -> StepPlan {
         let t = f64::from(step) / f64::from(self.iterations.max(1));
         let (start, end) = (1.6e-4f64, 1.6e-6f64);
-        let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * self.extent;
+        let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
         // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
         let interval = (self.iterations / 30).clamp(1, 1000);
         StepPlan {
@@ -311,25 +264,24 @@ impl BaseOptions {
     }
 }
 
-/// Trains all plain Gaussians of `model` on the views `0..` of `views` that have photographs.
+/// Trains all plain Gaussians of `model` on all of `views`, which have photographs.
 pub fn train_base(
-    context: &Context,
+    session: &Session,
     model: &Model,
     views: &Views,
-    background: [f32; 3],
     options: &BaseOptions,
     timed: bool,
     progress: impl FnMut(u32),
 ) -> Result<TrainReport> {
-    let part = Part {
-        first: 0,
-        count: model.base_count,
-        lobes: false,
+    let lesson = Lesson {
+        segment: Segment::Base,
         opacity_only: false,
         sparse: false,
         bias_correction: true,
+        compensate: session.policy.compensate,
     };
-    let mut trainer = Trainer::new(context, model, views, &[part], background, options.iterations, options.reduction)?;
-    let schedule = permutations(views.cameras.len() as u32, options.iterations, options.seed);
-    trainer.run(model, views, &schedule, |step| options.plan(step), timed, progress)
+    let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
+    let (extent, options) = (session.extent, *options);
+    let plan = move |step| options.plan(extent, step);
+    Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?.run(model, views, timed, progress)
 }

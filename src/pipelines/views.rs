@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    gpu::{Buffer, Context, GpuError},
+    error::Result,
+    gpu::{Buffer, Context, GpuError, Location},
     scene::Camera,
     stages::types::{Frame, View},
 };
@@ -12,13 +13,16 @@ use crate::{
 const JACOBIAN_LIMIT: f64 = 1.3;
 
 /// Views 0..V, written once.
-#[derive(Clone)]
 pub struct Views {
     pub views: Buffer<View>,
     /// Frame v is view v alone: its image begins at pixel 0 of the working image, its target where its photograph does.
     pub frames: Buffer<Frame>,
-    /// 8-bit RGBA of all photographs; one unused word where there are none.
-    pub targets: Buffer<u32>,
+    /// The same on the host.
+    pub frame_list: Vec<Frame>,
+    /// 8-bit RGBA of the photographs, in pages that the device can bind; no photograph lies in two.
+    targets: Vec<Buffer<u32>>,
+    /// By view: the page of its photograph.
+    target_pages: Vec<usize>,
     /// In coordinates that count from `origin`.
     pub cameras: Vec<Camera>,
     /// Where the device's coordinates begin, in the world. A model must be uploaded around the same.
@@ -35,48 +39,100 @@ pub fn origin_for(cameras: &[Camera]) -> DVec3 {
     let eyes: Vec<DVec3> = cameras.iter().map(Camera::eye).filter(|eye| eye.is_finite()).collect();
     let middle = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
     let spread = eyes.iter().map(|eye| eye.distance(middle)).fold(0.0, f64::max);
+    // guard: origin of a far scene; origin of a near scene
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }
 
 impl Views {
-    /// `photographs` are 8-bit RGB, row-major, one for each camera and of its size, or none at all.
-    pub fn upload(context: &Context, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self, GpuError> {
+    /// `photographs` are 8-bit RGB, row-major, one for each camera and of its size, or none at all. Waits.
+    pub fn upload(context: &Context, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
         Self::upload_around(context, DVec3::ZERO, cameras, photographs)
     }
 
     /// In coordinates that count from `origin` (world, float64), see [`origin_for`].
-    pub fn upload_around(
+    pub fn upload_around(context: &Context, origin: DVec3, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
+        let views = Self::without_photographs(context, origin, cameras, !photographs.is_empty())?;
+        for (v, rgb) in photographs.iter().enumerate() {
+            views.upload_photograph(v, &pack(rgb))?;
+        }
+        Ok(views)
+    }
+
+    /// With room for photographs, if there will be any, that [`Views::upload_photograph`] brings.
+    ///
+    /// # Errors
+    /// [`GpuError::BufferTooLarge`] where a single photograph is more than the device binds at once.
+    pub fn without_photographs(
         context: &Context,
         origin: DVec3,
         cameras: &[Camera],
-        photographs: &[&[u8]],
-    ) -> Result<Self, GpuError> {
+        photographs: bool,
+    ) -> Result<Self> {
+        // guard: views around the origin
         let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.around(origin)).collect();
-        let mut views = Vec::with_capacity(cameras.len());
+        let most = (context.info().max_storage_bytes / size_of::<u32>() as u64).min(u64::from(u32::MAX)) as usize;
         let mut frames = Vec::with_capacity(cameras.len());
-        let mut first = 0;
+        let (mut pages, mut target_pages) = (vec![0usize], Vec::with_capacity(cameras.len()));
         for camera in &cameras {
-            views.push(view(camera, first));
-            frames.push(Frame { image_first: 0, target_first: first, width: camera.width, height: camera.height });
-            first += camera.pixels();
+            let pixels = camera.pixels() as usize;
+            if pages[pages.len() - 1] + pixels > most && pages[pages.len() - 1] > 0 {
+                pages.push(0);
+            }
+            let page = pages.len() - 1;
+            frames.push(Frame {
+                image_first: 0,
+                target_first: pages[page] as u32,
+                width: camera.width,
+                height: camera.height,
+            });
+            pages[page] += pixels;
+            target_pages.push(page);
         }
-        let mut targets = Vec::with_capacity(first as usize);
-        for rgb in photographs {
-            targets.extend(rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])));
-        }
+        // One word stands for photographs that are not there.
+        let page =
+            |pixels: &usize| Buffer::new(context, "targets", if photographs { *pixels } else { 1 }, Location::Device);
+        let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
         Ok(Views {
-            views: Buffer::from_slice(context, "views", &views)?,
+            views: Buffer::from_slice(context, "views", &list)?,
             frames: Buffer::from_slice(context, "frames", &frames)?,
-            targets: Buffer::from_slice(context, "targets", &targets)?,
+            targets: pages.iter().map(page).collect::<Result<_, GpuError>>()?,
+            frame_list: frames,
+            target_pages,
             cameras,
             origin,
         })
+    }
+
+    /// Brings the photograph of view `v`, packed by [`pack`], with A 0 where a pixel does not count. Waits.
+    pub fn upload_photograph(&self, v: usize, packed: &[u32]) -> Result<()> {
+        Ok(self.targets[self.target_pages[v]].upload(self.frame_list[v].target_first as usize, packed)?)
+    }
+
+    /// Reads the photograph of view `v` back. Waits.
+    pub fn download_photograph(&self, v: usize) -> Result<Vec<u32>> {
+        let (frame, page) = (&self.frame_list[v], &self.targets[self.target_pages[v]]);
+        Ok(page.download_range(frame.target_first as usize, (frame.width * frame.height) as usize)?)
+    }
+
+    /// The page that holds the photograph of view `v`.
+    pub fn targets(&self, v: usize) -> &Buffer<u32> {
+        &self.targets[self.target_pages[v]]
+    }
+
+    /// The views after `v`, and `v` itself, whose photographs lie in the same page.
+    pub fn same_page(&self, v: usize) -> usize {
+        self.target_pages[v..].iter().take_while(|&&page| page == self.target_pages[v]).count()
     }
 
     /// Largest number of pixels of a view.
     pub fn max_pixels(&self) -> u32 {
         self.cameras.iter().map(Camera::pixels).max().unwrap_or(0)
     }
+}
+
+/// 8-bit RGB as the device holds photographs: RGBA, R in the low byte, A 255.
+pub fn pack(rgb: &[u8]) -> Vec<u32> {
+    rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])).collect()
 }
 
 /// The device's form of a camera whose pixels begin at `pixel_first` of buffers that pack all views.

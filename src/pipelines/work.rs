@@ -13,7 +13,10 @@ use std::{
 
 use serde_json::Value;
 
-use super::enhance::LiftedBatch;
+use super::{
+    lift::Lifted,
+    screen::{Refiner, ScreenGaussian},
+};
 use crate::{
     data::{
         read_tensors,
@@ -100,15 +103,12 @@ impl WorkDir {
     }
 
     /// Writes what the batch left. The lifts come last: a view without them is done again.
-    pub fn keep(&self, cameras: &[Camera], batch: &LiftedBatch<'_>) -> Result<()> {
-        let planes = batch.plane.download(batch.batch)?;
-        // Slots that still hold a Gaussian, in the order in which `download` gives them.
-        let slots = batch.plane.taken_slots()?;
-        for (position, view) in batch.views.clone().enumerate() {
-            let mine = || planes.iter().zip(&slots).filter(|(p, _)| p.view as usize == view);
+    pub fn keep(&self, cameras: &[Camera], refiner: &Refiner, lifted: &Lifted) -> Result<()> {
+        let gaussians = refiner.download()?;
+        for (position, view) in refiner.views().enumerate() {
+            let mine = || gaussians.iter().filter(|(_, g)| g.view as usize == view);
             let n = mine().count();
-            let flat =
-                |of: &dyn Fn(&super::plane::Plane) -> Vec<f32>| mine().flat_map(|(p, _)| of(p)).collect::<Vec<f32>>();
+            let flat = |of: &dyn Fn(&ScreenGaussian) -> Vec<f32>| mine().flat_map(|(_, g)| of(g)).collect::<Vec<f32>>();
             let (xy, color) = (flat(&|p| p.centre.to_vec()), flat(&|p| p.colour.to_vec()));
             let (opacity, log_scale) = (flat(&|p| vec![p.opacity_logit]), flat(&|p| p.log_scale.to_vec()));
             let (angle, depth) = (flat(&|p| vec![p.angle]), flat(&|p| vec![p.depth]));
@@ -124,13 +124,12 @@ impl WorkDir {
                 ],
             )?;
             let camera = &cameras[view];
-            let (image, depths) = batch.plane.base_render(cameras, batch.batch, position)?;
+            let (image, depths) = refiner.base_render(position)?;
             let rgb: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
             write_exr_rgb(self.file(view, "base.exr"), camera.width, camera.height, &rgb)?;
             write_exr_channel(self.file(view, "depth.exr"), camera.width, camera.height, "Z", &depths)?;
 
-            let lifts: Vec<(Lift, f32)> =
-                mine().map(|(_, &slot)| (batch.lifted.lifts[slot], batch.lifted.taus[slot])).collect();
+            let lifts: Vec<(Lift, f32)> = mine().map(|&(place, _)| (lifted.lifts[place], lifted.taus[place])).collect();
             write_lifts(&self.file(view, LIFTS), &lifts)?;
         }
         Ok(())
@@ -186,6 +185,7 @@ fn read_lifts(path: &Path) -> Result<Vec<Lift>> {
     };
     let n = sizes.len();
     let floats = |name: &str, width: usize| match get(name)? {
+        // guard: lifts of a file
         Tensor { values: Values::F32(v), .. } if v.len() == n * width && v.iter().all(|x| x.is_finite()) => {
             Ok(v.clone())
         }
@@ -233,7 +233,7 @@ mod tests {
     };
 
     #[test]
-    fn lifts_that_are_no_numbers_are_refused_by_name() {
+    fn lifts_that_are_nan_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let work = work(folder.path());
         let file = folder.path().join("a.lifted.safetensors");

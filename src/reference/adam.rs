@@ -1,5 +1,7 @@
 //! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS.
 
+use crate::scene::layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH};
+
 /// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
 pub const BETA1: f64 = 0.9;
 pub const BETA2: f64 = 0.999;
@@ -33,14 +35,16 @@ impl PlaneRate {
     pub fn free(rate: f64) -> Self {
         PlaneRate { rate, range: None }
     }
-}
 
-/// The five planes of the lobes.
-pub fn lobe_rates(direction: f64, width: f64, sharpness: f64) -> [PlaneRate; 5] {
-    let direction = PlaneRate::free(direction);
-    let width = PlaneRate { rate: width, range: Some(WIDTH_RANGE) };
-    let sharpness = PlaneRate { rate: sharpness, range: Some(SHARPNESS_RANGE) };
-    [direction, direction, direction, width, sharpness]
+    /// Of the planes of a group of parameters.
+    pub fn of(group: &Group, rate: f64) -> Self {
+        let range = match (group.array, group.planes.start) {
+            (Array::Lobes, LOBE_WIDTH) => Some(WIDTH_RANGE),
+            (Array::Lobes, LOBE_SHARPNESS) => Some(SHARPNESS_RANGE),
+            _ => None,
+        };
+        PlaneRate { rate, range }
+    }
 }
 
 /// One step of the first `count` elements of every plane. All four arrays are planes × `stride`.
@@ -88,6 +92,7 @@ pub fn adam(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::layout::groups;
 
     fn run(bias: bool, gradients: &[f64]) -> f64 {
         let (mut p, mut m, mut v) = ([0.0], [0.0], [0.0]);
@@ -127,14 +132,17 @@ mod tests {
     fn clamps_hold_and_what_is_not_touched_does_not_move() {
         let mut p = vec![0.5; 10];
         let (mut m, mut v) = (vec![0.0; 10], vec![0.0; 10]);
-        let rates = lobe_rates(0.1, 10.0, 100.0);
-        adam(&mut p, &[-1.0; 10], &mut m, &mut v, 2, 2, &rates, Some(1), Some(&[true, false]));
+        let rates = |rates: [f64; 3]| -> Vec<PlaneRate> {
+            let lobes = groups(0).into_iter().filter(|group| group.array == Array::Lobes).zip(rates);
+            lobes.flat_map(|(group, rate)| vec![PlaneRate::of(&group, rate); group.planes.len()]).collect()
+        };
+        adam(&mut p, &[-1.0; 10], &mut m, &mut v, 2, 2, &rates([0.1, 10.0, 100.0]), Some(1), Some(&[true, false]));
         assert_eq!(p[6], 1.0);
         assert_eq!(p[8], 8.0);
         for plane in 0..5 {
             assert_eq!((p[2 * plane + 1], m[2 * plane + 1], v[2 * plane + 1]), (0.5, 0.0, 0.0));
         }
-        adam(&mut p, &[1.0; 10], &mut m, &mut v, 2, 2, &lobe_rates(0.0, 100.0, 100.0), None, None);
+        adam(&mut p, &[1.0; 10], &mut m, &mut v, 2, 2, &rates([0.0, 100.0, 100.0]), None, None);
         assert_eq!((p[7], p[9]), (0.01, -2.0));
         assert_eq!(p[1], 0.5);
     }

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use super::blend::sample;
 use super::{ALPHA_MIN, Intersections, Splat, TRANSMITTANCE_MIN};
 
-/// The gradient record of an intersection; `ARCHITECTURE.md` names its nine parts.
+/// The gradient record of an intersection, in the order of `glsl/shared/records.glsl`: Σ g w, ∂loss/∂opacity, Σ g wwᵀ (three
+/// entries), ∂loss/∂RGB.
 pub type Record = [f64; 9];
 
 /// `image` is the forward pass's result, `image_grad` ∂loss/∂RGB by pixel. Records by slot, each the sum over
@@ -20,6 +21,26 @@ pub fn blend_backward(
     isects: &Intersections,
     image: &[[f64; 4]],
     image_grad: &[[f64; 3]],
+) -> Vec<Record> {
+    sums(splats, isects, image, image_grad, false)
+}
+
+/// The same sums of the magnitudes of all terms: what rounding errors are relative to, where the terms themselves cancel.
+pub fn blend_backward_magnitudes(
+    splats: &[Splat],
+    isects: &Intersections,
+    image: &[[f64; 4]],
+    image_grad: &[[f64; 3]],
+) -> Vec<Record> {
+    sums(splats, isects, image, image_grad, true)
+}
+
+fn sums(
+    splats: &[Splat],
+    isects: &Intersections,
+    image: &[[f64; 4]],
+    image_grad: &[[f64; 3]],
+    magnitudes: bool,
 ) -> Vec<Record> {
     let tiling = isects.tiling;
     let of_tiles: Vec<Vec<Record>> = (0..tiling.count() as u32)
@@ -31,7 +52,8 @@ pub fn blend_backward(
             for row in top..(top + tiling.tile_height).min(tiling.height) {
                 for column in left..(left + tiling.tile_width).min(tiling.width) {
                     let pixel = row as usize * tiling.width as usize + column as usize;
-                    pixel_backward(splats, isects, column, row, &image[pixel], image_grad[pixel], &mut records);
+                    let of_pixel = Pixel { column, row, image: image[pixel], grad: image_grad[pixel], magnitudes };
+                    pixel_backward(splats, isects, &of_pixel, &mut records);
                 }
             }
             records
@@ -47,17 +69,21 @@ pub fn blend_backward(
     isect_grads
 }
 
-fn pixel_backward(
-    splats: &[Splat],
-    isects: &Intersections,
+struct Pixel {
     column: u32,
     row: u32,
-    image: &[f64; 4],
+    image: [f64; 4],
     grad: [f64; 3],
-    records: &mut [Record],
-) {
+    magnitudes: bool,
+}
+
+fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, records: &mut [Record]) {
+    let Pixel { column, row, image, grad, magnitudes } = *pixel;
     let dot = |c: [f64; 3]| grad[0] * c[0] + grad[1] * c[1] + grad[2] * c[2];
-    let mut behind = dot([image[0], image[1], image[2]]);
+    // Colours are not negative, so this bounds every part of the dot product and of what lies behind.
+    let reach = |c: [f64; 3]| (0..3).map(|k| (grad[k] * c[k]).abs()).sum::<f64>();
+    let last = [image[0], image[1], image[2]];
+    let mut behind = dot(last);
     let mut transmittance = 1.0;
     for ((_, global), record) in isects.of_pixel(column, row).zip(records) {
         let splat = &splats[global as usize];
@@ -71,18 +97,28 @@ fn pixel_backward(
         }
         let shade = dot(splat.color());
         behind -= shade * s.alpha * transmittance;
+        let mut terms = [0.0; 9];
         if !s.clamped {
-            let alpha_grad = transmittance * shade - behind / (1.0 - s.alpha);
+            let (mut alpha_grad, mut wu, mut wv) = (transmittance * shade - behind / (1.0 - s.alpha), s.wu, s.wv);
+            if magnitudes {
+                alpha_grad = transmittance * reach(splat.color()) + reach(last) / (1.0 - s.alpha);
+                (wu, wv) = splat.whiten_magnitudes(column, row);
+            }
             let g = alpha_grad * s.alpha;
-            record[0] += g * s.wu;
-            record[1] += g * s.wv;
-            record[2] += g * s.wu * s.wu;
-            record[3] += g * s.wu * s.wv;
-            record[4] += g * s.wv * s.wv;
-            record[5] += alpha_grad * s.falloff;
+            terms[..6].copy_from_slice(&[
+                g * wu,
+                g * wv,
+                alpha_grad * s.falloff,
+                g * wu * wu,
+                g * wu * wv,
+                g * wv * wv,
+            ]);
         }
         for c in 0..3 {
-            record[6 + c] += grad[c] * s.alpha * transmittance;
+            terms[6 + c] = grad[c] * s.alpha * transmittance;
+        }
+        for (sum, term) in record.iter_mut().zip(terms) {
+            *sum += if magnitudes { term.abs() } else { term };
         }
         transmittance = next;
     }

@@ -1,6 +1,46 @@
-//! Real spherical harmonics up to degree 3 with the sign convention of 3DGS: Y of order m carries (−1)^m.
+//! The colour of a Gaussian toward a view and its gradient: real spherical harmonics up to degree 3 with the sign convention of
+//! 3DGS, in which Y of order m carries (−1)^m. The twin of `glsl/shared/colour.glsl`.
 
 use glam::DVec3;
+
+use super::Params;
+use crate::scene::layout::coefficients;
+
+/// RGB before it is clamped at 0. `direction` is the unit vector from the eye to the Gaussian.
+pub fn colour_of(params: &Params, i: usize, degree: u32, direction: DVec3) -> [f64; 3] {
+    let degree = degree.min(params.sh_degree);
+    let mut colour = [0.5; 3];
+    for (k, y) in basis(degree, direction).iter().enumerate().take(coefficients(degree)) {
+        for (c, coefficient) in params.coefficient(i, k).into_iter().enumerate() {
+            colour[c] += y * coefficient;
+        }
+    }
+    colour
+}
+
+/// Writes the gradients of the coefficients to `out` and returns that of the direction, not yet made tangent to the sphere.
+pub fn colour_backward(
+    params: &Params,
+    i: usize,
+    degree: u32,
+    direction: DVec3,
+    colour_grad: [f64; 3],
+    out: &mut Params,
+) -> DVec3 {
+    let degree = degree.min(params.sh_degree);
+    let (basis, basis_grad) = (basis(degree, direction), basis_gradient(degree, direction));
+    let mut direction_grad = DVec3::ZERO;
+    for k in 0..coefficients(degree) {
+        let coefficient = params.coefficient(i, k);
+        let mut sum = 0.0;
+        for c in 0..3 {
+            out.sh[(3 * k + c) * params.stride + i] = basis[k] * colour_grad[c];
+            sum += coefficient[c] * colour_grad[c];
+        }
+        direction_grad += basis_grad[k] * sum;
+    }
+    direction_grad
+}
 
 // √(1/4π), √(3/4π), and so on: the usual orthonormal constants, as in every table of real harmonics.
 const C0: f64 = 0.28209479177387814;

@@ -5,7 +5,7 @@ use super::{
     lift_groups::{LiftClusters, lift_groups},
     lift_join::lift_join,
 };
-use crate::stages::lift_cluster::MAX_GROWTHS;
+use crate::stages::constants::cluster::MAX_GROWTHS;
 
 /// `fail_on_smallest` ⚖: failure is the smallest group having fewer than 3 points, not the largest.
 pub fn lift_cluster(

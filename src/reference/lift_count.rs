@@ -6,12 +6,12 @@ use crate::scene::Camera;
 
 /// 2D Gaussians and the images that they lie in, laid out as on the GPU.
 #[derive(Debug, Clone, Copy)]
-pub struct PlaneGaussians<'a> {
+pub struct ScreenGaussians<'a> {
     /// 10 planes × `stride`: 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px), 8 angle (rad), 9 depth (0: none).
-    pub plane: &'a [f64],
+    pub screen_planes: &'a [f64],
     pub stride: usize,
     /// View of each 2D Gaussian, [`super::NONE`] for an empty slot; its length is their number.
-    pub plane_views: &'a [u32],
+    pub screen_frames: &'a [u32],
     pub views: &'a [Camera],
     /// First pixel of each view in `depths`.
     pub pixel_firsts: &'a [usize],
@@ -19,32 +19,32 @@ pub struct PlaneGaussians<'a> {
     pub depths: &'a [f64],
 }
 
-impl PlaneGaussians<'_> {
+impl ScreenGaussians<'_> {
     pub fn len(&self) -> usize {
-        self.plane_views.len()
+        self.screen_frames.len()
     }
 
     pub fn is_empty(&self) -> bool {
-        self.plane_views.is_empty()
+        self.screen_frames.is_empty()
     }
 
     pub fn get(&self, plane: usize, item: usize) -> f64 {
-        self.plane[plane * self.stride + item]
+        self.screen_planes[plane * self.stride + item]
     }
 
     /// The view of a 2D Gaussian, `None` for an empty slot.
     pub fn view(&self, item: usize) -> Option<&Camera> {
-        self.views.get(self.plane_views[item] as usize)
+        self.views.get(self.screen_frames[item] as usize)
     }
 
     pub fn depth(&self, item: usize, x: u32, y: u32) -> f64 {
-        let v = self.plane_views[item] as usize;
+        let v = self.screen_frames[item] as usize;
         self.depths[self.pixel_firsts[v] + (y * self.views[v].width + x) as usize]
     }
 
     /// S as (S11, S12, S22), px².
     pub fn covariance(&self, item: usize) -> [f64; 3] {
-        plane_covariance([self.get(6, item), self.get(7, item)], self.get(8, item))
+        screen_covariance([self.get(6, item), self.get(7, item)], self.get(8, item))
     }
 
     pub fn footprint(&self, item: usize) -> Option<Footprint> {
@@ -55,6 +55,7 @@ impl PlaneGaussians<'_> {
             [self.get(6, item), self.get(7, item)],
             self.get(8, item),
             [camera.width, camera.height],
+            false,
         )
     }
 }
@@ -67,7 +68,7 @@ pub struct Footprint {
     pub l11: f64,
     pub l12: f64,
     pub l22: f64,
-    /// σ(logit) · compensation.
+    /// σ(logit), compensated or not.
     pub opacity: f64,
     /// First pixel of the bounding box, and its size.
     pub low: [u32; 2],
@@ -75,7 +76,7 @@ pub struct Footprint {
 }
 
 /// Rot(angle) diag(s²) Rot(angle)ᵀ as (S11, S12, S22).
-pub fn plane_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
+pub fn screen_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
     let [a, b] = log_scale.map(|l| (2.0 * l).exp());
     let (n, c) = angle.sin_cos();
     [c * c * a + n * n * b, c * n * (a - b), n * n * a + c * c * b]
@@ -87,12 +88,14 @@ pub fn make_footprint(
     log_scale: [f64; 2],
     angle: f64,
     image: [u32; 2],
+    compensate: bool,
 ) -> Option<Footprint> {
-    let s = plane_covariance(log_scale, angle);
+    let s = screen_covariance(log_scale, angle);
     let [v, w] = log_scale.map(|l| (2.0 * l).exp());
     let (a, c) = (s[0] + DILATION, s[2] + DILATION);
     let whole = v * w + DILATION * (v + w) + DILATION * DILATION;
-    let opacity = (v * w / whole).sqrt() / (1.0 + (-logit).exp());
+    let compensation = if compensate { (v * w / whole).sqrt() } else { 1.0 };
+    let opacity = compensation / (1.0 + (-logit).exp());
     let visible = opacity >= ALPHA_MIN && whole.is_finite() && centre.iter().all(|x| x.abs() <= 1e9);
     if !visible {
         return None;
@@ -147,7 +150,7 @@ pub fn is_depth(depth: f64) -> bool {
 }
 
 /// `point_counts`, one per 2D Gaussian.
-pub fn lift_count(gaussians: &PlaneGaussians) -> Vec<u32> {
+pub fn lift_count(gaussians: &ScreenGaussians) -> Vec<u32> {
     (0..gaussians.len())
         .map(|item| match gaussians.footprint(item) {
             None => 0,
@@ -180,14 +183,14 @@ mod tests {
             let views = [camera(40, 30)];
             let plane = [x, y, 0.5, 0.5, 0.5, logit, a, b, angle, 1.0];
             let depths = vec![1.0; 1200];
-            let g = PlaneGaussians {
-                plane: &plane, stride: 1, plane_views: &[0], views: &views, pixel_firsts: &[0], depths: &depths,
+            let g = ScreenGaussians {
+                screen_planes: &plane, stride: 1, screen_frames: &[0], views: &views, pixel_firsts: &[0], depths: &depths,
             };
             // Straight from the definition, over the whole image.
-            let s = plane_covariance([a, b], angle);
+            let s = screen_covariance([a, b], angle);
             let (p, q, r) = (s[0] + 0.3, s[1], s[2] + 0.3);
             let det = p * r - q * q;
-            let o = ((s[0] * s[2] - s[1] * s[1]) / det).max(0.0).sqrt() / (1.0 + (-logit).exp());
+            let o = 1.0 / (1.0 + (-logit).exp());
             let mut want = 0;
             let mut unsure = 0;
             for j in 0..30 {
@@ -211,10 +214,10 @@ mod tests {
         depths[3 * 8 + 4] = 2.0;
         depths[4 * 8 + 4] = f64::INFINITY;
         depths[4 * 8 + 3] = f64::NAN;
-        let g = PlaneGaussians {
-            plane: &plane,
+        let g = ScreenGaussians {
+            screen_planes: &plane,
             stride: 2,
-            plane_views: &[0, crate::reference::NONE],
+            screen_frames: &[0, crate::reference::NONE],
             views: &views,
             pixel_firsts: &[0],
             depths: &depths,

@@ -6,10 +6,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 
 use super::NEAR;
-use super::lift_count::PlaneGaussians;
+use super::lift_count::ScreenGaussians;
 use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
-use crate::scene::Camera;
+use crate::{scene::Camera, stages::types};
 
 /// 1/(2√π): the constant spherical harmonic.
 pub const SH_C0: f64 = 0.28209479177387814;
@@ -37,6 +37,22 @@ pub struct Lift {
     pub theta_bar: f64,
     /// Points of the prime group; 0: no lift.
     pub cluster_size: u32,
+}
+
+impl From<&types::Lift> for Lift {
+    fn from(l: &types::Lift) -> Self {
+        Lift {
+            mean: l.mean.map(f64::from),
+            log_scale: l.log_scale.map(f64::from),
+            quat: l.quat.map(f64::from),
+            dc: l.dc.map(f64::from),
+            opacity: f64::from(l.opacity),
+            lobe_dir: l.lobe_dir.map(f64::from),
+            lobe_width: f64::from(l.lobe_width),
+            theta_bar: f64::from(l.theta_bar),
+            cluster_size: l.cluster_size,
+        }
+    }
 }
 
 fn turn(value: &mut [f64; 3], off: &mut [[f64; 3]; 3], axes: &mut [DVec3; 3], p: usize, q: usize) {
@@ -181,7 +197,7 @@ fn nearest_view_angle(position: DVec3, toward: DVec3, source: u32, views: &[Came
 
 /// `unit`: the scene's own length. `plain_weights` ⚖: covariance weighted by w, not w².
 pub fn lift_pca(
-    gaussians: &PlaneGaussians,
+    gaussians: &ScreenGaussians,
     points: &LiftPoints,
     clusters: &LiftClusters,
     train_views: &[u32],
@@ -194,7 +210,7 @@ pub fn lift_pca(
 }
 
 fn make_lift(
-    gaussians: &PlaneGaussians,
+    gaussians: &ScreenGaussians,
     points: &LiftPoints,
     clusters: &LiftClusters,
     train_views: &[u32],
@@ -229,7 +245,7 @@ fn make_lift(
     let to_world = |v: DVec3| camera.rotation.transpose() * v;
     let mean = camera.eye() + to_world(position);
     let toward = to_world(-position);
-    let theta_bar = nearest_view_angle(mean, toward, gaussians.plane_views[item], gaussians.views, train_views);
+    let theta_bar = nearest_view_angle(mean, toward, gaussians.screen_frames[item], gaussians.views, train_views);
     let lift = Lift {
         mean: mean.to_array(),
         log_scale: value.map(|v| 0.5 * (k2 * v).ln()),
@@ -347,7 +363,7 @@ mod tests {
     }
 
     /// Depth map of the plane through `point` with this normal.
-    fn plane_depths(camera: &Camera, point: DVec3, normal: DVec3) -> Vec<f64> {
+    fn screen_depths(camera: &Camera, point: DVec3, normal: DVec3) -> Vec<f64> {
         let pixels = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
         let depth = |(x, y)| {
             // z of the hit grows linearly along the ray of depth 1.
@@ -361,7 +377,14 @@ mod tests {
     fn lift_one(plane: &[f64], views: &[Camera], depths: &[f64], train: &[u32]) -> Lift {
         let firsts: Vec<usize> =
             views.iter().scan(0, |at, v| Some(std::mem::replace(at, *at + v.pixels() as usize))).collect();
-        let g = PlaneGaussians { plane, stride: 1, plane_views: &[0], views, pixel_firsts: &firsts, depths };
+        let g = ScreenGaussians {
+            screen_planes: plane,
+            stride: 1,
+            screen_frames: &[0],
+            views,
+            pixel_firsts: &firsts,
+            depths,
+        };
         let p = lift_points(&g);
         let c = lift_cluster(&p.points, &p.counts, &p.firsts, &p.heaviest, &p.start_taus, false);
         lift_pca(&g, &p, &c, train, 1.0, false)[0]
@@ -387,7 +410,7 @@ mod tests {
         ) {
             let cam = camera(DVec3::new(3.0, 1.0, -4.0), DVec3::new(0.2, 0.1, 0.3));
             let normal = cam.rotation.transpose() * DVec3::new(tilt.0, tilt.1, -1.0).normalize();
-            let depths = plane_depths(&cam, DVec3::ZERO, normal);
+            let depths = screen_depths(&cam, DVec3::ZERO, normal);
             let plane = [x, y, 0.2, 0.5, 0.9, logit, a, b, angle, 0.0];
             let lift = lift_one(&plane, &[cam], &depths, &[0]);
             prop_assert!(lift.cluster_size > 20);
@@ -396,7 +419,7 @@ mod tests {
             // What separates Q from S: the weights are those of S + 0.3 I, so its shape is, 0.3/s² ≤ 0.3/e^2.4 = 2.7 %; over a radius of
             // 3.3·s ≤ 27 px of f = 150 px a slope of 0.85 bends depth by ±15 %, whose even part, squared, is 2.4 %, about doubled by the
             // fourth moments; and the truncated sum over pixels, under 1 %. Together below 10 %.
-            let s = super::super::lift_count::plane_covariance([a, b], angle);
+            let s = super::super::lift_count::screen_covariance([a, b], angle);
             let norm = |m: [f64; 3]| (m[0] * m[0] + 2.0 * m[1] * m[1] + m[2] * m[2]).sqrt();
             let error = norm([0, 1, 2].map(|i| q[i] - s[i])) / norm(s);
             prop_assert!(error < 0.1, "{error}");
@@ -412,11 +435,11 @@ mod tests {
     fn a_straight_plane_gives_the_dilated_shape_closely() {
         // No tilt, no bend: what is left is 0.3 I, here 0.3/64 at most, and the sum over pixels.
         let cam = camera(DVec3::new(0.0, 0.0, -5.0), DVec3::ZERO);
-        let depths = plane_depths(&cam, DVec3::ZERO, DVec3::Z);
+        let depths = screen_depths(&cam, DVec3::ZERO, DVec3::Z);
         let plane = [80.3, 60.1, 0.5, 0.5, 0.5, 1.0, 8f64.ln(), 11f64.ln(), 0.4, 5.0];
         let lift = lift_one(&plane, &[cam], &depths, &[0]);
         let (_, q) = projected(&cam, &lift);
-        let s = super::super::lift_count::plane_covariance([8f64.ln(), 11f64.ln()], 0.4);
+        let s = super::super::lift_count::screen_covariance([8f64.ln(), 11f64.ln()], 0.4);
         assert!(largest_difference(&q, &s) < 0.005 * s[2]);
         assert_eq!(lift.dc, [0.0; 3]);
         // Nobody else sees it.
@@ -431,7 +454,7 @@ mod tests {
         let near = camera(DVec3::new(5.0 * 0.1f64.sin(), 0.0, -5.0 * 0.1f64.cos()), DVec3::ZERO);
         let nearer_but_turned_away = camera(DVec3::new(0.1, 0.0, -5.0), DVec3::new(0.1, 0.0, -10.0));
         let far = camera(DVec3::new(5.0, 0.0, 0.0), DVec3::ZERO);
-        let depths = plane_depths(&source, DVec3::ZERO, DVec3::Z);
+        let depths = screen_depths(&source, DVec3::ZERO, DVec3::Z);
         let views = [source, far, nearer_but_turned_away, near];
         // The source's principal point, so that the position is the origin.
         let plane = [81.0, 59.0, 0.5, 0.5, 0.5, 1.0, 1.5, 1.2, 0.0, 5.0];
@@ -448,7 +471,7 @@ mod tests {
     #[test]
     fn background_in_the_footprint_does_not_count() {
         let cam = camera(DVec3::new(0.0, 0.0, -5.0), DVec3::ZERO);
-        let mut depths = plane_depths(&cam, DVec3::ZERO, DVec3::Z);
+        let mut depths = screen_depths(&cam, DVec3::ZERO, DVec3::Z);
         let plane = [80.0, 60.0, 0.5, 0.5, 0.5, 1.0, 2.0, 1.8, 0.3, 5.0];
         let alone = lift_one(&plane, &[cam], &depths, &[]);
         // A few far pixels, more than 5 pixels' widths behind.
@@ -482,10 +505,10 @@ mod tests {
         assert!(lift.cluster_size > 10);
         assert!((lift.log_scale[1] - lift.log_scale[2]).abs() < 1e-9);
         // Coincident points, straight into the PCA: a ball of the least size, calibrated.
-        let g = PlaneGaussians {
-            plane: &plane,
+        let g = ScreenGaussians {
+            screen_planes: &plane,
             stride: 1,
-            plane_views: &[0],
+            screen_frames: &[0],
             views: &[cam],
             pixel_firsts: &[0],
             depths: &row,
@@ -508,7 +531,7 @@ mod tests {
             let mut plane = plane;
             plane[bad] = f64::NAN;
             assert_eq!(
-                lift_pca(&PlaneGaussians { plane: &plane, ..g }, &points, &clusters, &[], 1.0, false)[0],
+                lift_pca(&ScreenGaussians { screen_planes: &plane, ..g }, &points, &clusters, &[], 1.0, false)[0],
                 Lift::default()
             );
         }

@@ -1,6 +1,6 @@
 //! Covered pixels of each 2D Gaussian as 3D points with their weights (method, section 4.1).
 
-use super::lift_count::{PlaneGaussians, is_depth};
+use super::lift_count::{ScreenGaussians, is_depth};
 
 /// The first threshold of clustering in pixels' widths (appendix A: 5·δd).
 pub const TAU_PIXELS: f64 = 5.0;
@@ -25,7 +25,7 @@ impl LiftPoints {
     }
 }
 
-pub fn lift_points(gaussians: &PlaneGaussians) -> LiftPoints {
+pub fn lift_points(gaussians: &ScreenGaussians) -> LiftPoints {
     let mut out = LiftPoints::default();
     for item in 0..gaussians.len() {
         let first = out.points.len();
@@ -79,10 +79,10 @@ mod tests {
         let depths: Vec<f64> = (0..320).map(|i| if i % 7 == 3 { 0.0 } else { 2.0 + (i % 5) as f64 }).collect();
         // Centre on a pixel corner: four pixels tie.
         let plane = [10.0, 8.0, 0.5, 0.5, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0];
-        let g = PlaneGaussians {
-            plane: &plane,
+        let g = ScreenGaussians {
+            screen_planes: &plane,
             stride: 1,
-            plane_views: &[0],
+            screen_frames: &[0],
             views: &[camera],
             pixel_firsts: &[0],
             depths: &depths,

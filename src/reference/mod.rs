@@ -14,6 +14,7 @@ pub mod blend_backward_atomic;
 pub mod dispatch_args;
 pub mod emit;
 pub mod fma_rate;
+pub mod gather;
 pub mod harmonics;
 pub mod lift_append;
 pub mod lift_cluster;
@@ -25,21 +26,22 @@ pub mod lift_points;
 pub mod lobe;
 pub mod loss_sum;
 pub mod median_depth;
-pub mod plane_backward;
-pub mod plane_draw;
-pub mod plane_project;
-pub mod plane_prune;
-pub mod plane_tiles;
 pub mod project;
 pub mod project_backward;
 pub mod radix_downsweep;
 pub mod radix_spine;
 pub mod radix_upsweep;
+pub mod recount;
 pub mod render;
 pub mod sample;
 pub mod scan_apply;
 pub mod scan_reduce;
 pub mod scan_spine;
+pub mod screen_backward;
+pub mod screen_draw;
+pub mod screen_project;
+pub mod screen_prune;
+pub mod screen_tiles;
 pub mod sort;
 pub mod ssim_backward;
 pub mod ssim_forward;
@@ -102,6 +104,13 @@ impl Splat {
         let dx = column as f64 + 0.5 - self.x;
         let dy = row as f64 + 0.5 - self.y;
         (self.l11 * dx + self.l12 * dy, self.l22 * dy)
+    }
+
+    /// The sums of the magnitudes of what makes up w: a needle's two terms nearly cancel.
+    pub(crate) fn whiten_magnitudes(&self, column: u32, row: u32) -> (f64, f64) {
+        let dx = column as f64 + 0.5 - self.x;
+        let dy = row as f64 + 0.5 - self.y;
+        ((self.l11 * dx).abs() + (self.l12 * dy).abs(), (self.l22 * dy).abs())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::scene::layout::{self, Array, GEOMETRY_PLANES, Group, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -9,11 +10,11 @@ use crate::{Error, Result};
 /// Gradients and Adam's moments have the same layout and use the same type.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Params {
-    /// 11 planes × stride: mean xyz, log scale xyz, quaternion wxyz, opacity logit.
+    /// Planes of [`layout`] × stride.
     pub geometry: Vec<f64>,
-    /// 3(L+1)² planes × stride: coefficient k of channel c is plane 3k + c.
+    /// Planes of [`layout`] × stride.
     pub sh: Vec<f64>,
-    /// 5 planes × lobe stride: direction xyz, width T, sharpness β of Gaussian `lobe_first` + j at j.
+    /// Planes of [`layout`] × lobe stride; those of Gaussian `lobe_first` + j at j.
     pub lobes: Vec<f64>,
     /// Gaussians, N + M.
     pub count: usize,
@@ -28,9 +29,6 @@ pub struct Params {
 }
 
 impl Params {
-    pub const GEOMETRY_PLANES: usize = 11;
-    pub const LOBE_PLANES: usize = 5;
-
     /// Strides are the counts. Fails when the scene's arrays do not have the lengths their docs give.
     pub fn from_scene(scene: &Scene) -> Result<Self> {
         let none = Supplement::default();
@@ -44,25 +42,20 @@ impl Params {
             return Err(Error::Usage(format!("supplement: {extra} Gaussians need as many lobes")));
         }
         let mut params = Params::zeros(first + extra, first, sh_degree);
-        let coefficients = params.sh_coefficients();
         for (gaussians, offset) in [(&scene.base, 0), (&supplement.gaussians, first)] {
             for j in 0..gaussians.len() {
                 let i = offset + j;
-                let planes = gaussians.means[j].iter().chain(&gaussians.log_scales[j]).chain(&gaussians.quats[j]);
-                for (p, &value) in planes.chain([&gaussians.opacities[j]]).enumerate() {
-                    params.geometry[p * params.stride + i] = value as f64;
+                for (p, value) in layout::geometry(gaussians, j).into_iter().enumerate() {
+                    params.geometry[p * params.stride + i] = f64::from(value);
                 }
-                for k in 0..coefficients {
-                    for c in 0..3 {
-                        params.sh[(3 * k + c) * params.stride + i] = gaussians.sh[j * coefficients + k][c] as f64;
-                    }
+                for p in 0..layout::sh_planes(sh_degree) {
+                    params.sh[p * params.stride + i] = f64::from(layout::sh(gaussians, j, p));
                 }
             }
         }
         for j in 0..extra {
-            let planes = lobes.directions[j].iter().chain([&lobes.widths[j], &lobes.sharpness[j]]);
-            for (p, &value) in planes.enumerate() {
-                params.lobes[p * params.lobe_stride + j] = value as f64;
+            for (p, value) in layout::lobe(lobes, j).into_iter().enumerate() {
+                params.lobes[p * params.lobe_stride + j] = f64::from(value);
             }
         }
         Ok(params)
@@ -73,22 +66,15 @@ impl Params {
         let part = |from: usize, to: usize| {
             let mut part = Gaussians { sh_degree: self.sh_degree, ..Default::default() };
             for i in from..to {
-                let plane = |p: usize| self.geometry[p * self.stride + i] as f32;
-                part.means.push([0, 1, 2].map(plane));
-                part.log_scales.push([3, 4, 5].map(plane));
-                part.quats.push([6, 7, 8, 9].map(plane));
-                part.opacities.push(plane(10));
-                part.sh.extend((0..self.sh_coefficients()).map(|k| self.coefficient(i, k).map(|c| c as f32)));
+                let plane = |planes: &[f64], p: usize| planes[p * self.stride + i] as f32;
+                layout::push(&mut part, |p| plane(&self.geometry, p), |p| plane(&self.sh, p));
             }
             part
         };
         let supplement = (self.lobe_first < self.count).then(|| {
             let mut lobes = Lobes::default();
             for j in 0..self.count - self.lobe_first {
-                let plane = |p: usize| self.lobes[p * self.lobe_stride + j] as f32;
-                lobes.directions.push([0, 1, 2].map(plane));
-                lobes.widths.push(plane(3));
-                lobes.sharpness.push(plane(4));
+                layout::push_lobe(&mut lobes, |p| self.lobes[p * self.lobe_stride + j] as f32);
             }
             Supplement { gaussians: part(self.lobe_first, self.count), lobes }
         });
@@ -99,9 +85,9 @@ impl Params {
     pub fn zeros(count: usize, lobe_first: usize, sh_degree: u32) -> Self {
         let lobe_stride = count - lobe_first.min(count);
         Params {
-            geometry: vec![0.0; Self::GEOMETRY_PLANES * count],
-            sh: vec![0.0; 3 * ((sh_degree + 1) * (sh_degree + 1)) as usize * count],
-            lobes: vec![0.0; Self::LOBE_PLANES * lobe_stride],
+            geometry: vec![0.0; GEOMETRY_PLANES * count],
+            sh: vec![0.0; layout::sh_planes(sh_degree) * count],
+            lobes: vec![0.0; LOBE_PLANES * lobe_stride],
             count,
             stride: count,
             lobe_first,
@@ -122,24 +108,35 @@ impl Params {
 
     /// Coefficients per Gaussian and channel, (L + 1)².
     pub fn sh_coefficients(&self) -> usize {
-        ((self.sh_degree + 1) * (self.sh_degree + 1)) as usize
+        layout::coefficients(self.sh_degree)
+    }
+
+    /// The values of a group, plane by plane, of the Gaussians `first..first + count` (of the supplement for lobes).
+    pub fn group(&self, group: &Group, first: usize, count: usize) -> impl Iterator<Item = f64> + '_ {
+        let (values, stride, first) = match group.array {
+            Array::Geometry => (&self.geometry, self.stride, first),
+            Array::Sh => (&self.sh, self.stride, first),
+            Array::Lobes => (&self.lobes, self.lobe_stride, first.saturating_sub(self.lobe_first)),
+        };
+        let at = move |p: usize| (first..first + count).map(move |i| values[p * stride + i]);
+        group.planes.clone().flat_map(at)
     }
 
     pub fn mean(&self, i: usize) -> DVec3 {
-        self.triple(0, i)
+        self.triple(MEAN, i)
     }
 
     pub fn log_scale(&self, i: usize) -> DVec3 {
-        self.triple(3, i)
+        self.triple(LOG_SCALE, i)
     }
 
     /// (w, x, y, z), not normalised.
     pub fn quat(&self, i: usize) -> [f64; 4] {
-        [6, 7, 8, 9].map(|p| self.geometry[p * self.stride + i])
+        [QUAT, QUAT + 1, QUAT + 2, QUAT + 3].map(|p| self.geometry[p * self.stride + i])
     }
 
     pub fn logit(&self, i: usize) -> f64 {
-        self.geometry[10 * self.stride + i]
+        self.geometry[OPACITY * self.stride + i]
     }
 
     /// RGB of coefficient k.
@@ -151,7 +148,8 @@ impl Params {
     pub fn lobe(&self, i: usize) -> Option<(DVec3, f64, f64)> {
         let j = i.checked_sub(self.lobe_first)?;
         let plane = |p: usize| self.lobes[p * self.lobe_stride + j];
-        Some((DVec3::new(plane(0), plane(1), plane(2)), plane(3), plane(4)))
+        let direction = DVec3::new(plane(0), plane(1), plane(2));
+        Some((direction, plane(layout::LOBE_WIDTH), plane(layout::LOBE_SHARPNESS)))
     }
 
     fn triple(&self, p: usize, i: usize) -> DVec3 {

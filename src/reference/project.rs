@@ -50,7 +50,8 @@ fn project_one(params: &Params, view: &View, options: &Options, i: usize) -> Opt
     if !(opacity >= ALPHA_MIN) {
         return None;
     }
-    let shade = shade(params, view, options, i);
+    let direction = (params.mean(i) - view.eye).normalize();
+    let shade = harmonics::colour_of(params, i, options.active_degree, direction);
     if !shade.iter().all(|c| c.abs() <= FLOAT_MAX) {
         return None;
     }
@@ -152,19 +153,6 @@ pub(super) fn lobe_factor(params: &Params, view: &View, i: usize) -> f64 {
         Some((direction, width, sharpness)) => lobe::factor(direction, width, sharpness, view.eye - params.mean(i)),
         None => 1.0,
     }
-}
-
-/// SH(unit(mean − eye)) + 0.5, not yet clamped.
-fn shade(params: &Params, view: &View, options: &Options, i: usize) -> [f64; 3] {
-    let degree = options.active_degree.min(params.sh_degree);
-    let basis = harmonics::basis(degree, (params.mean(i) - view.eye).normalize());
-    let mut color = [0.5; 3];
-    for (k, y) in basis.iter().enumerate().take(((degree + 1) * (degree + 1)) as usize) {
-        for (c, coefficient) in params.coefficient(i, k).into_iter().enumerate() {
-            color[c] += y * coefficient;
-        }
-    }
-    color
 }
 
 #[cfg(test)]

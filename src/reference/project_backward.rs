@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3, DVec4, Vec3Swizzles};
 use super::blend_backward::Record;
 use super::project::{Footprint, compensation, footprint};
 use super::{DILATION, Intersections, Options, Params, Splat, View, harmonics, lobe, sigmoid};
+use crate::scene::layout::{LOG_SCALE, MEAN, OPACITY, QUAT};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gradients {
@@ -26,29 +27,53 @@ pub fn project_backward(
     isects: &Intersections,
     isect_grads: &[Record],
 ) -> Gradients {
-    let mut out = Gradients {
-        params: params.zeros_like(),
-        records: vec![[0.0; 9]; params.count],
-        touched: vec![false; params.count],
+    let records = sum_records(tile_counts, isects, isect_grads);
+    Gradients {
+        params: backward(params, view, options, splats, &records),
+        touched: records.iter().map(is_touched).collect(),
+        records,
+    }
+}
+
+/// Records summed over slots, by Gaussian index.
+pub fn sum_records(tile_counts: &[u32], isects: &Intersections, isect_grads: &[Record]) -> Vec<Record> {
+    let sum = |(&first, &tiles): (&u32, &u32)| {
+        let mut record = [0.0; 9];
+        for slot_record in &isect_grads[first as usize..(first + tiles) as usize] {
+            record.iter_mut().zip(slot_record).for_each(|(sum, part)| *sum += part);
+        }
+        record
     };
-    for i in 0..params.count {
-        let first = isects.first_slot[i] as usize;
-        let record = &mut out.records[i];
-        for slot_record in &isect_grads[first..first + tile_counts[i] as usize] {
-            for (sum, part) in record.iter_mut().zip(slot_record) {
-                *sum += part;
-            }
+    isects.first_slot.iter().zip(tile_counts).map(sum).collect()
+}
+
+/// The sums of the magnitudes of all that makes up a gradient, from those of the records: what rounding errors are relative to.
+pub fn magnitudes(params: &Params, view: &View, options: &Options, splats: &[Splat], records: &[Record]) -> Params {
+    let mut out = params.zeros_like();
+    for part in 0..9 {
+        let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
+        let grads = backward(params, view, options, splats, &records.iter().map(alone).collect::<Vec<_>>());
+        let arrays = [(&mut out.geometry, grads.geometry), (&mut out.sh, grads.sh), (&mut out.lobes, grads.lobes)];
+        for (sums, grads) in arrays {
+            sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
         }
-        out.touched[i] = record.iter().any(|&part| part != 0.0);
-        if !out.touched[i] {
-            continue;
-        }
+    }
+    out
+}
+
+fn is_touched(record: &Record) -> bool {
+    record.iter().any(|&part| part != 0.0)
+}
+
+fn backward(params: &Params, view: &View, options: &Options, splats: &[Splat], records: &[Record]) -> Params {
+    let mut out = params.zeros_like();
+    for (i, record) in records.iter().enumerate().filter(|(_, record)| is_touched(record)) {
         let Some(f) = footprint(params, view, i) else { continue };
-        let mean = geometry_backward(params, view, options, &splats[i], &f, record, i, &mut out.params)
-            + color_backward(params, view, options, &splats[i], record, i, &mut out.params)
-            + opacity_backward(params, view, options, &splats[i], &f, record, i, &mut out.params);
+        let mean = geometry_backward(params, view, options, &splats[i], &f, record, i, &mut out)
+            + color_backward(params, view, options, &splats[i], record, i, &mut out)
+            + opacity_backward(params, view, options, &splats[i], &f, record, i, &mut out);
         for axis in 0..3 {
-            out.params.geometry[axis * params.stride + i] = mean[axis];
+            out.geometry[(MEAN + axis) * params.stride + i] = mean[axis];
         }
     }
     out
@@ -76,8 +101,8 @@ fn geometry_backward(
     // (rows j1, j2), because a needle's rows of M are long and nearly parallel. n1 = l11 m1 + l12 m2 = (c m1 − b m2)/√(cD).
     let n1 = (f.m2.cross(f.n) + DILATION * f.m1) / (f.c * f.d).sqrt();
     let n2 = f.m2 / f.c.sqrt();
-    let k1 = record[2] * n1 + record[3] * n2;
-    let k2 = record[3] * n1 + record[4] * n2;
+    let k1 = record[3] * n1 + record[4] * n2;
+    let k2 = record[4] * n1 + record[5] * n2;
     let j1 = splat.l11 * f.jw1 + splat.l12 * f.jw2;
     let j2 = splat.l22 * f.jw2;
     // Component k of both rows of M is proportional to the k-th scale.
@@ -92,7 +117,7 @@ fn geometry_backward(
     if options.compensate && f.d0 > 0.0 {
         // ln k = ½ ln(D0/D) with D0 = |n|², n = cof(S) Rᵀ(jw1 × jw2), and D = D0 + 0.3 (m1·m1 + m2·m2) + 0.09;
         // 1/D0 − 1/D = (D − D0)/(D0 D). The opacity is proportional to k.
-        let gain = record[5] * splat.opacity / f.d;
+        let gain = record[2] * splat.opacity / f.d;
         let (sharp, blunt) = (gain * (f.d - f.d0), gain * DILATION);
         let (share, turn) = (f.n * f.n / f.d0, f.scale.yzx() * f.scale.zxy() * f.n / f.d0);
         log_scale_grad += sharp * (DVec3::splat(share.element_sum()) - share) - blunt * (f.m1 * f.m1 + f.m2 * f.m2);
@@ -103,11 +128,11 @@ fn geometry_backward(
         ty_grad += (world.cross(f.jw1) - f.rotation * s2).dot(row_z);
     }
     for axis in 0..3 {
-        out.geometry[(3 + axis) * params.stride + i] = log_scale_grad[axis];
+        out.geometry[(LOG_SCALE + axis) * params.stride + i] = log_scale_grad[axis];
     }
     let quat_grad = quat_backward(params.quat(i), rotation_grad);
     for (k, grad) in quat_grad.into_iter().enumerate() {
-        out.geometry[(6 + k) * params.stride + i] = grad;
+        out.geometry[(QUAT + k) * params.stride + i] = grad;
     }
 
     // JW is proportional to 1/z: nearer by a factor is larger by it, so the part of z is minus that of all log scales.
@@ -146,19 +171,7 @@ fn color_backward(
     let offset = params.mean(i) - view.eye;
     let distance = offset.length();
     let direction = offset / distance;
-    let degree = options.active_degree.min(params.sh_degree);
-    let basis = harmonics::basis(degree, direction);
-    let basis_grad = harmonics::basis_gradient(degree, direction);
-    let mut direction_grad = DVec3::ZERO;
-    for k in 0..((degree + 1) * (degree + 1)) as usize {
-        let coefficient = params.coefficient(i, k);
-        let mut sum = 0.0;
-        for c in 0..3 {
-            out.sh[(3 * k + c) * params.stride + i] = basis[k] * color_grad[c];
-            sum += coefficient[c] * color_grad[c];
-        }
-        direction_grad += basis_grad[k] * sum;
-    }
+    let direction_grad = harmonics::colour_backward(params, i, options.active_degree, direction, color_grad, out);
     (direction_grad - direction * direction.dot(direction_grad)) / distance
 }
 
@@ -176,9 +189,9 @@ fn opacity_backward(
 ) -> DVec3 {
     let logit = params.logit(i);
     // σ' = σ(1 − σ), and 1 − σ(x) = σ(−x) without cancellation.
-    out.geometry[10 * params.stride + i] = record[5] * splat.opacity * sigmoid(-logit);
+    out.geometry[OPACITY * params.stride + i] = record[2] * splat.opacity * sigmoid(-logit);
     let Some((direction, width, sharpness)) = params.lobe(i) else { return DVec3::ZERO };
-    let factor_grad = record[5] * sigmoid(logit) * compensation(f, options);
+    let factor_grad = record[2] * sigmoid(logit) * compensation(f, options);
     let lobe = lobe::factor_gradient(direction, width, sharpness, view.eye - params.mean(i));
     let j = i - params.lobe_first;
     let planes = [lobe.direction.x, lobe.direction.y, lobe.direction.z, lobe.width, lobe.sharpness];

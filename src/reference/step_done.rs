@@ -1,10 +1,10 @@
-//! Counts a training step, unless the step was left out because a buffer was too small.
+//! Counts a step, unless something was too small for it.
 
-use crate::stages::step_done::{OVERFLOW, STEPS};
+use crate::stages::status::{STEPS, Status, WORDS};
 
 /// `status` after a step.
-pub fn step_done(status: &mut [u32]) {
-    if status[OVERFLOW] == 0 {
+pub fn step_done(status: &mut [u32; WORDS]) {
+    if !Status(*status).failed() {
         status[STEPS] += 1;
     }
 }

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_touches_nothing() {
+    fn nan_touches_nothing() {
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         for bad in [f64::NAN, f64::INFINITY] {
             for field in 0..6 {

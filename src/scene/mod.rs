@@ -3,6 +3,7 @@
 mod camera;
 mod from_points;
 mod gaussians;
+pub mod layout;
 
 pub use camera::Camera;
 pub use from_points::{SH_DC, from_points};

@@ -7,6 +7,7 @@ use serde::Serialize;
 pub struct Bound {
     pub stage: &'static str,
     pub max: f64,
+    pub terms: f64,
     pub relative_l2: f64,
     pub bias: f64,
     pub flips: f64,
@@ -15,9 +16,11 @@ pub struct Bound {
 
 impl Bound {
     pub(super) const fn exact(stage: &'static str, reason: &'static str) -> Self {
-        Bound { stage, max: 0.0, relative_l2: 0.0, bias: 0.0, flips: 0.0, reason }
+        Bound { stage, reason, ..EXACT }
     }
 }
+
+const EXACT: Bound = Bound { stage: "", max: 0.0, terms: 0.0, relative_l2: 0.0, bias: 0.0, flips: 0.0, reason: "" };
 
 /// Float32 may decide otherwise than float64 where a pixel is this close (relatively) to a threshold. The exponent has an
 /// error of some 1e-6 (|w|² ≤ 11 from coordinates of 1e2 px with 1e-7 of rounding, times slopes up to 1/0.55 per px: 2e-5
@@ -37,15 +40,14 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
-pub const BOUNDS: [Bound; 33] = [
+pub const BOUNDS: [Bound; 36] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
         relative_l2: 5e-7,
-        bias: 0.0,
-        flips: 0.0,
         reason: "x ← x/2 + 1 halves every earlier rounding, so two roundings of 6e-8 remain in each of eight chains, and \
                  seven more in their sum.",
+        ..EXACT
     },
     Bound::exact("dispatch_args", INTEGERS),
     Bound::exact("scan_reduce", INTEGERS),
@@ -54,171 +56,179 @@ pub const BOUNDS: [Bound; 33] = [
     Bound::exact("radix_upsweep", INTEGERS),
     Bound::exact("radix_spine", INTEGERS),
     Bound::exact("radix_downsweep", INTEGERS),
+    Bound::exact("recount", INTEGERS),
+    Bound::exact("gather", "Copies words; none is computed."),
     Bound {
         stage: "project",
         max: 1e-4,
         relative_l2: 1e-5,
-        bias: 0.0,
         flips: 0.02,
         reason: "A dozen roundings of 6e-8, 1e-6 together; the camera's depth, down to 0.4 of coordinates up to 12, is a \
                  difference and makes 30 times that of it in what is nearest and largest. Flips are counts of tiles: an edge \
                  within the margin around an ellipse (1/256 px) of a tile's border, two of whose eight pixels' ends count, \
                  for one Gaussian in a hundred.",
+        ..EXACT
     },
     Bound {
         stage: "emit",
-        max: 0.0,
-        relative_l2: 0.0,
-        bias: 0.0,
         flips: 0.01,
         reason: "Both sides may list a tile too many where an ellipse's margin meets a tile's border; a tile with a pixel \
                  that is covered by 1e-4 more than the threshold must be listed, and the order is exact.",
+        ..EXACT
     },
     Bound::exact("tile_ranges", INTEGERS),
     Bound {
         stage: "blend",
         max: 1e-4,
         relative_l2: 1e-5,
-        bias: 0.0,
         flips: 1e-3,
         reason: "α errs by |w| ≤ 3.3 times the error of w, which for the longest needles is 1e-7 of 200: 7e-5; for all others \
                  1e-6, like exp. A pixel is the mean of many. Flips need an α within 1e-4 of 1/255 or a transmittance \
                  within 1e-4 of 1e-4, and only the few that jump are counted.",
+        ..EXACT
     },
     Bound {
         stage: "median_depth",
         max: 1e-4,
         relative_l2: 1e-5,
-        bias: 0.0,
         flips: 1e-3,
         reason: "o·d / d·d cancels where the Gaussian lies beside the ray: a hundred times 1e-7, tenfold at worst. Flips are \
                  depths within 1e-4 of the near plane.",
+        ..EXACT
     },
     Bound {
         stage: "blend_backward",
         max: 1e-4,
+        terms: 3e-5,
         relative_l2: 2e-5,
         bias: 1e-5,
-        flips: 0.0,
         reason: "What lies behind is the final colour less all before it: roundings of 6e-8 of the colour, divided by 1 − α, \
-                 0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further.",
+                 0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further. Of its terms \
+                 w is known to some 1e-7, α to |w| ≤ 3.3 times that, and ww to both: ten such roundings, and for needles tenfold.",
+        ..EXACT
     },
     Bound {
         stage: "blend_backward_atomic",
         max: 1e-4,
+        terms: 3e-5,
         relative_l2: 2e-5,
         bias: 1e-5,
-        flips: 0.0,
         reason: "The same as blend_backward's: a Gaussian has up to some hundred tiles here, and sums of n terms one after the other \
                  add at most n roundings of 6e-8 where all terms are alike, 3e-6.",
+        ..EXACT
     },
     Bound {
         stage: "project_backward",
         max: 3e-4,
+        terms: 1e-3,
         relative_l2: 1e-4,
         bias: 1e-5,
-        flips: 0.0,
         reason: "Records that partly cancel, through a chain whose depth is a difference as in project: 1e-5 usual, 1e-4 what is \
-                 promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is.",
+                 promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is. Of its terms a \
+                 gradient is known to 1e-6 over how near to 0 a factor comes, such as the angle left to a lobe's end: the nearest but one \
+                 in a thousand to 1e-3 of its range.",
+        ..EXACT
+    },
+    Bound {
+        stage: "adam",
+        max: 5e-5,
+        relative_l2: 1e-5,
+        reason: "1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is; the step, of which it is the root, \
+                 and the parameter, which it changes by a hundredth, are off by less.",
+        ..EXACT
     },
     Bound {
         stage: "(render)",
         max: 1e-3,
         relative_l2: 1e-4,
-        bias: 0.0,
         flips: 1e-3,
         reason: "Projection's error of 1e-6 of some hundred pixels moves the edge of a needle of half a pixel by 1e-3 of its \
                  slope: single pixels below the 1e-3 that counts as a flip. On the whole a tenth of an 8-bit step in the \
                  mean square is far away.",
+        ..EXACT
     },
     Bound {
         stage: "(render backward)",
         max: 3e-4,
+        terms: 1e-3,
         relative_l2: 1e-4,
         bias: 2e-5,
-        flips: 0.0,
         reason: "The same as project_backward's, with projection's own error before it: relative L2 1e-4, cosine 1 − 1e-8.",
+        ..EXACT
     },
     Bound::exact("step_done", INTEGERS),
-    Bound { stage: "ssim_forward", max: 3e-4, relative_l2: 3e-4, bias: 0.0, flips: 0.0, reason: LOSS },
+    Bound { stage: "ssim_forward", max: 3e-4, relative_l2: 3e-4, reason: LOSS, ..EXACT },
     Bound {
         stage: "ssim_backward",
         max: 3e-4,
         relative_l2: 1e-4,
         bias: 5e-5,
-        flips: 0.0,
         reason: "In units of 1 / (3 pixels) the L1 part is 0.8. Of the SSIM part the partials err by 7e-5 of themselves, and \
                  what they sum up to in flat areas has the rounding of numbers up to 1 / C2 = 1100: 6e-8 of that, times 0.2, \
                  a few times over. In flat areas of one colour the rounding is the same everywhere, hence the bias.",
+        ..EXACT
     },
-    Bound { stage: "loss_sum", max: 3e-4, relative_l2: 3e-4, bias: 0.0, flips: 0.0, reason: LOSS },
+    Bound { stage: "loss_sum", max: 3e-4, relative_l2: 3e-4, reason: LOSS, ..EXACT },
     Bound {
-        stage: "plane_project",
+        stage: "screen_project",
         max: 1e-5,
         relative_l2: 5e-6,
-        bias: 0.0,
         flips: 0.02,
         reason: "A dozen roundings of 6e-8, and sine and cosine within 1e-6. Flips as in project.",
+        ..EXACT
     },
     Bound {
-        stage: "plane_tiles",
-        max: 0.0,
-        relative_l2: 0.0,
-        bias: 0.0,
+        stage: "screen_tiles",
         flips: 0.01,
         reason: "A tile too many where a box grown by a hundredth of a pixel, float32's error and more, reaches one: a box's edge \
                  is that near to a tile's for one in a thousand. None may be missing.",
+        ..EXACT
     },
     Bound {
-        stage: "plane_backward",
+        stage: "screen_backward",
         max: 1e-4,
         relative_l2: 5e-5,
         bias: 1e-5,
-        flips: 0.0,
-        reason: "Gradients as plane_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward.",
+        reason: "Gradients as screen_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward.",
+        ..EXACT
     },
     Bound {
-        stage: "plane_prune",
-        max: 0.0,
-        relative_l2: 0.0,
-        bias: 0.0,
+        stage: "screen_prune",
         flips: 5e-3,
         reason: "Only Gaussians whose count of pixels is at the least while one of these is within 1e-4 of 1/255.",
+        ..EXACT
     },
     Bound {
-        stage: "plane_draw",
+        stage: "screen_draw",
         max: 1e-6,
         relative_l2: 1e-6,
-        bias: 0.0,
         flips: 0.2,
         reason: "Copies and an exponential. Two keys within 1e-5 at the last place may change sides: 2 of 14 in the smallest draw.",
+        ..EXACT
     },
     Bound {
         stage: "lift_count",
-        max: 0.0,
-        relative_l2: 0.0,
-        bias: 0.0,
         flips: 1e-3,
         reason: "Pixels with α within 1e-5 of 1/255, of which there are fewer than one in a thousand.",
+        ..EXACT
     },
     Bound {
         stage: "lift_points",
         max: 5e-6,
         relative_l2: 2e-6,
-        bias: 0.0,
         flips: 0.01,
         reason: "Two products of rounded factors, and an exponential within 1e-6. Flips are equal greatest weights.",
+        ..EXACT
     },
-    Bound { stage: "lift_join", max: 2e-6, relative_l2: 2e-6, bias: 0.0, flips: 0.01, reason: CLUSTERS },
-    Bound { stage: "lift_groups", max: 2e-6, relative_l2: 2e-6, bias: 0.0, flips: 0.01, reason: CLUSTERS },
+    Bound { stage: "lift_join", max: 2e-6, relative_l2: 2e-6, flips: 0.01, reason: CLUSTERS, ..EXACT },
+    Bound { stage: "lift_groups", max: 2e-6, relative_l2: 2e-6, flips: 0.01, reason: CLUSTERS, ..EXACT },
     Bound {
         stage: "lift_pca",
         max: 5e-5,
         relative_l2: 5e-5,
-        bias: 0.0,
-        flips: 0.0,
         reason: "Jacobi in float32 errs by some 1e-6 of the greatest eigenvalue, the sums over up to a thousand points by as \
                  much, k² by a few 1e-6 of itself: 2e-5 of the largest entry. Angles add the position's 1e-6.",
+        ..EXACT
     },
     Bound::exact("lift_append", "Copies words; none is computed."),
 ];

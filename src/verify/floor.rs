@@ -6,9 +6,8 @@ use super::{Bench, judge::Work};
 use crate::{
     error::Result,
     gpu::{Buffer, Location},
-    pipelines::raster::WORKGROUP,
     reference,
-    stages::fma_rate::{self, FmaRate},
+    stages::{WORKGROUP, fma_rate},
 };
 
 /// Measured rates.
@@ -61,13 +60,14 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
         bytes *= 2;
     };
 
-    let stage = FmaRate::new(context, &fma_rate::Spec { workgroup_size: WORKGROUP, chains: CHAINS, depth: DEPTH })?;
+    let stage =
+        fma_rate::Stage::new(context, &fma_rate::Spec { workgroup_size: WORKGROUP, chains: CHAINS, depth: DEPTH })?;
     let mut count = FIRST_THREADS;
     loop {
         let chain_sums = Buffer::<f32>::zeroed(context, "chain sums", count as usize)?;
         let push = fma_rate::Push { count, rounds: ROUNDS, factor: FACTOR, term: TERM };
         let buffers = fma_rate::Buffers { chain_sums: &chain_sums };
-        let times = bench.time(|recorder| stage.record(recorder, &buffers, &push))?;
+        let times = bench.time(|recorder| stage.record(recorder, &buffers, &push, count))?;
         if times.whole() < LONG_ENOUGH && count < MAX_THREADS {
             count *= 2;
             continue;

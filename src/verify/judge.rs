@@ -13,6 +13,10 @@ use super::bounds::{self, Bound};
 pub struct Errors {
     /// Largest difference, relative to the group's largest value.
     pub max: Option<f64>,
+    /// Difference of a gradient, relative to the sum of the magnitudes of the terms that make it up, which all but one in a
+    /// thousand stay below: small gradients count as much as large ones, and what cancels is not asked for more than its terms
+    /// have. (One in a thousand has a factor near 0, such as a harmonic's node, that float32 does not know any better.)
+    pub terms: Option<f64>,
     /// ‖got − want‖₂ / ‖want‖₂.
     pub relative_l2: Option<f64>,
     /// 1 − cosine between gradients.
@@ -85,6 +89,21 @@ impl Row {
         self.group(pairs, true);
     }
 
+    /// The same, each with the sum of the magnitudes of its terms.
+    pub(super) fn sums(&mut self, triples: impl IntoIterator<Item = (f32, f64, f64)> + Clone) {
+        let of_terms = |(got, want, terms): (f32, f64, f64)| {
+            let off = (f64::from(got) - want * (1.0 + self.perturb)).abs();
+            if off == 0.0 { 0.0 } else { off / terms }
+        };
+        let mut all: Vec<f64> = triples.clone().into_iter().map(of_terms).collect();
+        let at = all.len() * 999 / 1000;
+        if at < all.len() {
+            // NaN is the largest.
+            raise(&mut self.errors.terms, *all.select_nth_unstable_by(at, f64::total_cmp).1);
+        }
+        self.gradients(triples.into_iter().map(|(got, want, _)| (got, want)));
+    }
+
     fn group(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>, gradient: bool) {
         let (mut difference, mut want2, mut got2, mut dot) = (0.0, 0.0, 0.0, 0.0);
         let (mut most, mut largest, mut signed, mut size) = (0.0f64, 0.0f64, 0.0, 0.0);
@@ -153,7 +172,7 @@ impl Row {
 
     /// Fills [`Row::breaches`].
     pub(super) fn judge(&mut self) {
-        let Errors { max, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
+        let Errors { max, terms, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
         let mut check = |measure, value: Option<f64>, limit: f64| {
             if let Some(value) = value
                 && !(value.abs() <= limit)
@@ -162,9 +181,9 @@ impl Row {
             }
         };
         check("unequal", unequal.map(|n| n as f64), 0.0);
-        let zero = Bound::exact(self.stage, "");
-        let bound = bounds::of(self.stage).unwrap_or(zero);
+        let bound = bounds::of(self.stage).unwrap_or(Bound::exact(self.stage, ""));
         check("max", max, bound.max);
+        check("of terms", terms, bound.terms);
         check("relative L2", relative_l2, bound.relative_l2);
         // The angle φ between got and want has sin φ ≤ the relative L2 error, so 1 − cos φ is at most its square.
         check("1 - cosine", cosine_loss, bound.relative_l2 * bound.relative_l2);
@@ -201,7 +220,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_breaks_the_bound() {
+    fn small_gradients_count_as_much_as_large_ones() {
+        let mut row = row(0.0);
+        row.sums((0..2000).map(|i| if i < 3 { (2e-6, 1e-6, 4e-6) } else { (1.0, 1.0, 1.0) }));
+        assert!((row.errors.terms.unwrap() - 0.25).abs() < 1e-6 && row.errors.max.unwrap() < 1e-5);
+        row.sums([(f32::NAN, 1.0, 1.0)]);
+        assert!(row.errors.terms.unwrap().is_nan());
+    }
+
+    #[test]
+    fn nan_breaks_the_bound() {
         for pair in [(f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, 0.0)] {
             let mut row = row(0.0);
             row.numbers([(1.0, 1.0), pair]);

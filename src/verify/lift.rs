@@ -4,41 +4,45 @@ use glam::{DMat3, DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Bench, judge::Work};
+use super::{
+    Bench,
+    judge::{Row, Work},
+};
 use crate::{
     error::Result,
-    gpu::{Buffer, Recorder},
-    pipelines::{raster::WORKGROUP, views::view},
+    gpu::{Buffer, Context},
+    pipelines::{
+        lift::{Flat, LiftBuffers, LiftOptions, LiftPhase, LiftSizes, PointBuffers},
+        model::{Model, Segment},
+        views::view,
+    },
     reference::{
-        NONE,
-        lift_append::{ParameterPlanes, lift_append},
+        NONE, Params,
+        lift_append::lift_append,
         lift_cluster::lift_cluster,
-        lift_count::{PlaneGaussians, lift_count},
+        lift_count::{ScreenGaussians, lift_count},
         lift_groups::{LiftClusters, TAU_GROWTH},
         lift_pca::{Lift, lift_pca},
-        lift_points::{LiftPoints as Points, lift_points},
+        lift_points::{LiftPoints, lift_points},
+        random_scene,
     },
     scene::Camera,
     stages::{
-        lift_append::{self as append_stage, LiftAppend},
-        lift_cluster::{self as cluster_stage, LiftCluster},
-        lift_count::{self as count_stage, LiftCount},
-        lift_pca::{self as pca_stage, LiftPca},
-        lift_points::{self as points_stage, LiftPoints},
+        status::{self, Resource, Status},
         types,
     },
 };
 
 pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let case = Case::new(21, if quick { 200 } else { 2500 }, DVec3::ZERO);
-    for (fail_on_smallest, plain_weights) in [(false, false), (true, true)] {
-        lift(bench, &case, fail_on_smallest, plain_weights)?;
+    for options in [LiftOptions::default(), LiftOptions { fail_on_smallest: true, plain_weights: true }] {
+        lift(bench, &case, options)?;
     }
     Ok(())
 }
 
 /// Cameras around a ball before a wall; 2D Gaussians everywhere, some at the ball's edge, some in holes of the depth map,
-/// some beyond the image's border, some slots empty.
+/// some beyond the image's border, some places empty.
 pub struct Case {
     pub cameras: Vec<Camera>,
     pub views: Vec<types::View>,
@@ -46,9 +50,8 @@ pub struct Case {
     /// Where each view's depths begin.
     pub pixel_firsts: Vec<usize>,
     /// 10 planes × `stride`.
-    pub plane: Vec<f32>,
-    pub stride: usize,
-    pub plane_views: Vec<u32>,
+    pub screen_planes: Vec<f32>,
+    pub screen_frames: Vec<u32>,
     pub train_views: Vec<u32>,
     /// The scene's own length.
     pub unit: f32,
@@ -94,8 +97,8 @@ impl Case {
                 }
             }
         }
-        let mut plane = vec![0f32; 10 * count];
-        let mut plane_views = Vec::new();
+        let mut screen_planes = vec![0f32; 10 * count];
+        let mut screen_frames = Vec::new();
         for i in 0..count {
             let v = rng.random_range(0..cameras.len());
             let camera = &cameras[v];
@@ -109,29 +112,28 @@ impl Case {
             column.extend([rng.random_range(-1.0..2.3), rng.random_range(-1.0..2.3), rng.random_range(-4.0..4.0)]);
             column.push(if inside { depths[at] } else { 0.0 });
             for (p, value) in column.into_iter().enumerate() {
-                plane[p * count + i] = value;
+                screen_planes[p * count + i] = value;
             }
-            plane_views.push(if i % 13 == 5 { NONE } else { v as u32 });
+            screen_frames.push(if i % 13 == 5 { NONE } else { v as u32 });
         }
         Case {
             views: cameras.iter().zip(&pixel_firsts).map(|(c, &first)| view(c, first as u32)).collect(),
             cameras,
             depths,
             pixel_firsts,
-            plane,
-            stride: count,
-            plane_views,
+            screen_planes,
+            screen_frames,
             train_views: vec![0, 2, 3, 4],
             unit: 6.0,
         }
     }
 
-    /// What the twins read: the case, with `plane` and `depths` in float64.
-    pub fn gaussians<'a>(&'a self, plane: &'a [f64], depths: &'a [f64]) -> PlaneGaussians<'a> {
-        PlaneGaussians {
-            plane,
-            stride: self.stride,
-            plane_views: &self.plane_views,
+    /// What the twins read: the case, with planes and depths in float64.
+    pub fn gaussians<'a>(&'a self, screen_planes: &'a [f64], depths: &'a [f64]) -> ScreenGaussians<'a> {
+        ScreenGaussians {
+            screen_planes,
+            stride: self.screen_frames.len(),
+            screen_frames: &self.screen_frames,
             views: &self.cameras,
             pixel_firsts: &self.pixel_firsts,
             depths,
@@ -139,8 +141,35 @@ impl Case {
     }
 }
 
-fn exclusive_scan(counts: &[u32]) -> Vec<u32> {
-    counts.iter().scan(0, |at, n| Some(std::mem::replace(at, *at + n))).collect()
+/// A case on the device.
+pub struct There {
+    screen_planes: Buffer<f32>,
+    screen_frames: Buffer<u32>,
+    depths: Buffer<f32>,
+    pub lift: LiftBuffers,
+}
+
+impl There {
+    pub fn new(context: &Context, case: &Case) -> Result<Self> {
+        let places = case.screen_frames.len() as u32;
+        let (views, train_views) = (case.views.len() as u32, case.train_views.len() as u32);
+        let lift = LiftBuffers::new(context, &LiftSizes { places, views, train_views })?;
+        lift.views.upload(0, &case.views)?;
+        lift.train_views.upload(0, &case.train_views)?;
+        lift.counts.upload(0, &[places, 0, 0])?;
+        Ok(There {
+            screen_planes: Buffer::from_slice(context, "screen planes", &case.screen_planes)?,
+            screen_frames: Buffer::from_slice(context, "screen frames", &case.screen_frames)?,
+            depths: Buffer::from_slice(context, "depths", &case.depths)?,
+            lift,
+        })
+    }
+
+    pub fn flat(&self) -> Flat<'_> {
+        let There { screen_planes, screen_frames, depths, .. } = self;
+        let count = screen_frames.len() as u32;
+        Flat { screen_planes, stride: count, screen_frames, depths, count }
+    }
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {
@@ -155,40 +184,32 @@ pub fn covariance(quat: [f64; 4], log_scale: [f64; 3]) -> [f64; 9] {
     (scaled * r.transpose()).to_cols_array()
 }
 
-fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weights: bool) -> Result<()> {
+/// The rows of a case of one's own.
+pub fn judge(context: &Context, case: &Case, options: LiftOptions) -> Result<Vec<Row>> {
+    let mut bench = Bench::new(context, 0.0, 0);
+    lift(&mut bench, case, options)?;
+    bench.rows.iter_mut().for_each(Row::judge);
+    Ok(bench.rows)
+}
+
+fn lift(bench: &mut Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> {
     let context = bench.context;
-    let count = case.plane_views.len();
-    let (n, workgroup_size) = (count as u32, WORKGROUP);
-    let (stride, view_count) = (case.stride as u32, case.views.len() as u32);
-    let plane = Buffer::from_slice(context, "plane", &case.plane)?;
-    let plane_views = Buffer::from_slice(context, "plane views", &case.plane_views)?;
-    let views = Buffer::from_slice(context, "views", &case.views)?;
-    let depths = Buffer::from_slice(context, "depths", &case.depths)?;
-    let train_views = Buffer::from_slice(context, "train views", &case.train_views)?;
-    let words = |name: &str, len: usize| Buffer::<u32>::zeroed(context, name, len);
-    let (plane64, depths64) = (wide(&case.plane), wide(&case.depths));
-    let g = case.gaussians(&plane64, &depths64);
-    let chosen = !fail_on_smallest && !plain_weights;
+    let count = case.screen_frames.len();
+    let there = There::new(context, case)?;
+    let (flat, b) = (there.flat(), &there.lift);
+    let phase = LiftPhase::new(context, options)?;
+    let (planes64, depths64) = (wide(&case.screen_planes), wide(&case.depths));
+    let g = case.gaussians(&planes64, &depths64);
+    let LiftOptions { fail_on_smallest, plain_weights } = options;
+    let chosen = options == LiftOptions::default();
 
     // Footprints: the pixels of their boxes are tested.
     let boxes: f64 = (0..g.len()).filter_map(|i| g.footprint(i)).map(|f| f64::from(f.size[0] * f.size[1])).sum();
-    let point_counts = words("point counts", count)?;
-    let stage = LiftCount::new(context, &count_stage::Spec { workgroup_size })?;
-    let times = bench.time(|recorder| {
-        let buffers = count_stage::Buffers {
-            plane: &plane,
-            plane_views: &plane_views,
-            views: &views,
-            depths: &depths,
-            point_counts: &point_counts,
-        };
-        stage.record(recorder, &buffers, &count_stage::Push { count: n, stride, view_count });
-    })?;
-    let counts = point_counts.download()?;
-    let firsts = exclusive_scan(&counts);
+    let times = bench.time(|recorder| phase.record_count(recorder, &flat, b))?;
+    let (counts, firsts) = (b.point_counts.download()?, b.point_firsts.download()?);
     let total: u64 = counts.iter().map(|&c| u64::from(c)).sum();
     let shifted: Vec<f64> =
-        plane64.iter().enumerate().map(|(k, v)| if k / count == 5 { v + bench.shift() } else { *v }).collect();
+        planes64.iter().enumerate().map(|(k, v)| if k / count == 5 { v + bench.shift() } else { *v }).collect();
     let want_counts = lift_count(&case.gaussians(&shifted, &depths64));
     let mut row = bench.row("lift_count", "");
     row.time = times.of("lift_count");
@@ -215,88 +236,20 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     }
     let points_len = total as usize;
 
-    let point_firsts = Buffer::from_slice(context, "point firsts", &firsts)?;
-    let points = Buffer::<[f32; 4]>::zeroed(context, "points", points_len)?;
-    let (heaviest, prime_labels) = (words("heaviest", count)?, words("prime labels", count)?);
-    let (labels, point_sets) = (words("labels", points_len)?, words("point sets", points_len)?);
-    let (group_sizes, cluster_sizes) = (words("group sizes", points_len)?, words("cluster sizes", count)?);
-    let (taus, start_taus) =
-        (Buffer::<f32>::zeroed(context, "taus", count)?, Buffer::<f32>::zeroed(context, "start taus", count)?);
-    let lifts = Buffer::<types::Lift>::zeroed(context, "lifts", count)?;
-    let lift_flags = words("lift flags", count)?;
-    let rounds = words("rounds", cluster_stage::ROUNDS_LEN)?;
-    let points_of = LiftPoints::new(context, &points_stage::Spec { workgroup_size })?;
-    let cluster = LiftCluster::new(context, workgroup_size, fail_on_smallest)?;
-    let pca = LiftPca::new(context, &pca_stage::Spec { workgroup_size, plain_weights: u32::from(plain_weights) })?;
-    let record = |recorder: &mut Recorder| {
-        points_of.record(
-            recorder,
-            &points_stage::Buffers {
-                plane: &plane,
-                plane_views: &plane_views,
-                views: &views,
-                depths: &depths,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                points: &points,
-                heaviest: &heaviest,
-                taus: &taus,
-                point_sets: &point_sets,
-                labels: &labels,
-            },
-            &points_stage::Push { count: n, stride, view_count },
-        );
-        recorder.copy(&taus, 0, &start_taus, 0, count);
-        cluster.record(
-            recorder,
-            &cluster_stage::Buffers {
-                points: &points,
-                point_sets: &point_sets,
-                labels: &labels,
-                group_sizes: &group_sizes,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                heaviest: &heaviest,
-                taus: &taus,
-                prime_labels: &prime_labels,
-                cluster_sizes: &cluster_sizes,
-                rounds: &rounds,
-            },
-            n,
-            points_len as u32,
-        );
-        pca.record(
-            recorder,
-            &pca_stage::Buffers {
-                plane: &plane,
-                plane_views: &plane_views,
-                views: &views,
-                train_views: &train_views,
-                points: &points,
-                point_counts: &point_counts,
-                point_firsts: &point_firsts,
-                heaviest: &heaviest,
-                labels: &labels,
-                prime_labels: &prime_labels,
-                cluster_sizes: &cluster_sizes,
-                lifts: &lifts,
-                lift_flags: &lift_flags,
-            },
-            &pca_stage::Push {
-                count: n,
-                stride,
-                view_count,
-                train_count: case.train_views.len() as u32,
-                unit: case.unit,
-            },
-        );
-    };
-    let times = bench.time(record)?;
+    // Clustering moves τ and labels: what it begins with is read before.
+    let p = PointBuffers::new(context, &(points_len as u32))?;
+    let mut recorder = context.recorder("points")?;
+    phase.record_points(&mut recorder, &flat, b, &p);
+    recorder.submit()?.wait()?;
+    let got_starts = b.taus.download()?;
+    let times = bench.time(|recorder| {
+        phase.record_points(recorder, &flat, b, &p);
+        phase.record_clusters(recorder, count as u32, points_len as u32, b, &p);
+        phase.record_pca(recorder, &flat, case.unit, b, &p);
+    })?;
 
     // Points, of the Gaussians whose pixels are the twin's.
-    let got_points = points.download()?;
-    let got_heaviest = heaviest.download()?;
-    let got_starts = start_taus.download()?;
+    let (got_points, got_heaviest) = (p.points.download()?, b.heaviest.download()?);
     let want = lift_points(&g);
     let mut row = bench.row("lift_points", "");
     let same: Vec<usize> = (0..count).filter(|&i| counts[i] == want.counts[i]).collect();
@@ -327,7 +280,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     }
 
     // Clustering of the device's own points, so that a pixel at the edge of 1/255 does not matter.
-    let own = Points {
+    let own = LiftPoints {
         counts: counts.clone(),
         firsts: firsts.clone(),
         points: got_points.iter().map(|p| p.map(f64::from)).collect(),
@@ -336,10 +289,10 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     };
     let twin = lift_cluster(&own.points, &own.counts, &own.firsts, &own.heaviest, &own.start_taus, fail_on_smallest);
     let got = LiftClusters {
-        labels: labels.download()?,
-        taus: wide(&taus.download()?),
-        prime_labels: prime_labels.download()?,
-        cluster_sizes: cluster_sizes.download()?,
+        labels: p.labels.download()?,
+        taus: wide(&b.taus.download()?),
+        prime_labels: b.prime_labels.download()?,
+        cluster_sizes: b.cluster_sizes.download()?,
     };
     let rule = if fail_on_smallest { "failure by the smallest group" } else { "failure by the largest group" };
     let mut agrees = vec![true; count];
@@ -365,7 +318,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
         bench.push(row);
     }
 
-    let (got_lifts, got_flags) = (lifts.download()?, lift_flags.download()?);
+    let (got_lifts, got_flags) = (b.lifts.download()?, b.lift_flags.download()?);
     let want = lift_pca(&g, &own, &got, &case.train_views, f64::from(case.unit), plain_weights);
     let mut row = bench.row("lift_pca", if plain_weights { "weights w" } else { "weights w²" });
     row.chosen = !plain_weights;
@@ -376,9 +329,14 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     );
     let made: Vec<(&types::Lift, &Lift)> =
         got_lifts.iter().zip(&want).filter(|(a, b)| a.cluster_size > 0 && b.cluster_size > 0).collect();
+    // Positions as seen from a camera: a scene may lie anywhere.
+    let eye = case.cameras[0].eye();
+    row.numbers(
+        made.iter()
+            .flat_map(|(a, b)| (0..3).map(move |c| ((f64::from(a.mean[c]) - eye[c]) as f32, b.mean[c] - eye[c]))),
+    );
     type Field = (fn(&types::Lift) -> Vec<f32>, fn(&Lift) -> Vec<f64>);
-    let fields: [Field; 6] = [
-        (|l| l.mean.to_vec(), |l| l.mean.to_vec()),
+    let fields: [Field; 5] = [
         (|l| l.dc.to_vec(), |l| l.dc.to_vec()),
         (|l| vec![l.opacity], |l| vec![l.opacity]),
         (|l| l.lobe_dir.to_vec(), |l| l.lobe_dir.to_vec()),
@@ -397,7 +355,7 @@ fn lift(bench: &mut Bench<'_>, case: &Case, fail_on_smallest: bool, plain_weight
     row.time = times.of("lift_pca");
     row.work.bytes = 20.0 * points_len as f64 + count as f64 * (60.0 + size_of::<types::Lift>() as f64);
     bench.push(row);
-    if chosen { append(bench, &got_lifts, &got_flags) } else { Ok(()) }
+    if chosen { append(bench, &phase, b, &got_lifts) } else { Ok(()) }
 }
 
 /// Whether two points of a set are as far apart as some τ that clustering tries, within float32's error of a squared distance.
@@ -417,67 +375,38 @@ fn is_tie(set: &[[f64; 4]], start: f64, last: f64) -> bool {
     false
 }
 
-/// The device's lifts: every word where the twin puts it, the others untouched.
-fn append(bench: &mut Bench<'_>, lifts: &[types::Lift], flags: &[u32]) -> Result<()> {
-    const GAUSSIAN_FIRST: u32 = 7;
-    const LOBE_FIRST: u32 = 2;
-    const SH_COEFFICIENTS: u32 = 4;
-    let context = bench.context;
-    let capacity = GAUSSIAN_FIRST + flags.iter().sum::<u32>() + 3;
-    let nines = |planes: u32| vec![9f32; (planes * capacity) as usize];
-    let upload = |planes: u32| Buffer::from_slice(context, "parameters", &nines(planes));
-    let (geometry, sh, lobes) = (upload(11)?, upload(3 * SH_COEFFICIENTS)?, upload(5)?);
-    let lifts_there = Buffer::from_slice(context, "lifts", lifts)?;
-    let lift_ranks = Buffer::from_slice(context, "lift ranks", &exclusive_scan(flags))?;
-    let stage = LiftAppend::new(context, &append_stage::Spec { workgroup_size: WORKGROUP })?;
-    let times = bench.time(|recorder| {
-        let buffers = append_stage::Buffers {
-            lifts: &lifts_there,
-            lift_ranks: &lift_ranks,
-            geometry: &geometry,
-            sh: &sh,
-            lobes: &lobes,
-        };
-        let push = append_stage::Push {
-            count: lifts.len() as u32,
-            gaussian_first: GAUSSIAN_FIRST,
-            lobe_first: LOBE_FIRST,
-            stride: capacity,
-            lobe_stride: capacity,
-            sh_coefficients: SH_COEFFICIENTS,
-        };
-        stage.record(recorder, &buffers, &push);
-    })?;
-    let wide_lifts: Vec<Lift> = lifts
-        .iter()
-        .map(|l| Lift {
-            mean: l.mean.map(f64::from),
-            log_scale: l.log_scale.map(f64::from),
-            quat: l.quat.map(f64::from),
-            dc: l.dc.map(f64::from),
-            opacity: f64::from(l.opacity),
-            lobe_dir: l.lobe_dir.map(f64::from),
-            lobe_width: f64::from(l.lobe_width),
-            theta_bar: f64::from(l.theta_bar),
-            cluster_size: l.cluster_size,
-        })
-        .collect();
-    let [mut g, mut s, mut l] = [11, 3 * SH_COEFFICIENTS, 5].map(|planes| wide(&nines(planes)));
-    let mut planes = ParameterPlanes {
-        geometry: &mut g,
-        sh: &mut s,
-        lobes: &mut l,
-        stride: capacity as usize,
-        lobe_stride: capacity as usize,
-        sh_coefficients: SH_COEFFICIENTS as usize,
-    };
-    let made = lift_append(&wide_lifts, GAUSSIAN_FIRST as usize, LOBE_FIRST as usize, &mut planes) as f64;
+/// The device's lifts behind a supplement: every word where the twin puts it, also where some have no room.
+fn append(bench: &mut Bench<'_>, phase: &LiftPhase, b: &LiftBuffers, lifts: &[types::Lift]) -> Result<()> {
+    let (context, count) = (bench.context, lifts.len() as u32);
+    let lifts: Vec<Lift> = lifts.iter().map(Lift::from).collect();
+    let made = lifts.iter().filter(|l| l.cluster_size > 0).count();
+    let scene = random_scene(5, 20, 7, 1);
     let mut row = bench.row("lift_append", "");
-    for (got, want) in [(&geometry, &g), (&sh, &s), (&lobes, &l)] {
-        row.words(&wide(&got.download()?), want);
+    for spare in [made, made / 2] {
+        let mut want = scene.clone();
+        let mut told = Status::default();
+        let supplement = want.supplement.get_or_insert_default();
+        let needed = lift_append(&lifts, 7 + spare, supplement);
+        if needed > supplement.gaussians.len() {
+            told.fail(Resource::SupplementGaussians, needed as u32);
+        }
+        let model = Model::upload(context, &scene, spare)?;
+        let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
+        let mut recorder = context.recorder("append")?;
+        phase.record_append(&mut recorder, count, b, &model, &status);
+        recorder.submit()?.wait()?;
+        row.words(&status.download()?, &told.0);
+        let (got, want) = (Params::from_scene(&model.download()?)?, Params::from_scene(&want)?);
+        for (got, want) in [(&got.geometry, &want.geometry), (&got.sh, &want.sh), (&got.lobes, &want.lobes)] {
+            row.words(got, want);
+        }
     }
-    row.time = times.of("lift_append");
-    row.work.bytes = lifts.len() as f64 * 8.0 + made * (size_of::<types::Lift>() as f64 + 4.0 * (11.0 + 12.0 + 5.0));
+    // Every run appends again.
+    let model = Model::upload(context, &scene, made * (bench.repeats + 1))?;
+    let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
+    row.time = bench.time(|r| phase.record_append(r, count, b, &model, &status))?.of("lift_append");
+    let planes = (model.part(Segment::Supplement).geometry.planes() + 12 + 5) as f64;
+    row.work.bytes = lifts.len() as f64 * 8.0 + made as f64 * (size_of::<types::Lift>() as f64 + 4.0 * planes);
     bench.push(row);
     Ok(())
 }

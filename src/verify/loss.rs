@@ -4,12 +4,11 @@ use super::Bench;
 use crate::{
     error::Result,
     gpu::{Buffer, Recorder},
+    pipelines::loss::{self as pipeline, LossOptions, Photometric, TileLists, Tiles},
     reference::{self, ssim_forward::SsimForward as Twin},
     stages::{
-        loss_sum::{self, LossSum},
-        ssim_backward::{self, SsimBackward},
-        ssim_forward::{self, SsimForward, partials_len, tile_sums_len, tiles_for, tiles_per_frame},
-        types::{Frame, Loss},
+        ssim::{tiles_for, tiles_per_frame},
+        types::Frame,
     },
     verify::{judge::Work, sort::noise},
 };
@@ -19,27 +18,27 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     // (Scratch is as large for each frame as for the largest: four of these are a third of what llvmpipe binds.)
     let first = if quick { (101, 75) } else { (800, 533) };
     let sizes = &[first, (64, 48), (5, 70), (1, 1)];
-    let batch = Batch::new(sizes);
-    let masked = Batch::masked(sizes);
+    let (batch, masked) = (Batch::new(sizes), Batch::masked(sizes));
     // Each pixel and channel: five moments forward and three partials backward, filtered by eleven taps in each direction.
     let channels = 3.0 * batch.image.len() as f64;
     let pixels = batch.image.len() as f64;
-    let all = batch.twins();
-    let counting = masked.twins();
-    for variant in [Variant::Plain, Variant::LossMap, Variant::TileList, Variant::Masked] {
-        let (batch, twins) = if variant == Variant::Masked { (&masked, &counting) } else { (&batch, &all) };
+    let (all, counting) = (batch.twins(), masked.twins());
+    // Masks are in the targets, so every variant has them; they are looked at together with the map, which has them too.
+    let cases =
+        [(Tiles::All, ""), (Tiles::Map, "loss map"), (Tiles::Listed, "tile list"), (Tiles::Map, "loss map, masked")];
+    for (tiles, name) in cases {
+        let has_mask = name.ends_with("masked");
+        let (batch, twins) = if has_mask { (&masked, &counting) } else { (&batch, &all) };
         let there = There::new(bench, batch)?;
-        let stages = Stages::new(bench, variant)?;
-        let times = bench.time(|recorder| there.record(recorder, &stages))?;
-        let (gradient, map) = (there.image_grad.download()?, there.loss_map.download()?);
-        let losses = there.losses.download()?;
+        let times = bench.time(|recorder| there.record(recorder, tiles))?;
+        let (gradient, map) = (there.image_grad.download()?, there.loss.loss_map().download()?);
+        let losses = there.loss.losses.mapped();
 
-        let (mut forward, mut backward) =
-            (bench.row("ssim_forward", variant.name()), bench.row("ssim_backward", variant.name()));
-        let mut sum = bench.row("loss_sum", variant.name());
+        let (mut forward, mut backward) = (bench.row("ssim_forward", name), bench.row("ssim_backward", name));
+        let mut sum = bench.row("loss_sum", name);
         for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(twins).enumerate() {
             let range = frame.image_first as usize..(frame.image_first + frame.width * frame.height) as usize;
-            if variant == Variant::TileList && !listed(f) {
+            if tiles == Tiles::Listed && !listed(f) {
                 // Tiles that are not listed keep what they had.
                 let touched = gradient[3 * range.start..3 * range.end].iter().filter(|g| !g.is_nan()).count();
                 backward.unequal(touched as u64);
@@ -51,7 +50,7 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             sum.numbers([(loss.l1, l1), (loss.total, total)]);
             // 1 − SSIM is what the loss is made of; SSIM itself is near 1.
             sum.numbers([(loss.ssim, ssim)]);
-            if variant.has_map() {
+            if tiles == Tiles::Map {
                 forward.numbers(map[range.clone()].iter().copied().zip(twin.loss_map.iter().copied()));
             } else {
                 forward.unequal(map[range.clone()].iter().filter(|loss| !loss.is_nan()).count() as u64);
@@ -59,13 +58,18 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             }
             let want = twin_gradient.iter().flatten().copied();
             backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
+            if has_mask {
+                // To the bit: where nothing counts nothing is drawn and nothing is learned.
+                let left_out: Vec<usize> = range.filter(|&i| !batch.counts(frame, i)).collect();
+                forward.unequal(left_out.iter().filter(|&&i| map[i] != 0.0).count() as u64);
+                backward.unequal(left_out.iter().filter(|&&i| gradient[3 * i..3 * i + 3] != [0.0; 3]).count() as u64);
+            }
         }
-        // Training has all tiles, the 2D stage a list, and a loss map where it draws.
-        // Masks are in the targets, so every variant has them; here they and the loss map are looked at together.
-        backward.chosen = !variant.has_map();
-        let share = if variant == Variant::TileList { listed_share(batch) } else { 1.0 };
+        // Training has all tiles, the screen phase a list, and a loss map where it draws.
+        backward.chosen = tiles != Tiles::Map;
+        let share = if tiles == Tiles::Listed { listed_share(batch) } else { 1.0 };
         let partials = 9.0 * 4.0 * pixels;
-        let map_bytes = if variant.has_map() { 4.0 * pixels } else { 0.0 };
+        let map_bytes = if tiles == Tiles::Map { 4.0 * pixels } else { 0.0 };
         forward.work =
             Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
         backward.work =
@@ -76,34 +80,11 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         sum.time = times.of("loss_sum");
         bench.push(forward);
         bench.push(backward);
-        if variant == Variant::Plain {
+        if tiles == Tiles::All {
             bench.push(sum);
         }
     }
     Ok(())
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Variant {
-    Plain,
-    LossMap,
-    TileList,
-    Masked,
-}
-
-impl Variant {
-    fn has_map(self) -> bool {
-        matches!(self, Variant::LossMap | Variant::Masked)
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Variant::Plain => "",
-            Variant::LossMap => "loss map",
-            Variant::TileList => "tile list",
-            Variant::Masked => "loss map, masked",
-        }
-    }
 }
 
 /// Frames whose tiles are in the tile list.
@@ -151,19 +132,26 @@ impl Batch {
         batch
     }
 
-    /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts.
+    /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts. What is rendered
+    /// there is far from the photograph, so that it shows wherever it is looked at.
     pub fn masked(sizes: &[(u32, u32)]) -> Self {
         let mut batch = Self::new(sizes);
         for (f, frame) in batch.frames.iter().enumerate() {
             for i in 0..frame.width * frame.height {
                 let (x, y) = (i % frame.width, i / frame.width);
-                let patch = (x / 13 + y / 9) % 3 == 0 || noise(i + 7).is_multiple_of(31);
+                let patch = (x / 13 + y / 9).is_multiple_of(3) || noise(i + 7).is_multiple_of(31);
                 if patch || f == 1 {
                     batch.targets[(frame.target_first + i) as usize] &= 0x00FF_FFFF;
+                    batch.image[(frame.image_first + i) as usize] = [7.0, -3.0, 5.0, 0.5];
                 }
             }
         }
         batch
+    }
+
+    /// Whether the pixel at `i` of the images, one of `frame`'s, counts.
+    fn counts(&self, frame: &Frame, i: usize) -> bool {
+        reference::ssim_forward::counts(self.targets[frame.target_first as usize + i - frame.image_first as usize])
     }
 
     fn twins(&self) -> Vec<(Twin, Vec<[f64; 3]>)> {
@@ -186,39 +174,14 @@ impl Batch {
     }
 }
 
-/// The stages in one variant.
-struct Stages {
-    variant: Variant,
-    forward: SsimForward,
-    backward: SsimBackward,
-    sum: LossSum,
-}
-
-impl Stages {
-    fn new(bench: &Bench<'_>, variant: Variant) -> Result<Self> {
-        let (context, list) = (bench.context, variant == Variant::TileList);
-        Ok(Stages {
-            variant,
-            forward: SsimForward::new(context, list, variant.has_map())?,
-            backward: SsimBackward::new(context, list)?,
-            sum: LossSum::new(context)?,
-        })
-    }
-}
-
 /// A batch on the device. What the kernels do not write is NaN.
 struct There {
     frames: Buffer<Frame>,
     image: Buffer<[f32; 4]>,
     targets: Buffer<u32>,
-    partials: Buffer<f32>,
-    tile_sums: Buffer<[f32; 2]>,
-    loss_map: Buffer<f32>,
     image_grad: Buffer<f32>,
-    losses: Buffer<Loss>,
-    count: Buffer<u32>,
-    tile_list: Buffer<u32>,
-    args: Buffer<u32>,
+    loss: Photometric,
+    lists: TileLists,
     frame_count: u32,
     tiles_per_frame: u32,
 }
@@ -227,47 +190,46 @@ impl There {
     fn new(bench: &Bench<'_>, batch: &Batch) -> Result<Self> {
         let context = bench.context;
         let (frame_count, tiles) = (batch.frames.len() as u32, tiles_per_frame(&batch.frames));
-        let nans = |name, len| Buffer::from_slice(context, name, &vec![f32::NAN; len]);
+        let nans = |len| vec![f32::NAN; len];
         let list: Vec<u32> = (0..frame_count)
             .filter(|&f| listed(f as usize))
             .flat_map(|f| (0..tiles_for(&batch.frames[f as usize])).map(move |t| f * tiles + t))
             .collect();
+        let options = LossOptions {
+            tiles: frame_count * tiles,
+            map_pixels: batch.image.len() as u32,
+            losses: frame_count,
+            listed: true,
+            backward: true,
+        };
+        let lists = TileLists::new(context, &options.tiles)?;
+        lists.forward_tiles.upload(0, &list)?;
+        lists.backward_tiles.upload(0, &list)?;
+        lists.count.upload(0, &[list.len() as u32; 2])?;
+        // More workgroups than tiles, as after a fold into two dimensions.
+        lists.args.upload(0, &[list.len() as u32 / 2 + 1, 2, 1].repeat(2))?;
+        let loss = Photometric::new(context, &options)?;
+        loss.loss_map().upload(0, &nans(batch.image.len()))?;
         Ok(There {
             frames: Buffer::from_slice(context, "frames", &batch.frames)?,
             image: Buffer::from_slice(context, "image", &batch.image)?,
             targets: Buffer::from_slice(context, "targets", &batch.targets)?,
-            partials: nans("partials", partials_len(frame_count, tiles))?,
-            tile_sums: Buffer::zeroed(context, "tile sums", tile_sums_len(frame_count, tiles))?,
-            loss_map: nans("loss map", batch.image.len())?,
-            image_grad: nans("image grad", 3 * batch.image.len())?,
-            losses: Buffer::zeroed(context, "losses", frame_count as usize)?,
-            count: Buffer::from_slice(context, "count", &[list.len() as u32])?,
-            // More workgroups than tiles, as after a fold into two dimensions.
-            args: Buffer::from_slice(context, "args", &[list.len() as u32 / 2 + 1, 2, 1])?,
-            tile_list: Buffer::from_slice(context, "tile list", &list)?,
+            image_grad: Buffer::from_slice(context, "image grad", &nans(3 * batch.image.len()))?,
+            loss,
+            lists,
             frame_count,
             tiles_per_frame: tiles,
         })
     }
 
-    fn record(&self, recorder: &mut Recorder, stages: &Stages) {
-        let There { frames, image, targets, partials, tile_sums, loss_map, image_grad, count, tile_list, .. } = self;
-        let (tiles_per_frame, tile_count) = (self.tiles_per_frame, self.tiles_per_frame * self.frame_count);
-        let forward = ssim_forward::Buffers { count, tile_list, frames, image, targets, partials, tile_sums, loss_map };
-        let backward = ssim_backward::Buffers { count, tile_list, frames, image, targets, partials, image_grad };
-        let forward_push = ssim_forward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
-        let backward_push = ssim_backward::Push { frame_first: 0, tiles_per_frame, tile_count, count_index: 0 };
-        if stages.variant == Variant::TileList {
-            stages.forward.record_list(recorder, &forward, &forward_push, &self.args, 0);
-            stages.backward.record_list(recorder, &backward, &backward_push, &self.args, 0);
-        } else {
-            stages.forward.record(recorder, &forward, &forward_push);
-            stages.backward.record(recorder, &backward, &backward_push);
-        }
-        stages.sum.record(
-            recorder,
-            &loss_sum::Buffers { frames, tile_sums, losses: &self.losses },
-            &loss_sum::Push { frame_first: 0, frame_count: self.frame_count, tiles_per_frame, slot: 0 },
-        );
+    fn record(&self, recorder: &mut Recorder, tiles: Tiles) {
+        let There { frames, image, targets, frame_count, tiles_per_frame, .. } = self;
+        let (frame_count, tiles_per_frame) = (*frame_count, *tiles_per_frame);
+        let batch = pipeline::Batch { frames, frame_first: 0, frame_count, tiles_per_frame, image, targets };
+        self.loss.record_forward(recorder, &batch, tiles, Some(&self.lists));
+        // The gradient has no variant with a map.
+        let of = if tiles == Tiles::Map { Tiles::All } else { tiles };
+        self.loss.record_backward(recorder, &batch, &self.image_grad, of, Some(&self.lists));
+        self.loss.record_sum(recorder, &batch, 0);
     }
 }

@@ -6,10 +6,11 @@ mod floor;
 mod judge;
 pub mod lift;
 pub mod loss;
-pub mod plane;
+mod model;
 #[cfg(feature = "cli")]
 mod plot;
 mod raster;
+pub mod screen;
 mod sort;
 mod step;
 
@@ -54,18 +55,13 @@ pub struct Report {
 /// Only where the device cannot do something at all; a wrong result is a [`Breach`] of a row.
 pub fn run(context: &Context, options: &Options) -> Result<Report> {
     let start = Instant::now();
-    let mut bench = Bench {
-        context,
-        perturb: options.perturb,
-        repeats: if options.quick { 3 } else { 9 },
-        rates: Rates::default(),
-        rows: Vec::new(),
-    };
+    let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 });
     floor::measure(&mut bench)?;
     sort::cases(&mut bench, options.quick)?;
+    model::cases(&mut bench, options.quick)?;
     raster::cases(&mut bench, options.quick)?;
     loss::cases(&mut bench, options.quick)?;
-    plane::cases(&mut bench, options.quick)?;
+    screen::cases(&mut bench, options.quick)?;
     lift::cases(&mut bench, options.quick)?;
     let Bench { rates, rows, .. } = bench;
     let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
@@ -92,7 +88,12 @@ struct Bench<'a> {
     rows: Vec<Row>,
 }
 
-impl Bench<'_> {
+impl<'a> Bench<'a> {
+    /// Times are medians of `repeats` runs.
+    fn new(context: &'a Context, perturb: f64, repeats: usize) -> Self {
+        Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new() }
+    }
+
     fn row(&self, stage: &'static str, variant: impl Into<String>) -> Row {
         Row::new(stage, variant, self.perturb)
     }
@@ -185,7 +186,7 @@ pub fn explain() -> String {
     let mut text = String::new();
     for b in BOUNDS {
         let limit = |name: &str, v: f64| if v == 0.0 { String::new() } else { format!(", {name} {v:.0e}") };
-        let limits = [("max", b.max), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
+        let limits = [("max", b.max), ("terms", b.terms), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
         let limits: String = limits.into_iter().map(|(name, v)| limit(name, v)).collect();
         let limits = if limits.is_empty() { ", exact".to_owned() } else { limits };
         text += &format!("{}{limits}\n    {}\n", b.stage, b.reason);
@@ -193,10 +194,11 @@ pub fn explain() -> String {
     text
 }
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     column("stage", "stage", ""),
     column("variant", "variant", ""),
     column("max", "max", "of largest"),
+    column("terms", "terms", "of their sum"),
     column("relative_l2", "L2", "relative"),
     column("cosine_loss", "1−cos", ""),
     column("bias", "bias", ""),
@@ -249,6 +251,7 @@ impl fmt::Display for Report {
                 row.stage.into(),
                 format!("{}{}", row.variant, if row.chosen { " *" } else { "" }).into(),
                 small(e.max),
+                small(e.terms),
                 small(e.relative_l2),
                 small(e.cosine_loss),
                 small(e.bias),

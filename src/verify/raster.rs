@@ -7,16 +7,17 @@ use crate::{
     error::Result,
     gpu::{Buffer, Recorder},
     pipelines::{
-        model::Model,
-        raster::{Grid, ISECTS, Raster, RasterOptions, Reduction, TileShape, VISIBLE, WORKGROUP},
-        render::MEDIAN_THRESHOLD,
+        model::{Model, Segment},
+        raster::{Grid, ISECTS, Records, TileShape, VISIBLE},
+        render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer, Show},
+        session::{Policy, Reduction},
         views::Views,
     },
     reference::{
         self, ALPHA_MAX, ALPHA_MIN, Background, Intersections, NEAR, NONE, Options, Params, Splat, TRANSMITTANCE_MIN,
         View,
         blend::{Blended, Margin, blend},
-        blend_backward::{Record, blend_backward},
+        blend_backward::{Record, blend_backward, blend_backward_magnitudes},
         blend_backward_atomic::blend_backward_atomic,
         emit::emit,
         median_depth::{DepthAt, median_depth},
@@ -25,13 +26,7 @@ use crate::{
         tile_ranges::tile_ranges,
         tiles::Tiling,
     },
-    stages::{
-        blend::{self as blend_stage, Blend},
-        median_depth::{self as median_depth_stage, MedianDepth},
-        project::{self as project_stage, Project},
-        step_done::{OVERFLOW, STATUS_WORDS},
-        types,
-    },
+    stages::{status, types},
 };
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -57,6 +52,7 @@ pub(super) struct Scene {
     pub view: View,
     pub views: Views,
     pub model: Model,
+    pub show: Show,
     pub degree: u32,
 }
 
@@ -70,11 +66,13 @@ impl Scene {
     ) -> Result<Self> {
         let scene = random_scene(seed, count, supplement, degree);
         let camera = random_camera(width, height);
+        let model = Model::upload(bench.context, &scene, 0)?;
         Ok(Scene {
             params: Params::from_scene(&scene)?,
             view: View::from_camera(&camera).rounded(),
             views: Views::upload(bench.context, &[camera], &[])?,
-            model: Model::upload(bench.context, &scene, 0)?,
+            show: Show::all(&model, BACKGROUND),
+            model,
             degree,
         })
     }
@@ -96,13 +94,19 @@ impl Scene {
         reference::render(&self.params, &self.view, &self.options(tile, compensate), background)
     }
 
+    fn renderer(&self, bench: &Bench<'_>, policy: Policy, set: impl Fn(&mut RenderOptions)) -> Result<Renderer> {
+        let mut options = RenderOptions { policy, ..Default::default() };
+        set(&mut options);
+        Ok(Renderer::new(bench.context, Needs::of(&self.model), &self.views, options)?)
+    }
+
     fn pixels(&self) -> usize {
         self.view.width as usize * self.view.height as usize
     }
 
     /// "8×8, lobes, compensated".
     fn variant(&self, tile: TileShape, compensate: bool) -> String {
-        let lobes = if self.model.supplement_count > 0 { ", lobes" } else { "" };
+        let lobes = if self.model.has_supplement() { ", lobes" } else { "" };
         format!("{tile}{lobes}{}", self.suffix(compensate))
     }
 
@@ -113,49 +117,35 @@ impl Scene {
     }
 }
 
-/// A scene that the device has projected and ordered, and what it made of it, in float64.
+/// A scene that the device has rendered, and what it made of it before the pixels, in float64.
 pub(super) struct Ordered {
-    pub raster: Raster,
+    pub renderer: Renderer,
+    pub policy: Policy,
     pub grid: Grid,
     pub status: Buffer<u32>,
     pub splats: Vec<Splat>,
     pub tile_counts: Vec<u32>,
     pub isects: Intersections,
-    project: Project,
     depth_keys: Vec<u32>,
 }
 
 impl Ordered {
-    fn new(bench: &Bench<'_>, scene: &Scene, tile: TileShape, compensate: bool, reduction: Reduction) -> Result<Self> {
-        let context = bench.context;
-        let (view, model) = (&scene.view, &scene.model);
-        let grid = Grid::new(tile, 0, 1, view.width, view.height);
-        let options = RasterOptions {
-            splats: model.count(),
-            pixels: view.width * view.height,
-            tiles: grid.tiles(),
-            isects: 1 << 16,
-            batch: false,
-            background_image: true,
-            median: true,
-            backward: true,
-            reduction,
-        };
-        let spec = project_stage::Spec {
-            workgroup_size: WORKGROUP,
-            tile_width: tile.width,
-            tile_height: tile.height,
-            compensate,
-            lobes: model.supplement_count > 0,
-        };
+    fn new(bench: &Bench<'_>, scene: &Scene, policy: Policy, tile: TileShape) -> Result<Self> {
+        let (view, policy) = (&scene.view, Policy { tile: Some(tile), ..policy });
+        let mut renderer = scene.renderer(bench, policy, |options| {
+            options.depth = true;
+            options.backward = true;
+        })?;
+        renderer.render_on_device(&scene.model, &scene.views, 0, &scene.show)?;
         let mut ordered = Ordered {
-            raster: Raster::with_tile(context, options, tile)?,
-            grid,
-            status: Buffer::zeroed(context, "status", STATUS_WORDS)?,
+            grid: renderer.raster.grid(0, 1, view.width, view.height),
+            renderer,
+            policy,
+            status: Buffer::zeroed(bench.context, "status", status::WORDS)?,
             splats: vec![],
             tile_counts: vec![],
             isects: Intersections {
-                tiling: Tiling::new(view.width, view.height, &scene.options(tile, compensate)),
+                tiling: Tiling::new(view.width, view.height, &scene.options(tile, policy.compensate)),
                 global_from_rank: vec![],
                 isect_tiles: vec![],
                 isect_slots: vec![],
@@ -163,60 +153,25 @@ impl Ordered {
                 first_slot: vec![],
                 tile_ranges: vec![],
             },
-            project: Project::new(context, &spec)?,
             depth_keys: vec![],
         };
-        loop {
-            ordered.status.upload(0, &[0; STATUS_WORDS])?;
-            let mut recorder = context.recorder("order")?;
-            ordered.record(&mut recorder, scene);
-            recorder.submit()?.wait()?;
-            match ordered.status.download()?[OVERFLOW] {
-                0 => break,
-                needed => ordered.raster.grow(needed)?,
-            }
-        }
-        ordered.read(model.count() as usize)?;
+        ordered.read(scene.params.count)?;
         Ok(ordered)
     }
 
-    fn record(&self, recorder: &mut Recorder, scene: &Scene) {
-        let (raster, model) = (&self.raster, &scene.model);
-        self.project.record(
-            recorder,
-            &project_stage::Buffers {
-                views: &scene.views.views,
-                geometry: &model.geometry,
-                sh: &model.sh,
-                lobes: &model.lobes,
-                splats: &raster.splats,
-                depth_keys: &raster.depth_keys,
-                tile_counts: &raster.tile_counts,
-            },
-            &project_stage::Push {
-                count: model.count(),
-                stride: model.stride,
-                lobe_first: model.base_count,
-                lobe_stride: model.lobe_stride,
-                view: 0,
-                active_degree: scene.degree,
-            },
-        );
-        let frames = &scene.views.frames;
-        raster.record_order(recorder, model.count(), &self.grid, frames, &raster.tile_counts, &self.status);
-    }
-
     fn read(&mut self, count: usize) -> Result<()> {
-        let raster = &self.raster;
-        let words = raster.count.download()?;
+        let (raster, buffers) = (&self.renderer.raster, &self.renderer.raster.buffers);
+        let words = buffers.count.download()?;
         let (visible, isects) = (words[VISIBLE as usize] as usize, words[ISECTS as usize] as usize);
-        self.depth_keys = raster.depth_keys.download_range(0, count)?;
-        self.tile_counts = raster.tile_counts.download_range(0, count)?;
+        self.depth_keys = buffers.depth_keys.download_range(0, count)?;
+        self.tile_counts = buffers.tile_counts.download_range(0, count)?;
         // What is not visible has no splat and no slot; the device leaves its memory as it was.
         let seen = |i: usize| self.tile_counts[i] > 0;
-        let splats = raster.splats.download_range(0, count)?;
-        self.splats = (0..count).map(|i| if seen(i) { wide(&splats[i]) } else { Splat::default() }).collect();
-        let first_slot = raster.first_slot.download_range(0, count)?;
+        let splats = buffers.splats.download_range(0, count)?;
+        let colours = buffers.splat_colours.download_range(0, count)?;
+        let splat = |i: usize| wide(&splats[i], colours[i], self.depth_keys[i]);
+        self.splats = (0..count).map(|i| if seen(i) { splat(i) } else { Splat::default() }).collect();
+        let first_slot = buffers.first_slot.download_range(0, count)?;
         self.isects = Intersections {
             tiling: self.isects.tiling,
             global_from_rank: raster.global_from_rank().download_range(0, visible)?,
@@ -224,9 +179,14 @@ impl Ordered {
             isect_slots: raster.isect_slots().download_range(0, isects)?,
             global_from_slot: raster.global_from_slot().download_range(0, isects)?,
             first_slot: (0..count).map(|i| if seen(i) { first_slot[i] } else { 0 }).collect(),
-            tile_ranges: raster.tile_ranges.download_range(0, self.isects.tiling.count())?,
+            tile_ranges: buffers.tile_ranges.download_range(0, self.isects.tiling.count())?,
         };
         Ok(())
+    }
+
+    pub fn record_blend_backward(&self, recorder: &mut Recorder, scene: &Scene, frozen: u32) {
+        let raster = &self.renderer.raster;
+        raster.record_blend_backward(recorder, &self.grid, &scene.views.frames, &scene.model.population, frozen);
     }
 
     /// Every index that the twins follow lies within what it indexes.
@@ -242,9 +202,10 @@ impl Ordered {
     }
 }
 
-pub(super) fn wide(s: &types::Splat) -> Splat {
+/// `key` is the bits of the camera's z.
+pub(super) fn wide(s: &types::Splat, colour: [f32; 3], key: u32) -> Splat {
     let [x, y, l11, l12, l22] = [s.x, s.y, s.l11, s.l12, s.l22].map(f64::from);
-    let [opacity, r, g, b, z] = [s.opacity, s.r, s.g, s.b, s.z].map(f64::from);
+    let [opacity, r, g, b, z] = [s.opacity, colour[0], colour[1], colour[2], f32::from_bits(key)].map(f64::from);
     Splat { x, y, l11, l12, l22, opacity, r, g, b, z }
 }
 
@@ -256,10 +217,16 @@ fn case(
     compensate: bool,
 ) -> Result<()> {
     let chosen = tile == TileShape::for_subgroup(bench.context.info().subgroup_size);
-    let ordered = Ordered::new(bench, scene, tile, compensate, Reduction::Deterministic)?;
-    let times = bench.time(|recorder| ordered.record(recorder, scene))?;
+    let policy = Policy { reduction: Reduction::Deterministic, compensate, tile: None };
+    let ordered = Ordered::new(bench, scene, policy, tile)?;
     let variant = scene.variant(tile, compensate);
     let options = scene.options(tile, compensate);
+    // What rendering does where nobody asks for depths or gradients.
+    let mut plain = scene.renderer(bench, ordered.policy, |_| ())?;
+    plain.render_on_device(&scene.model, &scene.views, 0, &scene.show)?;
+    let times = bench.time(|recorder| {
+        drop(plain.record(recorder, &scene.model, &scene.views, 0, &scene.show, &ordered.status));
+    })?;
     let (tiling, isects) = (ordered.isects.tiling, &ordered.isects);
     let (count, visible) = (scene.params.count as f64, isects.global_from_rank.len() as f64);
     let isect_count = isects.isect_slots.len() as f64;
@@ -278,7 +245,6 @@ fn case(
     let (mut flips, mut wrong) = (0, 0);
     for i in 0..scene.params.count {
         let (here, there) = (ordered.depth_keys[i] != NONE, projected.tile_counts[i] > 0);
-        wrong += u64::from(here && ordered.depth_keys[i] != (ordered.splats[i].z as f32).to_bits());
         wrong += u64::from(here != (ordered.tile_counts[i] > 0));
         if here != there {
             let splat = if here { &ordered.splats[i] } else { &projected.splats[i] };
@@ -291,9 +257,9 @@ fn case(
     row.flips(flips, both.len());
     row.unequal(wrong);
     let planes = f64::from(11 + 3 * (scene.degree + 1).pow(2));
-    let supplement = f64::from(scene.model.supplement_count);
+    let supplement = f64::from(scene.model.count_of(Segment::Supplement));
     row.work = Work {
-        bytes: count * 8.0 + 4.0 * (count * planes + 5.0 * supplement) + 40.0 * visible,
+        bytes: count * 8.0 + 4.0 * (count * planes + 5.0 * supplement) + 36.0 * visible,
         // The SH dot products, the position (9), JW (12), RS (21), M (18), its products (15), the direction (6) and its basis
         // (30), the rows and spans of the tile list (40): 150 at least.
         operations: count * 9.0 + visible * (150.0 + planes - 11.0),
@@ -324,14 +290,25 @@ fn case(
     row.work.bytes = 4.0 * isect_count + 8.0 * tiling.count() as f64;
     bench.push(row);
 
-    let order_time = times.sum();
-    let calm = blends(bench, scene, &ordered, twin, &variant, chosen && !compensate, order_time)?;
+    let image = plain.raster.buffers.image.download_range(0, scene.pixels())?;
+    let mut row = bench.row("(render)", &variant);
+    row.chosen = chosen && !compensate;
+    row.time = times.sum();
+    compare_image(&mut row, &image, &twin.blended, Margin::image);
+    bench.push(row);
+    let calm = blends(bench, scene, &ordered, &image, times.of("blend"), &variant, chosen && !compensate)?;
     blend_backwards(bench, scene, &ordered, &calm, &variant, chosen && !compensate)?;
     if chosen {
         step::cases(bench, scene, &ordered, twin, &options)?;
     }
-    if chosen && !compensate && bench.context.info().float_atomics {
-        atomics(bench, scene, twin, &options, tile, &variant)?;
+    if chosen && !compensate {
+        // What is chosen where deterministic gradients find no room.
+        for reduction in Reduction::offered(bench.context).into_iter().filter(|r| *r != policy.reduction) {
+            let ordered = Ordered::new(bench, scene, Policy { reduction, ..policy }, tile)?;
+            blend_backwards(bench, scene, &ordered, &calm, &variant, false)?;
+            let name = if reduction == Reduction::Atomic { step::ATOMIC } else { step::DETERMINISTIC };
+            step::whole(bench, scene, &ordered, twin, &options, &format!("{name}{}", scene.suffix(false)))?;
+        }
     }
     Ok(())
 }
@@ -439,121 +416,77 @@ fn blend_pairs(splats: &[Splat], isects: &Intersections) -> [f64; 2] {
 /// A jump that no rounding makes: half a step of an 8-bit image is 2e-3.
 const JUMP: f64 = 1e-3;
 
-/// All variants of blending, median depth, and the image as a whole. Returns the margins of the lists' own image.
+/// Blending with and without the median, whose `plain` image and time are given, and median depths. Returns what the twin
+/// makes of the device's own lists.
 fn blends(
     bench: &mut Bench<'_>,
     scene: &Scene,
     ordered: &Ordered,
-    twin: &reference::Rendered,
+    plain: &[[f32; 4]],
+    plain_time: Option<f64>,
     variant: &str,
     chosen: bool,
-    order_time: Option<f64>,
 ) -> Result<Blended> {
-    let (context, raster) = (bench.context, &ordered.raster);
-    let tile = raster.tile;
-    let pixels = scene.pixels();
-    let backdrop: Vec<[f32; 4]> =
-        (0..pixels).map(|p| [0.0, 1.0, 2.0, 3.0].map(|c| 0.5 + 0.5 * (0.01 * p as f32 + c).sin())).collect();
-    raster.backdrop.upload(0, &backdrop)?;
-    let behind: Vec<[f64; 3]> = backdrop.iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
+    let (raster, pixels) = (&ordered.renderer.raster, scene.pixels());
     let colour = Background::Color(BACKGROUND.map(f64::from));
     let own = blend(&ordered.splats, &ordered.isects, colour, f64::from(MEDIAN_THRESHOLD));
     let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
     let visible = ordered.isects.global_from_rank.len() as f64;
-    for (name, background_image, median) in
-        [("background image", true, false), ("median", false, true), ("", false, false)]
-    {
-        let spec = blend_stage::Spec {
-            workgroup_size: WORKGROUP,
-            tile_width: tile.width,
-            tile_height: tile.height,
-            pixels: tile.pixels,
-            background_image,
-            median,
-        };
-        let stage = Blend::new(context, &spec)?;
-        let frames = &scene.views.frames;
-        let times = bench.time(|recorder| {
-            raster.record_blend_by(&stage, recorder, &ordered.grid, frames, BACKGROUND, MEDIAN_THRESHOLD);
-        })?;
-        let image = raster.image.download_range(0, pixels)?;
-        let comma = if name.is_empty() { "" } else { ", " };
-        let mut row = bench.row("blend", format!("{variant}{comma}{name}"));
+    let frames = &scene.views.frames;
+    let times = bench.time(|r| raster.record_blend(r, &ordered.grid, frames, BACKGROUND, MEDIAN_THRESHOLD))?;
+    let with_median = raster.buffers.image.download_range(0, pixels)?;
+    let ids = raster.buffers.median_ids.download_range(0, pixels)?;
+    for (name, image, time) in [("", plain, plain_time), (", median", &with_median, times.of("blend"))] {
+        let mut row = bench.row("blend", format!("{variant}{name}"));
         row.chosen = chosen;
-        row.time = times.of("blend");
+        row.time = time;
         row.work = Work {
-            bytes: 8.0 * ordered.isects.isect_slots.len() as f64 + 40.0 * visible + 16.0 * pixels as f64,
+            bytes: 8.0 * ordered.isects.isect_slots.len() as f64 + 36.0 * visible + 16.0 * pixels as f64,
             // dy, u, v, the sum of squares, the half, the exponential, the opacity, the clamp, the test; then 1 − α, the test,
             // α T, three colours and the copy of T.
             operations: 9.0 * tested + 7.0 * blended,
         };
-        if background_image {
-            let want = blend(&ordered.splats, &ordered.isects, Background::Image(&behind), 0.5);
-            compare_image(&mut row, &image, &want, image_margin);
-        } else {
-            compare_image(&mut row, &image, &own, image_margin);
-        }
-        if median {
-            let ids = raster.median_ids.download_range(0, pixels)?;
+        compare_image(&mut row, image, &own, image_margin);
+        if !name.is_empty() {
             let differ: Vec<usize> = (0..pixels).filter(|&p| ids[p] != own.median[p]).collect();
             let margin = |p: usize| image_margin(&own.margins[p]).min(own.margins[p].median);
             row.flips(differ.len(), pixels);
             row.unequal(differ.iter().filter(|&&p| margin(p) >= NEAR_THRESHOLD).count() as u64);
-            if chosen && scene.model.supplement_count > 0 {
-                median_depths(bench, scene)?;
-            }
         }
         bench.push(row);
-
-        // From scene to image, the last variant being what rendering does.
-        if name.is_empty() {
-            let mut row = bench.row("(render)", variant);
-            row.chosen = chosen;
-            row.time = order_time.zip(times.sum()).map(|(a, b)| a + b);
-            compare_image(&mut row, &image, &twin.blended, Margin::image);
-            bench.push(row);
+    }
+    if chosen && scene.model.has_supplement() {
+        for centre in [false, true] {
+            let renderer = scene.renderer(bench, ordered.policy, |options| {
+                options.depth = true;
+                options.centre_depth = centre;
+            })?;
+            median_depths(bench, scene, &renderer, centre)?;
         }
     }
     Ok(own)
 }
 
 /// Of Gaussians wherever they are, so that some have their greatest response behind the camera.
-fn median_depths(bench: &mut Bench<'_>, scene: &Scene) -> Result<()> {
-    let context = bench.context;
+fn median_depths(bench: &mut Bench<'_>, scene: &Scene, renderer: &Renderer, centre: bool) -> Result<()> {
     let (pixels, count) = (scene.pixels(), scene.params.count as u32);
     let ids: Vec<u32> = (0..pixels as u32).map(|p| if p % 9 == 4 { NONE } else { noise(p) % count }).collect();
-    let median_ids = Buffer::from_slice(context, "median ids", &ids)?;
-    for (centre, name, at) in [(false, "maximum response", DepthAt::MaximumResponse), (true, "centre", DepthAt::Centre)]
-    {
-        let stage = MedianDepth::new(context, &median_depth_stage::Spec { workgroup_size: WORKGROUP, centre })?;
-        let depths = Buffer::<f32>::zeroed(context, "depths", pixels)?;
-        let times = bench.time(|recorder| {
-            stage.record(
-                recorder,
-                &median_depth_stage::Buffers {
-                    views: &scene.views.views,
-                    geometry: &scene.model.geometry,
-                    median_ids: &median_ids,
-                    depths: &depths,
-                },
-                &median_depth_stage::Push { stride: scene.model.stride, view: 0, depth_first: 0 },
-                pixels as u32,
-            );
-        })?;
-        let mut row = bench.row("median_depth", name);
-        row.chosen = !centre;
-        let want = median_depth(&scene.params, &scene.view, &ids, at);
-        let got = depths.download()?;
-        // At the near plane one side may take the centre instead.
-        let near = |z: f64| (z / NEAR - 1.0).abs() < NEAR_THRESHOLD;
-        let is_near = |p: &usize| !centre && (near(want[*p]) || near(f64::from(got[*p])));
-        row.flips((0..pixels).filter(is_near).count(), pixels);
-        row.numbers((0..pixels).filter(|p| !is_near(p)).map(|p| (got[p], want[p])));
-        row.time = times.of("median_depth");
-        row.work.bytes = 8.0 * pixels as f64 + if centre { 12.0 } else { 40.0 } * f64::from(count).min(pixels as f64);
-        row.work.operations = if centre { 3.0 } else { 60.0 } * pixels as f64;
-        bench.push(row);
-    }
+    renderer.raster.buffers.median_ids.upload(0, &ids)?;
+    let times = bench.time(|r| renderer.record_depths(r, &scene.model, &scene.views, 0, &scene.show))?;
+    let (name, at) = if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
+    let mut row = bench.row("median_depth", name);
+    row.chosen = !centre;
+    let want = median_depth(&scene.params, &scene.view, &ids, at);
+    let got = renderer.depths.download_range(0, pixels)?;
+    // At the near plane one side may take the centre instead.
+    let near = |z: f64| (z / NEAR - 1.0).abs() < NEAR_THRESHOLD;
+    let is_near = |p: &usize| !centre && (near(want[*p]) || near(f64::from(got[*p])));
+    row.flips((0..pixels).filter(is_near).count(), pixels);
+    row.numbers((0..pixels).filter(|p| !is_near(p)).map(|p| (got[p], want[p])));
+    row.time = times.all("median_depth");
+    row.work.bytes = 8.0 * pixels as f64 + if centre { 12.0 } else { 40.0 } * f64::from(count).min(pixels as f64);
+    row.work.operations = if centre { 3.0 } else { 60.0 } * pixels as f64;
+    bench.push(row);
     Ok(())
 }
 
@@ -565,47 +498,62 @@ pub(super) fn image_grad(blended: &Blended, margin: fn(&Margin) -> f64) -> Vec<[
     (0..blended.margins.len()).map(|p| if calm(p) { at(p) } else { [0.0; 3] }).collect()
 }
 
-/// The records of the device's own image by a smooth gradient, which is uploaded, and what it takes to make them: all parts or the
-/// opacity alone.
-fn wanted_records(
-    scene: &Scene,
-    ordered: &Ordered,
-    own: &Blended,
-) -> Result<(Vec<Record>, impl Fn(bool) -> Work + use<>)> {
-    let raster = &ordered.raster;
-    let pixels = scene.pixels();
-    let image_grad = image_grad(own, |margin| image_margin(margin).min(margin.clamp));
-    let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
-    raster.image_grad.upload(0, &flat)?;
-    // The kernel takes what lies behind from the device's image.
-    let image: Vec<[f64; 4]> = raster.image.download_range(0, pixels)?.into_iter().map(|p| p.map(f64::from)).collect();
-    let want = blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad);
-    let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
-    let isects = ordered.isects.isect_slots.len() as f64;
-    let visible = ordered.isects.global_from_rank.len() as f64;
-    let work = move |all| Work {
-        bytes: 44.0 * isects + 40.0 * visible + 28.0 * pixels as f64,
-        // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g, colour (3), w
-        // (2), w wᵀ (6).
-        operations: 9.0 * tested + if all { 26.0 } else { 14.0 } * blended,
-    };
-    Ok((want, work))
+/// The records of the device's own image by a smooth gradient, which is uploaded.
+struct Wanted {
+    records: Vec<Record>,
+    magnitudes: Vec<Record>,
+    /// Of pairs of pixel and splat.
+    tested: f64,
+    blended: f64,
 }
 
-/// `all`, or only the opacity's part and, of what is blended, more than 0 in part 6.
-fn compare_records(row: &mut super::Row, got: &[f32], want: &[Record], all: bool) {
+impl Wanted {
+    fn new(scene: &Scene, ordered: &Ordered, own: &Blended) -> Result<Self> {
+        let (buffers, pixels) = (&ordered.renderer.raster.buffers, scene.pixels());
+        let image_grad = image_grad(own, |margin| image_margin(margin).min(margin.clamp));
+        let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
+        buffers.image_grad.upload(0, &flat)?;
+        // The kernel takes what lies behind from the device's image.
+        let image = buffers.image.download_range(0, pixels)?;
+        let image: Vec<[f64; 4]> = image.into_iter().map(|p| p.map(f64::from)).collect();
+        let [tested, blended] = blend_pairs(&ordered.splats, &ordered.isects);
+        Ok(Wanted {
+            records: blend_backward(&ordered.splats, &ordered.isects, &image, &image_grad),
+            magnitudes: blend_backward_magnitudes(&ordered.splats, &ordered.isects, &image, &image_grad),
+            tested,
+            blended,
+        })
+    }
+
+    /// What it takes to make so many records: all parts, or the opacity alone.
+    fn work(&self, scene: &Scene, ordered: &Ordered, records: usize, all: bool) -> Work {
+        let (isects, visible) = (ordered.isects.isect_slots.len() as f64, ordered.isects.global_from_rank.len() as f64);
+        let of_record = if all { 36.0 } else { 12.0 };
+        Work {
+            bytes: 8.0 * isects + of_record * records as f64 + 36.0 * visible + 28.0 * scene.pixels() as f64,
+            // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g,
+            // colour (3), w (2), w wᵀ (6).
+            operations: 9.0 * self.tested + if all { 26.0 } else { 14.0 } * self.blended,
+        }
+    }
+}
+
+/// Records by slot or by Gaussian: all, or the opacity's part and, of what is blended, a mark.
+fn compare_records(row: &mut super::Row, got: &[Record32], want: &[Record], magnitudes: &[Record], all: bool) {
     let part = |parts: std::ops::Range<usize>| {
-        want.iter().enumerate().flat_map(move |(s, want)| parts.clone().map(move |k| (got[9 * s + k], want[k])))
+        let of = move |s: usize| parts.clone().map(move |k| (got[s][k], want[s][k], magnitudes[s][k]));
+        (0..want.len()).flat_map(of)
     };
-    row.gradients(part(5..6));
+    row.sums(part(2..3));
     if all {
-        [0..2, 2..5, 6..9].into_iter().for_each(|parts| row.gradients(part(parts)));
+        [0..2, 3..6, 6..9].into_iter().for_each(|parts| row.sums(part(parts)));
     } else {
-        let is_right = |(got, want): (&[f32], &Record)| {
+        // Nothing blended has the mark; what is blended may have it with an opacity gradient of 0.
+        let is_right = |(got, want): (&Record32, &Record)| {
             let blended = want.iter().any(|&part| part != 0.0);
-            (0..9).all(|k| [5, 6].contains(&k) || got[k] == 0.0) && (got[6] > 0.0 || !blended)
+            (0..9).all(|k| [0, 2].contains(&k) || got[k] == 0.0) && (got[0] > 0.0 || !blended)
         };
-        row.unequal(got.chunks_exact(9).zip(want).filter(|pair| !is_right(*pair)).count() as u64);
+        row.unequal(got.iter().zip(want).filter(|pair| !is_right(*pair)).count() as u64);
     }
 }
 
@@ -617,66 +565,46 @@ fn blend_backwards(
     variant: &str,
     chosen: bool,
 ) -> Result<()> {
-    let raster = &ordered.raster;
-    let (want, work) = wanted_records(scene, ordered, own)?;
-    for (name, full_first) in [("opacity only", scene.model.count()), ("all", 0)] {
-        let times = bench.time(|recorder| {
-            raster.record_blend_backward(recorder, &ordered.grid, &scene.views.frames, full_first);
-        })?;
-        let got = raster.records.download_range(0, 9 * want.len())?;
-        let mut row = bench.row("blend_backward", format!("{variant}, {name}"));
-        // Sums in a fixed order: another run gives the same bits.
-        let mut recorder = bench.context.recorder("again")?;
-        raster.record_blend_backward(&mut recorder, &ordered.grid, &scene.views.frames, full_first);
-        recorder.submit()?.wait()?;
-        let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|v| v.to_bits()).collect() };
-        row.words(&bits(&raster.records.download_range(0, 9 * want.len())?), &bits(&got));
-        compare_records(&mut row, &got, &want, full_first == 0);
+    let wanted = Wanted::new(scene, ordered, own)?;
+    let raster = &ordered.renderer.raster;
+    let by_gaussian = |records: Vec<Record>| match raster.by_gaussian() {
+        true => blend_backward_atomic(&ordered.isects, &records, scene.params.count),
+        false => records,
+    };
+    let (want, magnitudes) = (by_gaussian(wanted.records.clone()), by_gaussian(wanted.magnitudes.clone()));
+    let Some(stage) = raster.backward_stage() else { return Ok(()) };
+    for (name, frozen) in [("opacity only", FROZEN), ("all", 0)] {
+        let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, frozen))?;
+        let got = read_records(&raster.records, want.len())?;
+        let mut row = bench.row(stage, format!("{variant}, {name}"));
+        if ordered.policy.reduction == Reduction::Deterministic {
+            // Sums in a fixed order: another run gives the same bits.
+            let mut recorder = bench.context.recorder("again")?;
+            ordered.record_blend_backward(&mut recorder, scene, frozen);
+            recorder.submit()?.wait()?;
+            let bits = |values: &[Record32]| -> Vec<u32> { values.iter().flatten().map(|v| v.to_bits()).collect() };
+            row.words(&bits(&read_records(&raster.records, want.len())?), &bits(&got));
+        }
+        compare_records(&mut row, &got, &want, &magnitudes, frozen == 0);
         row.chosen = chosen;
         row.time = times.sum();
-        row.work = work(full_first == 0);
+        row.work = wanted.work(scene, ordered, want.len(), frozen == 0);
         bench.push(row);
     }
     Ok(())
 }
 
-/// What is chosen where deterministic gradients find no room.
-fn atomics(
-    bench: &mut Bench<'_>,
-    scene: &Scene,
-    twin: &reference::Rendered,
-    options: &Options,
-    tile: TileShape,
-    variant: &str,
-) -> Result<()> {
-    let ordered = Ordered::new(bench, scene, tile, false, Reduction::Atomic)?;
-    let (raster, pixels, count) = (&ordered.raster, scene.pixels(), scene.params.count);
-    let frames = &scene.views.frames;
-    raster.backdrop.upload(0, &vec![[BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 0.0]; pixels])?;
-    let mut recorder = bench.context.recorder("blend")?;
-    raster.record_blend(&mut recorder, &ordered.grid, frames, BACKGROUND, MEDIAN_THRESHOLD);
-    recorder.submit()?.wait()?;
-    let own = blend(&ordered.splats, &ordered.isects, Background::Color(BACKGROUND.map(f64::from)), 0.5);
-    let (want, work) = wanted_records(scene, &ordered, &own)?;
-    let want = blend_backward_atomic(&ordered.isects, &want, count);
-    for (name, full_first) in [("opacity only", scene.model.count()), ("all", 0)] {
-        let times = bench.time(|recorder| {
-            raster.record_blend_backward(recorder, &ordered.grid, frames, full_first);
-        })?;
-        let got = raster.records.download_range(0, 9 * count)?;
-        let mut row = bench.row("blend_backward_atomic", format!("{variant}, {name}"));
-        compare_records(&mut row, &got, &want, full_first == 0);
-        row.chosen = false;
-        row.time = times.sum();
-        row.work = work(full_first == 0);
-        row.work.bytes += 2.0 * 36.0 * count as f64 - 36.0 * ordered.isects.isect_slots.len() as f64;
-        bench.push(row);
-    }
-    step::whole(bench, scene, &ordered, twin, options, &format!("{}{}", step::ATOMIC, scene.suffix(false)))
-}
+/// As many segments as learn their opacity only: all of them.
+const FROZEN: u32 = Segment::ALL.len() as u32;
 
-/// The device's records by slot.
-pub(super) fn records(ordered: &Ordered) -> Result<Vec<Record>> {
-    let got = ordered.raster.records.download_range(0, 9 * ordered.isects.isect_slots.len())?;
-    Ok(got.chunks_exact(9).map(|r| std::array::from_fn(|k| f64::from(r[k]))).collect())
+/// A gradient record as the device has it, in the order of the twin's.
+pub(super) type Record32 = [f32; 9];
+
+/// The first `count` records, by slot or by Gaussian.
+pub(super) fn read_records(records: &Records, count: usize) -> Result<Vec<Record32>> {
+    let centres = records.record_centres.download_range(0, count)?;
+    let shapes = records.record_shapes.download_range(0, count)?;
+    let colours = records.record_colours.download_range(0, count)?;
+    let record = |i: usize| std::array::from_fn(|k| [centres[i], shapes[i], colours[i]][k / 3][k % 3]);
+    Ok((0..count).map(record).collect())
 }

@@ -7,9 +7,9 @@ use crate::{
     pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
-        dispatch_args::{self, DispatchArgs},
-        radix_upsweep::{block_counts_len, digit_totals_len, passes_for},
-        scan_reduce::{BLOCK, block_sums_len, items_per_group},
+        blocks::{BLOCK, block_counts_len, block_sums_len, digit_totals_len, items_per_group, passes_for},
+        dispatch_args,
+        status::{self, Resource, Status},
     },
     verify::judge::Work,
 };
@@ -39,6 +39,8 @@ pub(super) fn noise(i: u32) -> u32 {
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
+/// What a count that is too large is told as.
+const RESOURCE: Resource = Resource::Intersections;
 /// Words of the count buffer.
 const ITEMS: u32 = 0;
 const RESULT: u32 = 1;
@@ -48,7 +50,7 @@ struct Counted {
     count: Buffer<u32>,
     args: Buffer<u32>,
     status: Buffer<u32>,
-    stage: DispatchArgs,
+    stage: dispatch_args::Stage,
     items: u32,
     per_group: u32,
 }
@@ -59,27 +61,31 @@ impl Counted {
         Ok(Counted {
             count: Buffer::from_slice(context, "count", &[items, 0])?,
             args: Buffer::zeroed(context, "args", 3)?,
-            status: Buffer::zeroed(context, "status", 1)?,
-            stage: DispatchArgs::new(context)?,
+            status: Buffer::zeroed(context, "status", status::WORDS)?,
+            stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             items,
             per_group: items_per_group(context.info().subgroup_size),
         })
     }
 
     fn record(&self, recorder: &mut Recorder) {
+        self.record_within(recorder, self.items);
+    }
+
+    fn record_within(&self, recorder: &mut Recorder, capacity: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
         let push = dispatch_args::Push {
             count_index: ITEMS,
-            capacity: self.items,
+            capacity,
             items_per_group: self.per_group,
             args_index: 0,
-            status_index: 0,
+            resource_index: RESOURCE.index(),
         };
-        self.stage.record(recorder, &buffers, &push);
+        self.stage.record(recorder, &buffers, &push, 1);
     }
 
     fn extent(&self) -> Extent<'_> {
-        Extent { count: &self.count, index: ITEMS, args: &self.args, slot: 0 }
+        Extent { count: &self.count, index: ITEMS, args: &self.args, dispatch: 0 }
     }
 }
 
@@ -102,11 +108,19 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
     })?;
 
     if !gather {
-        let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, items, counted.per_group);
         let mut row = bench.row("dispatch_args", "");
-        row.words(&counted.args.download()?, &groups);
-        row.words(&counted.status.download()?, &[overflow.unwrap_or(0)]);
-        row.words(&counted.count.download_range(0, 1)?, &[count]);
+        // The first fits.
+        for capacity in [items, items / 3] {
+            let mut recorder = context.recorder("dispatch args")?;
+            counted.record_within(&mut recorder, capacity);
+            recorder.submit()?.wait()?;
+            let (count, needed, groups) = reference::dispatch_args::dispatch_args(items, capacity, counted.per_group);
+            row.words(&counted.args.download()?, &groups);
+            row.words(&counted.count.download_range(0, 1)?, &[count]);
+            let mut told = Status::default();
+            needed.into_iter().for_each(|needed| told.fail(RESOURCE, needed));
+            row.words(&counted.status.download()?, &told.0);
+        }
         row.work.bytes = 16.0;
         row.time = times.of("dispatch_args");
         bench.push(row);

@@ -3,26 +3,42 @@
 use super::{
     Bench,
     judge::{Row, Work},
-    raster::{Ordered, Scene, image_grad, records},
+    raster::{Ordered, Scene, image_grad, read_records},
+    sort::noise,
 };
 use crate::{
     error::Result,
-    gpu::{Buffer, Recorder},
-    pipelines::{model::GEOMETRY_PLANES, model::LOBE_PLANES, raster::WORKGROUP},
-    reference::{
-        self, Options,
-        adam::{PlaneRate, adam, lobe_rates},
-        blend::Margin,
-        project_backward::{Gradients, project_backward},
+    gpu::Buffer,
+    pipelines::{
+        learn::{Beside, Learner, Lesson, Rates, Seen},
+        model::{Planes, Segment},
     },
+    reference::{
+        self, Options, Params,
+        adam::{PlaneRate, adam},
+        blend::Margin,
+        blend_backward::{Record, blend_backward_magnitudes},
+        project_backward::{magnitudes, project_backward, sum_records},
+    },
+    scene::layout::{self, Array, GEOMETRY_PLANES, Group, LOBE_PLANES, OPACITY},
     stages::{
-        project_backward::{self as stage, ProjectBackward},
-        step_done::{self, OVERFLOW, STATUS_WORDS, STEPS, StepDone},
+        status::{self, Resource, Status},
+        step_done,
     },
 };
 
-/// Every rate: large enough that a wrong step is not a rounding of the parameter.
-const RATE: f32 = 0.01;
+/// Large enough that a wrong step is not a rounding of the parameter, and all different, lest one stand in for another.
+const RATES: Rates = Rates {
+    mean: 0.01,
+    log_scale: 0.013,
+    quat: 0.009,
+    opacity: 0.017,
+    dc: 0.011,
+    sh: 0.007,
+    direction: 0.015,
+    width: 0.008,
+    sharpness: 0.019,
+};
 /// Step of the bias correction: the second moment's is 2 there, and steps are about as long as the rate.
 const STEP: u32 = 700;
 
@@ -39,39 +55,38 @@ pub(super) fn cases(
     options: &Options,
 ) -> Result<()> {
     let suffix = scene.suffix(options.compensate);
-    let parts = parts(scene);
-    let isect_grads = records(ordered)?;
+    let own = read_records(&ordered.renderer.raster.records, ordered.isects.isect_slots.len())?;
+    let own: Vec<Record> = own.iter().map(|record| record.map(f64::from)).collect();
+    let sizes: Vec<Record> = own.iter().map(|record| record.map(f64::abs)).collect();
     let Ordered { splats, tile_counts, isects, .. } = ordered;
-    let want = project_backward(&scene.params, &scene.view, options, splats, tile_counts, isects, &isect_grads);
-    for part in &parts {
-        for (opacity_only, name) in [(true, "opacity only"), (false, "all")] {
-            if opacity_only && part.lobes {
+    let (params, view) = (&scene.params, &scene.view);
+    let want = project_backward(params, view, options, splats, tile_counts, isects, &own);
+    let terms = magnitudes(params, view, options, splats, &sum_records(tile_counts, isects, &sizes));
+    for part in &parts(scene) {
+        for (opacity_only, name) in [(true, ", opacity only"), (false, ", all")] {
+            if opacity_only && part.segment == Segment::Supplement {
                 continue;
             }
-            let mut row = bench.row("project_backward", format!("{}, {name}{suffix}", part.name));
+            let lesson = part.lesson(options, opacity_only, false);
+            let mut row = bench.row("project_backward", format!("{}{name}{suffix}", part.name));
             row.chosen = !options.compensate;
-            let run = Run { scene, ordered, part, compensate: options.compensate, opacity_only, mode: Mode::Gradients };
-            let (moments, time) = run.gradients(bench)?;
-            compare(&mut row, scene, part, opacity_only, &moments, &want);
+            let (gradients, time) = part.gradients(bench, scene, ordered, lesson)?;
+            compare(&mut row, scene, part, &gradients, &want.params, &terms);
             row.time = time;
-            row.work = run.work();
+            row.work = part.work(scene, ordered, &lesson, false);
             bench.push(row);
-        }
-    }
-    // A compensated step is the same step.
-    if !options.compensate {
-        for part in &parts {
-            for (opacity_only, sparse) in [(false, false), (false, true), (true, true)] {
-                if !(opacity_only && part.lobes) {
-                    step(bench, scene, ordered, part, opacity_only, sparse, &want)?;
+            // A compensated step is the same step.
+            for sparse in [false, true] {
+                if !options.compensate {
+                    let lesson = part.lesson(options, opacity_only, sparse);
+                    step(bench, scene, ordered, part, lesson, &want.touched)?;
                 }
             }
         }
-        if scene.model.supplement_count > 0 {
-            steps_done(bench)?;
-        }
     }
-
+    if scene.model.has_supplement() && !options.compensate {
+        steps_done(bench)?;
+    }
     whole(bench, scene, ordered, twin, options, &format!("{DETERMINISTIC}{suffix}"))
 }
 
@@ -85,18 +100,20 @@ pub(super) fn whole(
     variant: &str,
 ) -> Result<()> {
     let mut row = bench.row(WHOLE, variant);
-    row.chosen = !options.compensate && !ordered.raster.by_gaussian();
+    row.chosen = !options.compensate && !ordered.renderer.raster.by_gaussian();
     let grad = image_grad(&twin.blended, Margin::gradient);
     let flat: Vec<f32> = grad.iter().flatten().map(|&g| g as f32).collect();
-    ordered.raster.image_grad.upload(0, &flat)?;
+    ordered.renderer.raster.buffers.image_grad.upload(0, &flat)?;
     let want = twin.backward(&scene.params, &scene.view, options, &grad);
-    let times = bench.time(|r| ordered.raster.record_blend_backward(r, &ordered.grid, &scene.views.frames, 0))?;
+    let (splats, isects) = (&twin.projected.splats, &twin.isects);
+    let sizes = blend_backward_magnitudes(splats, isects, &twin.blended.image, &grad);
+    let sizes = sum_records(&twin.projected.tile_counts, isects, &sizes);
+    let terms = magnitudes(&scene.params, &scene.view, options, splats, &sizes);
+    let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, 0))?;
     let mut total = times.sum();
     for part in &parts(scene) {
-        let run =
-            Run { scene, ordered, part, compensate: options.compensate, opacity_only: false, mode: Mode::Gradients };
-        let (moments, time) = run.gradients(bench)?;
-        compare(&mut row, scene, part, false, &moments, &want);
+        let (gradients, time) = part.gradients(bench, scene, ordered, part.lesson(options, false, false))?;
+        compare(&mut row, scene, part, &gradients, &want.params, &terms);
         total = total.zip(time).map(|(a, b)| a + b);
     }
     row.time = total;
@@ -107,333 +124,221 @@ pub(super) fn whole(
 /// Gaussians that learn alike.
 struct Part {
     name: &'static str,
+    segment: Segment,
+    /// Gaussian index of the first, and how many.
     first: usize,
     count: usize,
-    lobes: bool,
 }
 
 fn parts(scene: &Scene) -> Vec<Part> {
-    let (base, supplement) = (scene.model.base_count as usize, scene.model.supplement_count as usize);
-    let base_part = Part { name: "base", first: 0, count: base, lobes: false };
-    let supplement_part = Part { name: "lobes", first: base, count: supplement, lobes: true };
+    let [base, supplement] = Segment::ALL.map(|segment| scene.model.count_of(segment) as usize);
+    let base_part = Part { name: "base", segment: Segment::Base, first: 0, count: base };
+    let supplement_part = Part { name: "lobes", segment: Segment::Supplement, first: base, count: supplement };
     [base_part, supplement_part].into_iter().filter(|part| part.count > 0).collect()
 }
 
-enum Mode {
-    Gradients,
-    Step { sparse: bool },
-}
-
-/// Moments, or gradients in their first planes: geometry, SH and lobes.
-type Moments = [Vec<f32>; 3];
-
-struct Run<'a> {
-    scene: &'a Scene,
-    ordered: &'a Ordered,
-    part: &'a Part,
-    compensate: bool,
-    opacity_only: bool,
-    mode: Mode,
-}
-
-impl Run<'_> {
-    fn stage(&self, bench: &Bench<'_>) -> Result<ProjectBackward> {
-        let spec = stage::Spec {
-            workgroup_size: WORKGROUP,
-            compensate: self.compensate,
-            lobes: self.part.lobes,
-            opacity_only: self.opacity_only,
-            sparse: matches!(self.mode, Mode::Step { sparse: true }),
-            gradients: matches!(self.mode, Mode::Gradients),
-        };
-        Ok(ProjectBackward::new(bench.context, &spec)?)
-    }
-
-    /// `parameters` are geometry, SH and lobes.
-    fn record(
-        &self,
-        recorder: &mut Recorder,
-        stage: &ProjectBackward,
-        parameters: [&Buffer<f32>; 3],
-        moments: [&Buffer<f32>; 3],
-    ) {
-        let (scene, ordered) = (self.scene, self.ordered);
-        let [geometry, sh, lobes] = parameters;
-        let [geometry_moments, sh_moments, lobe_moments] = moments;
-        let correction = |beta: f64| (1.0 / (1.0 - beta.powi(STEP as i32))) as f32;
-        stage.record(
-            recorder,
-            &stage::Buffers {
-                views: &scene.views.views,
-                status: &ordered.status,
-                tile_counts: &ordered.raster.tile_counts,
-                first_slot: &ordered.raster.first_slot,
-                records: &ordered.raster.records,
-                geometry,
-                sh,
-                lobes,
-                geometry_moments,
-                sh_moments,
-                lobe_moments,
-            },
-            &stage::Push {
-                first: self.part.first as u32,
-                count: self.part.count as u32,
-                stride: scene.model.stride,
-                moment_stride: self.part.count as u32,
-                lobe_stride: scene.model.lobe_stride,
-                view: 0,
-                active_degree: scene.degree,
-                stored_coefficients: scene.model.coefficients(),
-                rate_mean: RATE,
-                rate_log_scale: RATE,
-                rate_quat: RATE,
-                rate_opacity: RATE,
-                rate_dc: RATE,
-                rate_sh: RATE,
-                rate_direction: RATE,
-                rate_width: RATE,
-                rate_sharpness: RATE,
-                first_correction: correction(reference::adam::BETA1),
-                second_correction: correction(reference::adam::BETA2),
-                lobe_first_correction: correction(reference::adam::BETA1),
-                lobe_second_correction: correction(reference::adam::BETA2),
-                by_gaussian: ordered.raster.by_gaussian().into(),
-            },
-        );
-    }
-
-    fn gradients(&self, bench: &Bench<'_>) -> Result<(Moments, Option<f64>)> {
-        let stage = self.stage(bench)?;
-        let model = &self.scene.model;
-        let planes = planes(self.scene);
-        let zeros = |p: usize| Buffer::<f32>::zeroed(bench.context, "gradients", 2 * p * self.part.count);
-        let into = [zeros(planes[0])?, zeros(planes[1])?, zeros(planes[2])?];
-        let times = bench.time(|recorder| {
-            self.record(recorder, &stage, [&model.geometry, &model.sh, &model.lobes], [&into[0], &into[1], &into[2]]);
-        })?;
-        let moments = [into[0].download()?, into[1].download()?, into[2].download()?];
-        Ok((moments, times.of("project_backward")))
-    }
-
-    fn work(&self) -> Work {
-        let [geometry, sh, lobes] = planes(self.scene).map(|p| p as f64);
-        let count = self.part.count as f64;
-        let isects = 36.0 * self.slots();
-        let planes = geometry + sh + if self.part.lobes { lobes } else { 0.0 };
-        let bytes = match (&self.mode, self.opacity_only) {
-            (Mode::Gradients, true) => isects / 4.5 + count * 4.0 * (2.0 + 2.0),
-            (Mode::Gradients, false) => isects + count * 4.0 * (2.0 + 2.0 * planes),
-            // Parameter and both moments, read and written.
-            (Mode::Step { .. }, true) => isects / 4.5 + count * 4.0 * (2.0 + 6.0),
-            (Mode::Step { .. }, false) => isects + count * 4.0 * (2.0 + 6.0 * planes),
-        };
-        Work { bytes, operations: 0.0 }
-    }
-
-    /// Slots of the part's Gaussians.
-    fn slots(&self) -> f64 {
-        self.ordered.tile_counts[self.part.first..][..self.part.count].iter().map(|&n| f64::from(n)).sum()
-    }
-}
-
 /// Planes of geometry, SH and lobes.
-fn planes(scene: &Scene) -> [usize; 3] {
-    [GEOMETRY_PLANES, 3 * scene.model.coefficients() as usize, LOBE_PLANES]
-}
+type Columns = [Vec<Vec<f32>>; 3];
 
-fn compare(row: &mut Row, scene: &Scene, part: &Part, opacity_only: bool, got: &Moments, want: &Gradients) {
-    let want = &want.params;
-    let count = part.count;
-    let group = |row: &mut Row, array: usize, planes: std::ops::Range<usize>| {
-        let (values, stride, first) = match array {
-            0 => (&want.geometry, want.stride, part.first),
-            1 => (&want.sh, want.stride, part.first),
-            _ => (&want.lobes, want.lobe_stride, part.first - want.lobe_first.min(part.first)),
+impl Part {
+    fn lesson(&self, options: &Options, opacity_only: bool, sparse: bool) -> Lesson {
+        let compensate = options.compensate;
+        Lesson { segment: self.segment, opacity_only, sparse, bias_correction: true, compensate }
+    }
+
+    fn seen<'a>(&self, scene: &'a Scene, ordered: &'a Ordered) -> Seen<'a> {
+        Seen {
+            model: &scene.model,
+            views: &scene.views,
+            view: 0,
+            raster: &ordered.renderer.raster,
+            degree: scene.degree,
+            status: &ordered.status,
+        }
+    }
+
+    /// What the kernel adds up for one view, and the time of that.
+    fn gradients(
+        &self,
+        bench: &Bench<'_>,
+        scene: &Scene,
+        ordered: &Ordered,
+        lesson: Lesson,
+    ) -> Result<(Columns, Option<f64>)> {
+        let learner = Learner::new(&scene.model, lesson, true)?;
+        let times = bench.time(|recorder| {
+            learner.record_begin(recorder);
+            learner.record_add(recorder, &self.seen(scene, ordered));
+        })?;
+        let Some(gradients) = learner.gradients() else { return Ok((Columns::default(), None)) };
+        Ok((columns(gradients)?, times.of("project_backward")))
+    }
+
+    fn work(&self, scene: &Scene, ordered: &Ordered, lesson: &Lesson, step: bool) -> Work {
+        let count = self.count as f64;
+        let slots: f64 = ordered.tile_counts[self.first..][..self.count].iter().map(|&n| f64::from(n)).sum();
+        let records = if lesson.opacity_only { 12.0 } else { 36.0 };
+        let lobes = if self.segment == Segment::Supplement { LOBE_PLANES } else { 0 };
+        let planes = if lesson.opacity_only { 1 } else { GEOMETRY_PLANES + layout::sh_planes(scene.degree) + lobes };
+        // Parameter and both moments, read and written; or the gradient added to what there was.
+        let of_plane = if step { 6.0 } else { 3.0 };
+        Work { bytes: records * slots + count * 4.0 * (2.0 + of_plane * planes as f64), operations: 0.0 }
+    }
+
+    /// Groups of parameters that such a lesson moves, each with its rate.
+    fn groups(&self, scene: &Scene, opacity_only: bool) -> Vec<(Group, PlaneRate)> {
+        let learns = |(group, _): &(Group, f32)| match opacity_only {
+            true => group.array == Array::Geometry && group.planes.start == OPACITY,
+            false => group.array != Array::Lobes || self.segment == Segment::Supplement,
         };
-        // Opacity alone goes to plane 0.
-        let to = |p: usize| if opacity_only { 0 } else { p };
-        let pairs = planes.flat_map(|p| (0..count).map(move |i| (p, i)));
-        row.gradients(pairs.map(|(p, i)| (got[array][2 * to(p) * count + i], values[p * stride + first + i])));
-    };
-    if opacity_only {
-        return group(row, 0, 10..11);
-    }
-    // Mean, log scale, quaternion, opacity; DC, SH; direction, width, sharpness.
-    [0..3, 3..6, 6..10, 10..11].into_iter().for_each(|planes| group(row, 0, planes));
-    group(row, 1, 0..3);
-    if scene.degree > 0 {
-        group(row, 1, 3..planes(scene)[1]);
-    }
-    if part.lobes {
-        [0..3, 3..4, 4..5].into_iter().for_each(|planes| group(row, 2, planes));
+        let groups = layout::groups(scene.degree).into_iter().zip(RATES.by_group()).filter(learns);
+        groups.map(|(group, rate)| (group.clone(), PlaneRate::of(&group, f64::from(rate)))).collect()
     }
 }
 
-/// Parameters of a part and their moments, element i of plane p at p · count + i.
-struct State {
-    values: Vec<f64>,
-    grads: Vec<f64>,
-    first: Vec<f64>,
-    second: Vec<f64>,
+fn columns(beside: &Beside) -> Result<Columns> {
+    Ok([beside.geometry.download()?, beside.sh.download()?, beside.lobes.download()?])
 }
 
-/// One Adam step, judged by the kernel's own gradients.
+/// Planes that gradients and moments have: opacity's are the first where it learns alone.
+fn beside(group: &Group, of: &[Vec<f32>]) -> std::ops::Range<usize> {
+    let alone = group.array == Array::Geometry && of.len() < GEOMETRY_PLANES;
+    if alone { 0..1 } else { group.planes.clone() }
+}
+
+fn compare(row: &mut Row, scene: &Scene, part: &Part, got: &Columns, want: &Params, terms: &Params) {
+    let opacity_only = got[1].is_empty();
+    for (group, _) in part.groups(scene, opacity_only) {
+        let of_group = &got[group.array as usize];
+        let got = beside(&group, of_group).flat_map(|p| of_group[p][..part.count].iter().copied());
+        let want = want.group(&group, part.first, part.count);
+        let terms = terms.group(&group, part.first, part.count);
+        row.sums(got.zip(want.zip(terms)).map(|(got, (want, terms))| (got, want, terms)).collect::<Vec<_>>());
+    }
+}
+
+/// One Adam step, judged by the kernel's own gradients: that of project_backward, and that of adam.
 fn step(
     bench: &mut Bench<'_>,
     scene: &Scene,
     ordered: &Ordered,
     part: &Part,
-    opacity_only: bool,
-    sparse: bool,
-    gradients: &Gradients,
+    lesson: Lesson,
+    touched: &[bool],
 ) -> Result<()> {
-    let context = bench.context;
-    let count = part.count;
-    let planes = planes(scene);
-    let model = &scene.model;
-    let run = |mode| Run { scene, ordered, part, compensate: false, opacity_only, mode };
+    let (model, count) = (&scene.model, part.count);
+    let parameters = model.part(part.segment);
+    let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
+    let original = read(parameters)?;
+    let mut before = original.clone();
     // Some lobes stand at the ends of their ranges.
-    let mut lobes = model.lobes.download()?;
-    let lobe_stride = model.lobe_stride as usize;
-    for j in 0..model.supplement_count as usize {
-        let ends = match j % 4 {
-            0 => Some((0.0101, -1.999)),
-            1 => Some((0.9999, 7.999)),
-            _ => None,
-        };
-        if let Some((width, sharpness)) = ends {
-            lobes[3 * lobe_stride + j] = width;
-            lobes[4 * lobe_stride + j] = sharpness;
+    for (plane, ends) in [(layout::LOBE_WIDTH, [0.0101, 0.9999]), (layout::LOBE_SHARPNESS, [-1.999, 7.999])] {
+        for lobe in before[2].get_mut(plane).into_iter().flat_map(|values| values.chunks_mut(4)) {
+            lobe.iter_mut().zip(ends).for_each(|(value, end)| *value = end);
         }
     }
-    let before = [model.geometry.download()?, model.sh.download()?, lobes];
-    let buffers = |name: &str, data: &[Vec<f32>; 3]| -> Result<[Buffer<f32>; 3]> {
-        let one = |k: usize| Buffer::from_slice(context, name, &data[k]);
-        Ok([one(0)?, one(1)?, one(2)?])
-    };
-    fn refs(buffers: &[Buffer<f32>; 3]) -> [&Buffer<f32>; 3] {
-        [&buffers[0], &buffers[1], &buffers[2]]
-    }
-    let parameters = buffers("parameters", &before)?;
-    let zeros = planes.map(|p| vec![0f32; 2 * p * count]);
-    let into = buffers("gradients", &zeros)?;
-    let gradient_run = run(Mode::Gradients);
-    let stage = gradient_run.stage(bench)?;
-    let mut recorder = context.recorder("gradients")?;
-    gradient_run.record(&mut recorder, &stage, refs(&parameters), refs(&into));
-    recorder.submit()?.wait()?;
-    let own = [into[0].download()?, into[1].download()?, into[2].download()?];
-
+    write(parameters, &before)?;
+    let (own, _) = part.gradients(bench, scene, ordered, lesson)?;
+    let learners =
+        [("project_backward", Learner::new(model, lesson, false)?), ("adam", Learner::new(model, lesson, true)?)];
     // First moments as large as the gradients around them, second ones of their squares: no step is cut off or explodes.
-    let start: [Vec<f32>; 3] = std::array::from_fn(|a| {
-        let mut start = vec![0f32; own[a].len()];
-        for p in 0..planes[a] {
-            let plane = &own[a][2 * p * count..(2 * p + 1) * count];
+    let moments = |array: usize| -> Vec<Vec<f32>> {
+        let of_plane = |(p, plane): (usize, &Vec<f32>)| {
             let rms = (plane.iter().map(|g| g * g).sum::<f32>() / count as f32).sqrt() + 1e-6;
-            for i in 0..count {
-                let unit = (super::sort::noise((p * count + i) as u32) >> 8) as f32 / 16_777_216.0;
-                start[2 * p * count + i] = rms * (unit - 0.5);
-                start[(2 * p + 1) * count + i] = rms * rms * (unit + 0.1);
-            }
-        }
-        start
-    });
-    let moments = buffers("moments", &start)?;
-    let step_run = run(Mode::Step { sparse });
-    let stage = step_run.stage(bench)?;
-    let times = bench.time_after(
-        || {
-            for k in 0..3 {
-                parameters[k].upload(0, &before[k])?;
-                moments[k].upload(0, &start[k])?;
-            }
-            Ok(())
-        },
-        |recorder| step_run.record(recorder, &stage, refs(&parameters), refs(&moments)),
-    )?;
-
-    let touched: Vec<bool> = (0..count).map(|i| gradients.touched[part.first + i]).collect();
-    let name = match (opacity_only, sparse) {
-        (true, _) => "step of opacity, sparse",
+            let unit = move |i: usize| (noise((p * count + i) as u32) >> 8) as f32 / 16_777_216.0;
+            let first = (0..count).map(|i| rms * (unit(i) - 0.5)).collect();
+            let second = (0..count).map(|i| rms * rms * (unit(i) + 0.1)).collect();
+            [first, second]
+        };
+        let planes = beside_planes(&learners[0].1)[array] / 2;
+        own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
+    };
+    let start: Columns = [moments(0), moments(1), moments(2)];
+    let name = match (lesson.opacity_only, lesson.sparse) {
+        (true, true) => "step of opacity, sparse",
+        (true, false) => "step of opacity",
         (false, true) => "step, sparse",
         (false, false) => "step",
     };
-    let mut row = bench.row("project_backward", format!("{}, {name}{}", part.name, scene.suffix(false)));
-    let free = PlaneRate::free(f64::from(RATE));
-    let rate = f64::from(RATE);
-    let strides = [model.stride as usize, model.stride as usize, lobe_stride];
-    let firsts = [part.first, part.first, 0];
-    for a in 0..3 {
-        let (used, rates): (Vec<usize>, Vec<PlaneRate>) = match (a, opacity_only) {
-            (0, true) => (vec![10], vec![free]),
-            (_, true) => continue,
-            (2, false) if !part.lobes => continue,
-            (2, false) => ((0..5).collect(), lobe_rates(rate, rate, rate).to_vec()),
-            (_, false) => ((0..planes[a]).collect(), vec![free; planes[a]]),
+    let seen = part.seen(scene, ordered);
+    for (stage, learner) in &learners {
+        let prepare = || -> Result<()> {
+            write(parameters, &before)?;
+            write(learner.moments.all(), &start)
         };
-        // Planes of the moments: opacity's are the first where it is alone.
-        let column = |data: &[f32], k: usize| -> Vec<f64> {
-            data[k * count..(k + 1) * count].iter().map(|&v| f64::from(v)).collect()
-        };
-        let moment = |p: usize| if opacity_only { 0 } else { p };
-        let values = |data: &[f32]| -> Vec<f64> {
-            let at = |p: usize, i: usize| f64::from(data[p * strides[a] + firsts[a] + i]);
-            used.iter().flat_map(|&p| (0..count).map(move |i| at(p, i))).collect()
-        };
-        let of_moments = |data: &[f32], second: usize| -> Vec<f64> {
-            used.iter().flat_map(|&p| column(data, 2 * moment(p) + second)).collect()
-        };
-        let mut state = State {
-            values: values(&before[a]),
-            grads: of_moments(&own[a], 0),
-            first: of_moments(&start[a], 0),
-            second: of_moments(&start[a], 1),
-        };
-        adam(
-            &mut state.values,
-            &state.grads,
-            &mut state.first,
-            &mut state.second,
-            count,
-            count,
-            &rates,
-            Some(STEP),
-            sparse.then_some(&touched),
-        );
-        let (after, after_moments) = (parameters[a].download()?, moments[a].download()?);
-        for (got, want) in [
-            (values(&after), state.values),
-            (of_moments(&after_moments, 0), state.first),
-            (of_moments(&after_moments, 1), state.second),
-        ] {
-            // Each plane by itself: their magnitudes differ.
-            for (got, want) in got.chunks_exact(count).zip(want.chunks_exact(count)) {
-                row.numbers(got.iter().map(|&v| v as f32).zip(want.iter().copied()));
+        let times = bench.time_after(prepare, |recorder| {
+            if learner.gradients().is_some() {
+                learner.record_begin(recorder);
+                learner.record_add(recorder, &seen);
+                learner.record_adam(recorder, model, scene.degree, &RATES, STEP - 1, &ordered.status);
+            } else {
+                learner.record_step(recorder, &seen, &RATES, STEP - 1);
+            }
+        })?;
+        let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
+        let mut row = bench.row(stage, format!("{}, {name}{}", part.name, scene.suffix(false)));
+        // Training steps at once.
+        row.chosen = learner.gradients().is_none();
+        for (group, rate) in part.groups(scene, lesson.opacity_only) {
+            let array = group.array as usize;
+            let planes = beside(&group, &own[array]);
+            for (p, at) in group.planes.clone().zip(planes) {
+                let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
+                let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][at]));
+                let (mut first, mut second) = (wide(&start[array][2 * at]), wide(&start[array][2 * at + 1]));
+                let touched = lesson.sparse.then_some(&touched[part.first..][..count]);
+                adam(&mut value, &gradients, &mut first, &mut second, count, count, &[rate], Some(STEP), touched);
+                // Each plane by itself: their magnitudes differ.
+                for (got, want) in [
+                    (&after[array][p], value),
+                    (&after_moments[array][2 * at], first),
+                    (&after_moments[array][2 * at + 1], second),
+                ] {
+                    row.numbers(got.iter().copied().zip(want));
+                }
             }
         }
+        row.time = times.of(stage);
+        row.work = part.work(scene, ordered, &lesson, true);
+        bench.push(row);
     }
-    row.time = times.of("project_backward");
-    row.work = step_run.work();
-    bench.push(row);
+    write(parameters, &original)
+}
+
+/// Planes of the moments.
+fn beside_planes(learner: &Learner) -> [usize; 3] {
+    learner.moments.all().map(Planes::planes)
+}
+
+fn read(planes: [&Planes; 3]) -> Result<Columns> {
+    Ok([planes[0].download()?, planes[1].download()?, planes[2].download()?])
+}
+
+/// The scene has one page.
+fn write(planes: [&Planes; 3], columns: &Columns) -> Result<()> {
+    for (planes, columns) in planes.into_iter().zip(columns).filter(|(planes, _)| planes.planes() > 0) {
+        planes.page(0).upload(0, &columns.concat())?;
+    }
     Ok(())
 }
 
 fn steps_done(bench: &mut Bench<'_>) -> Result<()> {
-    let stage = StepDone::new(bench.context, &step_done::Spec { workgroup_size: 1 })?;
+    let stage = step_done::Stage::new(bench.context, &step_done::Spec { workgroup_size: 1 })?;
     let mut row = bench.row("step_done", "");
-    for overflow in [0, 5] {
-        let mut before = [0; STATUS_WORDS];
-        before[OVERFLOW] = overflow;
-        before[STEPS] = 41;
-        let status = Buffer::from_slice(bench.context, "status", &before)?;
+    for failed in [false, true] {
+        let mut before = Status::default();
+        before.0[status::STEPS] = 41;
+        if failed {
+            before.fail(Resource::SupplementGaussians, 5);
+        }
+        let there = Buffer::from_slice(bench.context, "status", &before.0)?;
         let times = bench.time_after(
-            || Ok(status.upload(0, &before)?),
-            |recorder| stage.record(recorder, &step_done::Buffers { status: &status }),
+            || Ok(there.upload(0, &before.0)?),
+            |recorder| stage.record(recorder, &step_done::Buffers { status: &there }, &step_done::Push {}, 1),
         )?;
-        let mut want = before;
-        want[STEPS] += u32::from(overflow == 0);
-        row.words(&status.download()?, &want);
+        let mut want = before.0;
+        reference::step_done::step_done(&mut want);
+        row.words(&there.download()?, &want);
         row.time = times.of("step_done");
     }
     row.work.bytes = 12.0;

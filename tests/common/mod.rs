@@ -1,6 +1,16 @@
 //! What the tests that need a device share.
 
-use glint::gpu::{Context, ContextOptions};
+use glint::{
+    gpu::{Context, ContextOptions},
+    pipelines::session::{Policy, Reduction, Session},
+};
+
+/// On a device, with sums in a fixed order and whatever else is usual.
+#[allow(dead_code, reason = "not every test runs pipelines")]
+pub fn session(context: &Context) -> Session {
+    let policy = Policy { reduction: Reduction::Deterministic, ..Default::default() };
+    Session { policy, ..Session::new(context) }
+}
 
 /// A device with the validation layers on where `GLINT_VALIDATION` is set (`tools/test` sets it). On drop the test fails if
 /// the layers said anything.

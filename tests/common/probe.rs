@@ -7,24 +7,35 @@ use glam::{DMat3, DVec3};
 use glint::{
     gpu::Buffer,
     pipelines::{
-        model::Model,
-        raster::{Reduction, TileShape, WORKGROUP},
-        render::{RenderOptions, Renderer},
+        learn::{Learner, Lesson, Rates, Seen},
+        model::{Model, Room, Segment},
+        raster::TileShape,
+        render::{Needs, RenderOptions, Renderer, Show},
+        session::{Policy, Reduction},
         views::{Views, view},
     },
     reference::{self, Background, Options, Params},
-    scene::{Camera, Gaussians, Lobes, Scene, Supplement},
-    stages::{
-        project_backward::{self, ProjectBackward},
-        step_done::STATUS_WORDS,
-        types::View,
+    scene::{
+        Camera, Gaussians, Lobes, Scene, Supplement,
+        layout::{self, Array},
     },
+    stages::{status, types::View},
 };
 
 pub const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
 /// Rates of the step: all different, so that none can stand in for another.
-pub const RATES: [f32; 9] = [1e-4, 5e-3, 1e-3, 2.5e-2, 2.5e-3, 1.25e-4, 1.5e-3, 2e-4, 2e-3];
+pub const RATES: Rates = Rates {
+    mean: 1e-4,
+    log_scale: 5e-3,
+    quat: 1e-3,
+    opacity: 2.5e-2,
+    dc: 2.5e-3,
+    sh: 1.25e-4,
+    direction: 1.5e-3,
+    width: 2e-4,
+    sharpness: 2e-3,
+};
 
 #[derive(Clone, Copy)]
 pub struct Setup {
@@ -35,6 +46,8 @@ pub struct Setup {
     pub tile: Option<TileShape>,
     pub origin: DVec3,
     pub reduction: Reduction,
+    /// Gaussians of a page at most.
+    pub page: Option<u32>,
 }
 
 impl Default for Setup {
@@ -46,6 +59,7 @@ impl Default for Setup {
             tile: None,
             origin: DVec3::ZERO,
             reduction: Reduction::Deterministic,
+            page: None,
         }
     }
 }
@@ -81,35 +95,17 @@ pub struct Probe<'a> {
     gpu: &'a Gpu,
     pub renderer: Renderer,
     setup: Setup,
-    /// `[plain, with lobes]`, of gradients and of steps.
-    gradients: [ProjectBackward; 2],
-    steps: [ProjectBackward; 2],
 }
 
 impl<'a> Probe<'a> {
     /// For up to `gaussians` Gaussians and images up to the size of `largest`.
     pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
         let views = Views::upload(gpu, &[*largest], &[]).unwrap();
-        let Setup { compensate, opacity_only, tile, reduction, .. } = setup;
-        let render = RenderOptions { compensate, depth: true, backward: true, tile, reduction, ..Default::default() };
-        let stage = |lobes, gradients| {
-            let spec = project_backward::Spec {
-                workgroup_size: WORKGROUP,
-                compensate,
-                lobes,
-                opacity_only,
-                sparse: false,
-                gradients,
-            };
-            ProjectBackward::new(gpu, &spec).unwrap()
-        };
-        Probe {
-            gpu,
-            renderer: Renderer::new(gpu, gaussians, &views, render).unwrap(),
-            setup,
-            gradients: [stage(false, true), stage(true, true)],
-            steps: [stage(false, false), stage(true, false)],
-        }
+        let Setup { compensate, tile, reduction, degree, .. } = setup;
+        let policy = Policy { reduction, compensate, tile };
+        let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
+        let needs = Needs { gaussians, supplement: true, degrees: vec![degree] };
+        Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
     }
 
     /// Options of the twin that does the same.
@@ -136,98 +132,55 @@ impl<'a> Probe<'a> {
         let limits = view(whole, 0);
         let cropped = View { limit_x: limits.limit_x, limit_y: limits.limit_y, ..view(&views.cameras[0], 0) };
         views.views.upload(0, &[cropped]).unwrap();
-        let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
-        let image = self.renderer.render(&model, &views, 0, BACKGROUND).unwrap();
+        let room = Room { page: self.setup.page, ..Default::default() };
+        let model = Model::upload_around(gpu, origin, scene, room).unwrap();
+        let show = Show { degree: self.setup.degree, ..Show::all(&model, BACKGROUND) };
+        let image = self.renderer.render_shown(&model, &views, 0, &show).unwrap();
         let raster = &self.renderer.raster;
         let flat: Vec<f32> = image_grad.iter().flatten().map(|&g| g as f32).collect();
-        raster.image_grad.upload(0, &flat).unwrap();
+        raster.buffers.image_grad.upload(0, &flat).unwrap();
         let grid = raster.grid(0, 1, camera.width, camera.height);
-        let status = Buffer::<u32>::zeroed(gpu, "status", STATUS_WORDS).unwrap();
+        let status = Buffer::<u32>::zeroed(gpu, "status", status::WORDS).unwrap();
         let mut recorder = gpu.recorder("probe").unwrap();
-        raster.record_blend_backward(&mut recorder, &grid, &views.frames, 0);
+        raster.record_blend_backward(&mut recorder, &grid, &views.frames, &model.population, 0);
+        let seen = Seen { model: &model, views: &views, view: 0, raster, degree: self.setup.degree, status: &status };
         let n = model.count() as usize;
-        let mut out = Params::zeros(n, model.base_count as usize, model.sh_degree);
-        let parts = [(0, 0, model.base_count), (1, model.base_count, model.supplement_count)];
-        let moments = parts.map(|(_, _, count)| {
-            [11, 3 * model.coefficients(), 5].map(|planes| {
-                [(); 2].map(|()| Buffer::<f32>::zeroed(gpu, "moments", (2 * planes * count) as usize).unwrap())
+        let mut out = Params::zeros(n, model.count_of(Segment::Base) as usize, model.sh_degree);
+        let segments = Segment::ALL.into_iter().filter(|&s| model.count_of(s) > 0);
+        let learners: Vec<_> = segments
+            .map(|segment| {
+                let Setup { opacity_only, compensate, .. } = self.setup;
+                let lesson = Lesson { segment, opacity_only, sparse: false, bias_correction: true, compensate };
+                [true, false].map(|accumulate| Learner::new(&model, lesson, accumulate).unwrap())
             })
-        });
-        for (stages, which) in [(&self.gradients, 0), (&self.steps, 1)] {
-            for (lobes, first, count) in parts {
-                let [rate_mean, rate_log_scale, rate_quat, rate_opacity, rate_dc, rate_sh, .., width, sharpness] =
-                    RATES;
-                if count == 0 {
-                    continue;
-                }
-                stages[lobes].record(
-                    &mut recorder,
-                    &project_backward::Buffers {
-                        views: &views.views,
-                        status: &status,
-                        tile_counts: &raster.tile_counts,
-                        first_slot: &raster.first_slot,
-                        records: &raster.records,
-                        geometry: &model.geometry,
-                        sh: &model.sh,
-                        lobes: &model.lobes,
-                        geometry_moments: &moments[lobes][0][which],
-                        sh_moments: &moments[lobes][1][which],
-                        lobe_moments: &moments[lobes][2][which],
-                    },
-                    &project_backward::Push {
-                        first,
-                        count,
-                        stride: model.stride,
-                        moment_stride: count,
-                        lobe_stride: model.lobe_stride,
-                        view: 0,
-                        active_degree: self.setup.degree.min(model.sh_degree),
-                        stored_coefficients: model.coefficients(),
-                        rate_mean,
-                        rate_log_scale,
-                        rate_quat,
-                        rate_opacity,
-                        rate_dc,
-                        rate_sh,
-                        rate_direction: RATES[6],
-                        rate_width: width,
-                        rate_sharpness: sharpness,
-                        // Of the first step: it is the rate itself, whatever the gradient.
-                        first_correction: 10.0,
-                        second_correction: 1000.0,
-                        lobe_first_correction: 10.0,
-                        lobe_second_correction: 1000.0,
-                        by_gaussian: raster.by_gaussian().into(),
-                    },
-                );
-            }
+            .collect();
+        for [gradients, _] in &learners {
+            gradients.record_begin(&mut recorder);
+            gradients.record_add(&mut recorder, &seen);
+        }
+        // Of the first step: it is the rate itself, whatever the gradient.
+        for [_, step] in &learners {
+            step.record_step(&mut recorder, &seen, &RATES, 0);
         }
         recorder.submit().unwrap().wait().unwrap();
-        for (lobes, first, count) in parts {
-            let (first, count) = (first as usize, count as usize);
-            let arrays = [&mut out.geometry, &mut out.sh, &mut out.lobes];
-            for ((array, buffers), (stride, at)) in arrays.into_iter().zip(&moments[lobes]).zip([
-                (n, first),
-                (n, first),
-                (n - model.base_count as usize, 0),
-            ]) {
-                let got = buffers[0].download().unwrap();
-                if array.is_empty() || (stride != n && lobes == 0) || count == 0 {
-                    continue;
+        for [learner, _] in learners.iter().filter(|_| !self.setup.opacity_only) {
+            let segment = learner.lesson.segment;
+            let (first, count) = (out.lobe_first * segment as usize, model.count_of(segment) as usize);
+            let got = learner.gradients().unwrap();
+            let fill = |array: &mut [f64], planes: Vec<Vec<f32>>, stride: usize, first: usize| {
+                for (plane, got) in array.chunks_mut(stride.max(1)).zip(planes) {
+                    (0..count).for_each(|i| plane[first + i] = f64::from(got[i]));
                 }
-                for p in 0..array.len() / stride.max(1) {
-                    for i in 0..count {
-                        array[p * stride + at + i] = f64::from(got[2 * p * count + i]);
-                    }
-                }
-            }
+            };
+            fill(&mut out.geometry, got.geometry.download().unwrap(), n, first);
+            fill(&mut out.sh, got.sh.download().unwrap(), n, first);
+            fill(&mut out.lobes, got.lobes.download().unwrap(), out.lobe_stride, 0);
         }
         let pixels = image.color.chunks(3).zip(&image.transmittance);
         Shot {
             image: pixels.map(|(c, &t)| [c[0], c[1], c[2], t]).collect(),
             depth: image.depth,
-            tile_counts: raster.tile_counts.download_range(0, n).unwrap(),
+            tile_counts: raster.buffers.tile_counts.download_range(0, n).unwrap(),
             gradients: out,
             stepped: model.download().unwrap(),
         }
@@ -295,26 +248,16 @@ pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
     }
     let mut out = Distance { image, calm: f64::from(calm) / blended.image.len().max(1) as f64, groups: Vec::new() };
     let (got, want) = (&shot.gradients, &twin.gradients);
-    let planes = want.sh.len() / want.stride.max(1);
-    for (name, a, b, range, stride) in [
-        ("mean", &got.geometry, &want.geometry, 0..3, want.stride),
-        ("log scale", &got.geometry, &want.geometry, 3..6, want.stride),
-        ("quaternion", &got.geometry, &want.geometry, 6..10, want.stride),
-        ("opacity", &got.geometry, &want.geometry, 10..11, want.stride),
-        ("DC", &got.sh, &want.sh, 0..3, want.stride),
-        ("SH", &got.sh, &want.sh, 3..planes.max(3), want.stride),
-        ("lobe direction", &got.lobes, &want.lobes, 0..3, want.lobe_stride),
-        ("lobe width", &got.lobes, &want.lobes, 3..4, want.lobe_stride),
-        ("lobe sharpness", &got.lobes, &want.lobes, 4..5, want.lobe_stride),
-    ] {
-        let cells = range.start * stride..range.end * stride;
-        let pairs: Vec<(f64, f64)> = a[cells.clone()].iter().copied().zip(b[cells].iter().copied()).collect();
+    for group in layout::groups(want.sh_degree) {
+        let first = if group.array == Array::Lobes { want.lobe_first } else { 0 };
+        let of = |p: &Params| p.group(&group, first, want.count - first).collect::<Vec<_>>();
+        let pairs: Vec<(f64, f64)> = of(got).into_iter().zip(of(want)).collect();
         let norm = |f: fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
         let (difference, size, other) = (norm(|(g, w)| (g - w).powi(2)), norm(|(_, w)| w * w), norm(|(g, _)| g * g));
         // What float32 flushes to 0 has no relative error.
         if size > 1e-35 || other > 1e-35 {
             let cosine = pairs.iter().map(|(g, w)| g * w).sum::<f64>() / (size * other);
-            out.groups.push((name, difference / size, cosine));
+            out.groups.push((group.name, difference / size, cosine));
         }
     }
     out

@@ -12,7 +12,7 @@ use super::{
 
 /// Every parameter of one Gaussian, base and supplementary, is in turn not a number: all that is not its own stays the same to the last bit.
 #[test]
-fn what_is_not_a_number_stays_where_it_is() {
+fn what_is_nan_stays_where_it_is() {
     let gpu = Gpu::new();
     let camera = usual();
     let mut probe = Probe::new(&gpu, 512, &camera, Setup { degree: 1, ..Default::default() });
@@ -121,7 +121,7 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);
     let moved = frozen.shoot(&before, &camera, &steep).stepped.base;
     for (new, old) in moved.opacities.iter().zip(&before.base.opacities) {
-        assert!(((new - old).abs() - RATES[3]).abs() < 1e-4 * RATES[3], "{old} → {new}");
+        assert!(((new - old).abs() - RATES.opacity).abs() < 1e-4 * RATES.opacity, "{old} → {new}");
     }
     assert_eq!(moved.means, before.base.means);
 }

@@ -2,7 +2,11 @@
 
 use glam::DVec3;
 use glint::{
-    pipelines::{model::Model, render::Renderer, views::Views},
+    pipelines::{
+        model::{Model, Room},
+        render::{Needs, Renderer},
+        views::Views,
+    },
     reference::median_depth::{DepthAt, median_depth},
     scene::Camera,
 };
@@ -163,11 +167,11 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
     assert_eq!(want.tile_counts, got.tile_counts);
     // What the upload moved the download moves back.
     let original = scene(&blobs(offset));
-    let model = Model::upload_around(&gpu, origin, &original, 0).unwrap();
+    let model = Model::upload_around(&gpu, origin, &original, Room::default()).unwrap();
     assert_eq!(model.download().unwrap(), original);
     // Model and views that count from different places are refused.
     let views = Views::upload(&gpu, &[near], &[]).unwrap();
-    let mut renderer = Renderer::new(&gpu, 64, &views, Default::default()).unwrap();
+    let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, Default::default()).unwrap();
     assert!(renderer.render(&model, &views, 0, BACKGROUND).is_err());
 }
 

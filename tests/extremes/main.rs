@@ -9,11 +9,17 @@ mod counts;
 mod data;
 mod geometry;
 mod parameters;
-mod plane;
+mod screen;
 mod stiffness;
 
 use glam::DVec3;
-use glint::scene::{Camera, Scene};
+use glint::{
+    reference::{Params, adam::PlaneRate},
+    scene::{
+        Camera, Scene,
+        layout::{self, Array},
+    },
+};
 use probe::{BACKGROUND, Blob, Probe, RATES, Shot, camera_at, distance, scene};
 
 const WIDTH: u32 = 72;
@@ -21,47 +27,21 @@ const HEIGHT: u32 = 56;
 
 /// Where Adam's first step must have gone: the rate times g / (|g| + 1e-15), whatever the gradient's size.
 fn assert_one_step(shot: &Shot, before: &Scene, what: &str) {
-    let (old, new) = (
-        glint::reference::Params::from_scene(before).unwrap(),
-        glint::reference::Params::from_scene(&shot.stepped).unwrap(),
-    );
+    let [old, new] = [before, &shot.stepped].map(|scene| Params::from_scene(scene).unwrap());
     let g = &shot.gradients;
-    let rate_of = |array: usize, plane: usize| match (array, plane) {
-        (0, 0..3) => RATES[0],
-        (0, 3..6) => RATES[1],
-        (0, 6..10) => RATES[2],
-        (0, _) => RATES[3],
-        (1, 0..3) => RATES[4],
-        (1, _) => RATES[5],
-        (_, 0..3) => RATES[6],
-        (_, 3) => RATES[7],
-        _ => RATES[8],
-    };
-    for (array, (old, new, g, stride)) in [
-        (&old.geometry, &new.geometry, &g.geometry, g.stride),
-        (&old.sh, &new.sh, &g.sh, g.stride),
-        (&old.lobes, &new.lobes, &g.lobes, g.lobe_stride),
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        for at in 0..old.len() {
-            let rate = f64::from(rate_of(array, at / stride));
-            let mut want = old[at] - rate * g[at] / (g[at].abs() + 1e-15);
-            if array == 2 && at / stride == 3 {
-                want = want.clamp(0.01, 1.0);
-            }
-            if array == 2 && at / stride == 4 {
-                want = want.clamp(-2.0, 8.0);
-            }
+    for (group, rate) in layout::groups(old.sh_degree).into_iter().zip(RATES.by_group()) {
+        let rate = f64::from(rate);
+        let range = PlaneRate::of(&group, rate).range.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        let first = if group.array == Array::Lobes { old.lobe_first } else { 0 };
+        let of = |p: &Params| p.group(&group, first, old.count - first).collect::<Vec<_>>();
+        for ((old, new), g) in of(&old).into_iter().zip(of(&new)).zip(of(g)) {
+            let want = (old - rate * g / (g.abs() + 1e-15)).clamp(range.0, range.1);
             // Two roundings of the parameter; Adam's own arithmetic, and square roots of denormal squares for |g| < 1e-17.
-            let tolerance = 2e-7 * old[at].abs() + if g[at].abs() < 1e-16 { rate } else { 1e-4 * rate };
+            let tolerance = 2e-7 * old.abs() + if g.abs() < 1e-16 { rate } else { 1e-4 * rate };
             assert!(
-                (new[at] - want).abs() <= tolerance,
-                "{what}: array {array} at {at}: {} → {}, wanted {want}, gradient {}",
-                old[at],
-                new[at],
-                g[at]
+                (new - want).abs() <= tolerance,
+                "{what}: {}: {old} → {new}, wanted {want}, gradient {g}",
+                group.name
             );
         }
     }

@@ -42,7 +42,7 @@ fn quaternions_of_any_length() {
         println!("quaternion of length {length:e}: turned by {turn:.1e}, now of length {:.1e}", norm(new));
         let shortest = f64::from(length).clamp(0.01, 1.0);
         assert!(
-            turn <= 4.1 * f64::from(RATES[2]) / if length < 0.01 { 1.0 } else { shortest },
+            turn <= 4.1 * f64::from(RATES.quat) / if length < 0.01 { 1.0 } else { shortest },
             "length {length}: turned by {turn}"
         );
         // And turns it at all.
@@ -74,7 +74,7 @@ fn logits_to_100_either_way() {
         // Adam forgets the size of a gradient above 1e-15, so that an opacity of 1 − 2e-9 learns like any other.
         let moved = (shot.stepped.base.opacities[0] - logit).abs();
         if (5.0..=25.0).contains(&logit) {
-            assert!(moved > 0.9 * RATES[3], "logit {logit} moved by {moved}");
+            assert!(moved > 0.9 * RATES.opacity, "logit {logit} moved by {moved}");
         }
         check(&mut probe, &camera, &scene(&[near, blob, far]), &format!("logit {logit} in company"), 1e-4, 1e-5, 1e-4);
     }
@@ -248,7 +248,7 @@ fn lobe_directions_of_any_length_turn_alike() {
         let turn = direction.angle_between(stepped.normalize());
         println!("direction of length {length:e}: turned by {turn:.1e}");
         // Each component moves by the rate: of a unit vector where the length is outside 0.01 to 100.
-        let moved = f64::from(RATES[6]) / if (0.01..=100.0).contains(&length) { length } else { 1.0 };
+        let moved = f64::from(RATES.direction) / if (0.01..=100.0).contains(&length) { length } else { 1.0 };
         assert!(turn <= 1.8 * moved && turn > 0.1 * moved, "length {length}: turned by {turn}");
     }
 }
@@ -267,5 +267,5 @@ fn a_lobe_seen_along_its_axis_learns() {
     assert!(shot.is_finite() && d.image < 1e-5 && d.worst() < 1e-4, "{d:?}");
     assert!(shot.gradients.lobes[..3].iter().all(|&g| g == 0.0));
     let (old, new) = (before.supplement.unwrap().gaussians, shot.stepped.supplement.unwrap().gaussians);
-    assert!((new.opacities[0] - old.opacities[0]).abs() > 0.9 * RATES[3]);
+    assert!((new.opacities[0] - old.opacities[0]).abs() > 0.9 * RATES.opacity);
 }

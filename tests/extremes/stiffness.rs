@@ -3,9 +3,9 @@
 use glam::DVec3;
 use glint::{
     pipelines::{
-        model::Model,
-        raster::Reduction,
-        render::Renderer,
+        model::{Model, Room},
+        render::{Needs, Renderer},
+        session::Session,
         train::{BaseOptions, train_base},
         views::Views,
     },
@@ -13,7 +13,7 @@ use glint::{
 };
 
 use super::{
-    common::Gpu,
+    common::{Gpu, session},
     probe::{BACKGROUND, Blob, Probe, Setup, ripple, scene},
     scattered, usual,
 };
@@ -30,10 +30,10 @@ const STEPS: u32 = 500;
 fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, origin: DVec3) -> Trained {
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
-    let model = Model::upload_around(gpu, origin, scene, 0).unwrap();
-    let options =
-        BaseOptions { iterations: STEPS, sh_degree: 0, seed: 7, extent: 2.0, reduction: Reduction::Deterministic };
-    let report = train_base(gpu, &model, &views, BACKGROUND, &options, false, |_| ()).unwrap();
+    let model = Model::upload_around(gpu, origin, scene, Room::default()).unwrap();
+    let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(gpu) };
+    let options = BaseOptions { iterations: STEPS, sh_degree: 0 };
+    let report = train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     assert!(report.losses.iter().all(|l| l.is_finite()));
     let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
     let v = cameras.len();
@@ -68,8 +68,8 @@ fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blo
         .collect();
     let origin = offset;
     let views = Views::upload_around(gpu, origin, &cameras, &[]).unwrap();
-    let model = Model::upload_around(gpu, origin, &scene(&truth), 0).unwrap();
-    let mut renderer = Renderer::new(gpu, 150, &views, Default::default()).unwrap();
+    let model = Model::upload_around(gpu, origin, &scene(&truth), Room::default()).unwrap();
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, Default::default()).unwrap();
     let photographs = (0..4)
         .map(|v| {
             let image = renderer.render(&model, &views, v, BACKGROUND).unwrap();

@@ -1,0 +1,92 @@
+#version 460
+// One Adam step on gradients that project_backward has added up over the views of a step.
+//
+// One thread takes one Gaussian of a page. population, geometry_grads, sh_grads, lobe_grads, geometry, sh, lobes, moments
+// -> geometry, sh, lobes, moments
+// The gradients begin each step at 0. Adam (Kingma 2014), SparseAdam where SPARSE: Gaussians that no view blends stay.
+// Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves once status says that a view did not fit.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/population.glsl"
+#include "../shared/status.glsl"
+
+layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the supplement
+layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
+layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that no view of the step blends
+
+#include "../shared/rates.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint segment;
+    uint page_first; // number in the segment of the page's first Gaussian
+    uint stride;     // the page's capacity
+    StepRates rates;
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Status { uint status[]; };
+#define GEOMETRY 2
+#define SH 3
+#define LOBES 4
+#define GEOMETRY_MOMENTS 5
+#define SH_MOMENTS 6
+#define LOBE_MOMENTS 7
+#define GEOMETRY_GRADS 8
+#define SH_GRADS 9
+#define LOBE_GRADS 10
+#define MODEL_LOADS
+#define MODEL_STORES
+#include "../shared/model.glsl"
+#include "../shared/unit.glsl"
+#include "../shared/colour.glsl"
+#include "../shared/adam.glsl"
+
+void main() {
+    uint place = thread_index();
+    uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
+    if (place >= push.stride || i >= segment_first[push.segment + 1]) return;
+    if (status[STATUS_FAILED] != 0) return;
+    uint views = OPACITY_ONLY ? 1 : GEOMETRY_PLANES; // plane
+    if (SPARSE && geometry_grads[views * push.stride + place] == 0.0) return;
+    if (OPACITY_ONLY) {
+        float by_opacity = geometry_grads[place];
+        if (finite(by_opacity)) step_geometry(OPACITY, 0, place, by_opacity, push.rates.opacity);
+        return;
+    }
+
+    Gradient g;
+    for (uint c = 0; c < 3; ++c) {
+        g.mean[c] = geometry_grads[(MEAN + c) * push.stride + place];
+        g.log_scale[c] = geometry_grads[(LOG_SCALE + c) * push.stride + place];
+        g.direction[c] = HAS_LOBES ? lobe_grads[(LOBE_DIRECTION + c) * push.stride + place] : 0.0;
+    }
+    for (uint c = 0; c < 4; ++c) g.quat[c] = geometry_grads[(QUAT + c) * push.stride + place];
+    g.opacity = geometry_grads[OPACITY * push.stride + place];
+    g.width = HAS_LOBES ? lobe_grads[LOBE_WIDTH * push.stride + place] : 0.0;
+    g.sharpness = HAS_LOBES ? lobe_grads[LOBE_SHARPNESS * push.stride + place] : 0.0;
+    bool sound = finite(g);
+    for (uint p = 0; p < 3 * COEFFICIENTS; ++p) sound = sound && finite(sh_grads[p * push.stride + place]);
+    if (!sound) return;
+
+    // What is made a unit vector before it steps has the gradient of that vector: longer by the length.
+    if (any(notEqual(g.quat, vec4(0.0)))) {
+        vec4 q = load_quat(place);
+        float norm = to_unit(q);
+        if (wants_unit(norm)) {
+            store_quat(place, q);
+            g.quat *= norm;
+        }
+    }
+    if (HAS_LOBES && any(notEqual(g.direction, vec3(0.0)))) {
+        vec4 axis = vec4(load_lobe_direction(place), 0.0);
+        float norm = to_unit(axis);
+        if (wants_unit(norm)) {
+            store_lobe_direction(place, axis.xyz);
+            g.direction *= norm;
+        }
+    }
+    for (uint p = 0; p < 3 * COEFFICIENTS; ++p) {
+        step_sh(p, place, sh_grads[p * push.stride + place], p < 3 ? push.rates.dc : push.rates.sh);
+    }
+    step_all(g, HAS_LOBES, place);
+}

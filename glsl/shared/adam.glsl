@@ -1,0 +1,95 @@
+// The Adam step (Kingma 2014) with the settings of 3DGS, on the parameters of one Gaussian; shared by project_backward, which
+// steps as soon as it has a gradient, and adam, which steps on gradients of several views.
+//
+// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates`.
+const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
+const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
+// exp(beta) from 1/7 to 2981: a lobe twice as blunt as the cosine's square root, and one of 2 degrees. Within these bounds
+// exp(beta) * ln cos(psi/2) * any factor of the gradient stays below 1e9 wherever the factor itself is above 1/255.
+const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
+const float FREE = 1e30; // bound of a parameter that has none
+
+// The change that one step makes.
+// A gradient is cut off where its square, times 1/(1 - BETA2), would leave float32: v would stay infinite for ever. The step is
+// at most (1 - BETA1) / sqrt((1 - BETA2) (1 - BETA1^2 / BETA2)) = 7.3 rates whatever the gradients (Cauchy and Schwarz).
+const float GRADIENT_MAX = 1e17;
+float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: gradients above 1e17
+    m = mix(g, m, BETA1);
+    v = mix(g * g, v, BETA2);
+    return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
+}
+
+void step_geometry(uint p, uint moment, uint place, float g, float rate) {
+    uint at = 2 * moment * push.stride + place;
+    float m = geometry_moments[at], v = geometry_moments[at + push.stride];
+    float change = adam(g, rate, m, v, push.rates.first_correction, push.rates.second_correction);
+    store_geometry(p, place, load_geometry(p, place) + change);
+    geometry_moments[at] = m;
+    geometry_moments[at + push.stride] = v;
+}
+
+void step_sh(uint p, uint place, float g, float rate) {
+    uint at = 2 * p * push.stride + place;
+    float m = sh_moments[at], v = sh_moments[at + push.stride];
+    float change = adam(g, rate, m, v, push.rates.first_correction, push.rates.second_correction);
+    store_sh(p, place, load_sh(p, place) + change);
+    sh_moments[at] = m;
+    sh_moments[at + push.stride] = v;
+}
+
+void step_lobe(uint p, uint place, float g, float rate, float lo, float hi) {
+    uint at = 2 * p * push.stride + place;
+    float m = lobe_moments[at], v = lobe_moments[at + push.stride];
+    float change = adam(g, rate, m, v, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
+    store_lobe(p, place, clamp(load_lobe(p, place) + change, lo, hi));
+    lobe_moments[at] = m;
+    lobe_moments[at + push.stride] = v;
+}
+
+// The gradient of all but the colour.
+struct Gradient {
+    vec3 mean, log_scale;
+    vec4 quat;
+    float opacity;
+    vec3 direction;
+    float width, sharpness;
+};
+
+bool finite(float x) { return !isnan(x) && !isinf(x); }
+bool finite(vec3 x) { return finite(x.x) && finite(x.y) && finite(x.z); }
+bool finite(Gradient g) {
+    return finite(g.mean) && finite(g.log_scale) && finite(g.quat.xyz) && finite(vec3(g.quat.w, g.opacity, g.width)) &&
+           finite(g.direction) && finite(g.sharpness);
+}
+
+// To planes of gradients, bound where the moments are; plane GEOMETRY_PLANES counts the views that blend the Gaussian.
+void add_geometry(uint p, uint place, float g) { geometry_moments[p * push.stride + place] += g; }
+void add_lobe(uint p, uint place, float g) { lobe_moments[p * push.stride + place] += g; }
+void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
+    for (uint c = 0; c < 3; ++c) {
+        add_geometry(MEAN + c, place, g.mean[c]);
+        add_geometry(LOG_SCALE + c, place, g.log_scale[c]);
+    }
+    for (uint c = 0; c < 4; ++c) add_geometry(QUAT + c, place, g.quat[c]);
+    add_geometry(OPACITY, place, g.opacity);
+    add_geometry(GEOMETRY_PLANES, place, float(blended));
+    if (!has_lobes) return;
+    for (uint c = 0; c < 3; ++c) add_lobe(LOBE_DIRECTION + c, place, g.direction[c]);
+    add_lobe(LOBE_WIDTH, place, g.width);
+    add_lobe(LOBE_SHARPNESS, place, g.sharpness);
+}
+
+void step_all(Gradient g, bool has_lobes, uint place) {
+    StepRates r = push.rates;
+    for (uint c = 0; c < 3; ++c) {
+        step_geometry(MEAN + c, MEAN + c, place, g.mean[c], r.mean);
+        step_geometry(LOG_SCALE + c, LOG_SCALE + c, place, g.log_scale[c], r.log_scale);
+    }
+    for (uint c = 0; c < 4; ++c) step_geometry(QUAT + c, QUAT + c, place, g.quat[c], r.quat);
+    step_geometry(OPACITY, OPACITY, place, g.opacity, r.opacity);
+    if (!has_lobes) return;
+    for (uint c = 0; c < 3; ++c) step_lobe(LOBE_DIRECTION + c, place, g.direction[c], r.direction, -FREE, FREE);
+    step_lobe(LOBE_WIDTH, place, g.width, r.width, WIDTH_MIN, WIDTH_MAX); // guard: bounds of T
+    step_lobe(LOBE_SHARPNESS, place, g.sharpness, r.sharpness, SHARPNESS_MIN, SHARPNESS_MAX); // guard: bounds of β
+}

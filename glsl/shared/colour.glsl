@@ -1,0 +1,86 @@
+// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023).
+//
+// Kernels know colour_at, colour_of, colour_backward and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
+// channels. Another colour model is another file with these four, and a choice between the two here. The bands in use are a
+// specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
+layout(constant_id = 10) const uint SH_DEGREE = 3;
+const uint COEFFICIENTS = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+
+// Basis functions of a unit vector; those beyond SH_DEGREE are not set.
+void sh_basis(vec3 d, out float basis[16]) {
+    float x = d.x, y = d.y, z = d.z;
+    basis[0] = SH_C0;
+    if (SH_DEGREE < 1) return;
+    basis[1] = -0.4886025119029199 * y;
+    basis[2] = 0.4886025119029199 * z;
+    basis[3] = -0.4886025119029199 * x;
+    if (SH_DEGREE < 2) return;
+    float xx = x * x, yy = y * y, zz = z * z;
+    basis[4] = 1.0925484305920792 * x * y;
+    basis[5] = -1.0925484305920792 * y * z;
+    basis[6] = 0.31539156525252005 * (2.0 * zz - xx - yy);
+    basis[7] = -1.0925484305920792 * x * z;
+    basis[8] = 0.5462742152960396 * (xx - yy);
+    if (SH_DEGREE < 3) return;
+    basis[9] = -0.5900435899266435 * y * (3.0 * xx - yy);
+    basis[10] = 2.890611442640554 * x * y * z;
+    basis[11] = -0.4570457994644658 * y * (4.0 * zz - xx - yy);
+    basis[12] = 0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
+    basis[13] = -0.4570457994644658 * x * (4.0 * zz - xx - yy);
+    basis[14] = 1.445305721320277 * z * (xx - yy);
+    basis[15] = -0.5900435899266435 * x * (xx - 3.0 * yy);
+}
+
+// Gradient of basis function k as a polynomial in (x, y, z).
+vec3 sh_basis_gradient(vec3 d, uint k) {
+    float x = d.x, y = d.y, z = d.z;
+    switch (k) {
+        case 1: return vec3(0.0, -0.4886025119029199, 0.0);
+        case 2: return vec3(0.0, 0.0, 0.4886025119029199);
+        case 3: return vec3(-0.4886025119029199, 0.0, 0.0);
+        case 4: return 1.0925484305920792 * vec3(y, x, 0.0);
+        case 5: return -1.0925484305920792 * vec3(0.0, z, y);
+        case 6: return 0.31539156525252005 * vec3(-2.0 * x, -2.0 * y, 4.0 * z);
+        case 7: return -1.0925484305920792 * vec3(z, 0.0, x);
+        case 8: return 0.5462742152960396 * vec3(2.0 * x, -2.0 * y, 0.0);
+        case 9: return -0.5900435899266435 * vec3(6.0 * x * y, 3.0 * (x * x - y * y), 0.0);
+        case 10: return 2.890611442640554 * vec3(y * z, x * z, x * y);
+        case 11: return -0.4570457994644658 * vec3(-2.0 * x * y, 4.0 * z * z - x * x - 3.0 * y * y, 8.0 * y * z);
+        case 12: return 0.3731763325901154 * vec3(-6.0 * x * z, -6.0 * y * z, 6.0 * z * z - 3.0 * (x * x + y * y));
+        case 13: return -0.4570457994644658 * vec3(4.0 * z * z - 3.0 * x * x - y * y, -2.0 * x * y, 8.0 * x * z);
+        case 14: return 1.445305721320277 * vec3(2.0 * x * z, -2.0 * y * z, x * x - y * y);
+        case 15: return -0.5900435899266435 * vec3(3.0 * (x * x - y * y), -6.0 * x * y, 0.0);
+    }
+    return vec3(0.0);
+}
+
+// What depends on the direction alone, the unit vector from the eye to the Gaussian.
+struct ColourAt {
+    vec3 direction;
+    float basis[16];
+};
+ColourAt colour_at(vec3 direction) {
+    ColourAt at;
+    at.direction = direction;
+    sh_basis(direction, at.basis);
+    return at;
+}
+
+// Before it is clamped at 0.
+vec3 colour_of(ColourAt at, uint place) {
+    vec3 colour = vec3(0.5);
+    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) colour += at.basis[k] * load_sh3(k, place);
+    return colour;
+}
+
+// The gradient by the direction, not yet made tangent to the sphere.
+vec3 colour_backward(ColourAt at, uint place, vec3 d_colour) {
+    vec3 d_direction = vec3(0.0);
+    [[unroll]] for (uint k = 1; k < COEFFICIENTS; ++k) {
+        d_direction += dot(d_colour, load_sh3(k, place)) * sh_basis_gradient(at.direction, k);
+    }
+    return d_direction;
+}
+
+// The gradient by coefficient k.
+vec3 coefficient_gradient(ColourAt at, uint k, vec3 d_colour) { return at.basis[k] * d_colour; }

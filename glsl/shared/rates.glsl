@@ -1,0 +1,6 @@
+// Learning rates by parameter, and the bias corrections 1/(1 - 0.9^t) and 1/(1 - 0.999^t), or 1 and 1.
+struct StepRates {
+    float mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness;
+    float first_correction, second_correction;
+    float lobe_first_correction, lobe_second_correction;
+};

@@ -1,0 +1,287 @@
+//! What a segment's Gaussians learn from a view's gradient records: gradients and an Adam step at once, or gradients of several
+//! views first and then one step.
+
+use super::{
+    model::{Model, Planes, Segment},
+    raster::Raster,
+    views::Views,
+};
+use crate::{
+    gpu::{Buffer, GpuError, Recorder},
+    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+    stages::{WORKGROUP, adam, project_backward, types::StepRates},
+};
+
+/// Learning rates by parameter, per step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Rates {
+    /// Scene units.
+    pub mean: f32,
+    pub log_scale: f32,
+    pub quat: f32,
+    pub opacity: f32,
+    /// Constant SH band.
+    pub dc: f32,
+    /// Other SH bands.
+    pub sh: f32,
+    pub direction: f32,
+    pub width: f32,
+    pub sharpness: f32,
+}
+
+impl Rates {
+    /// In the order of [`groups`](crate::scene::layout::groups).
+    pub fn by_group(&self) -> [f32; 9] {
+        let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness } = *self;
+        [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness]
+    }
+}
+
+/// What the Gaussians of a segment learn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lesson {
+    pub segment: Segment,
+    /// All but the opacity is frozen.
+    pub opacity_only: bool,
+    /// Leave alone what a step does not blend (SparseAdam).
+    pub sparse: bool,
+    /// Adam's bias correction of all but the lobes, which always have it.
+    pub bias_correction: bool,
+    /// As the projection had it.
+    pub compensate: bool,
+}
+
+/// Planes beside a segment's own: two moments for each plane that learns, or the gradients.
+pub struct Beside {
+    pub geometry: Planes,
+    pub sh: Planes,
+    pub lobes: Planes,
+}
+
+impl Beside {
+    fn new(model: &Model, lesson: &Lesson, times: usize, views: usize) -> Result<Self, GpuError> {
+        // What is frozen has none.
+        let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
+            (true, _) => (1, 0, 0),
+            (false, Segment::Base) => (GEOMETRY_PLANES, sh_planes(model.sh_degree), 0),
+            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh_planes(model.sh_degree), LOBE_PLANES),
+        };
+        let pages = &model.part(lesson.segment).pages;
+        let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, pages);
+        Ok(Beside {
+            geometry: zeroed("geometry_beside", times * geometry + views)?,
+            sh: zeroed("sh_beside", times * sh)?,
+            lobes: zeroed("lobe_beside", times * lobes)?,
+        })
+    }
+
+    /// As [`super::model::Rearrange::record`] takes them.
+    pub fn all(&self) -> [&Planes; 3] {
+        [&self.geometry, &self.sh, &self.lobes]
+    }
+}
+
+/// The gradients of several views and the stages that add and use them.
+struct Accumulated {
+    /// And in the plane after those of the geometry the number of views that blend the Gaussian.
+    gradients: Beside,
+    add: Vec<project_backward::Stage>,
+    step: Vec<adam::Stage>,
+}
+
+/// A lesson with its pipelines and Adam's moments.
+pub struct Learner {
+    pub lesson: Lesson,
+    pub moments: Beside,
+    /// By degree of harmonics, for the fused step.
+    fused: Vec<project_backward::Stage>,
+    accumulated: Option<Accumulated>,
+}
+
+/// One view of a step.
+#[derive(Clone, Copy)]
+pub struct Seen<'a> {
+    pub model: &'a Model,
+    pub views: &'a Views,
+    pub view: u32,
+    pub raster: &'a Raster,
+    /// Bands of harmonics in use.
+    pub degree: u32,
+    pub status: &'a Buffer<u32>,
+}
+
+impl Learner {
+    /// With `accumulate`, for steps that see several views.
+    pub fn new(model: &Model, lesson: Lesson, accumulate: bool) -> Result<Self, GpuError> {
+        let context = model.context();
+        let has_lobes = lesson.segment == Segment::Supplement;
+        let Lesson { opacity_only, sparse, compensate, .. } = lesson;
+        // What is frozen does not look at its colour.
+        let degrees = if opacity_only { 0..=0 } else { 0..=model.sh_degree };
+        let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
+            let spec = |sh_degree| project_backward::Spec {
+                workgroup_size: WORKGROUP,
+                compensate,
+                has_lobes,
+                opacity_only,
+                sparse: sparse && !accumulate,
+                accumulate,
+                sh_degree,
+            };
+            degrees.clone().map(|degree| project_backward::Stage::new(context, &spec(degree))).collect()
+        };
+        let step = |sh_degree| {
+            let spec = adam::Spec { workgroup_size: WORKGROUP, has_lobes, opacity_only, sparse, sh_degree };
+            adam::Stage::new(context, &spec)
+        };
+        let accumulated = match accumulate {
+            false => None,
+            true => Some(Accumulated {
+                gradients: Beside::new(model, &lesson, 1, 1)?,
+                add: backward(true)?,
+                step: degrees.clone().map(step).collect::<Result<_, _>>()?,
+            }),
+        };
+        Ok(Learner {
+            lesson,
+            moments: Beside::new(model, &lesson, 2, 0)?,
+            fused: if accumulate { Vec::new() } else { backward(false)? },
+            accumulated,
+        })
+    }
+
+    /// The gradients that were added up: of a learner made to accumulate.
+    pub fn gradients(&self) -> Option<&Beside> {
+        self.accumulated.as_ref().map(|a| &a.gradients)
+    }
+
+    /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
+    pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
+        self.record_backward(recorder, seen, &self.fused, &self.moments, self.step_rates(rates, step));
+    }
+
+    /// Begins a step of several views.
+    pub fn record_begin(&self, recorder: &mut Recorder) {
+        if let Some(a) = &self.accumulated {
+            a.gradients.all().into_iter().for_each(|planes| planes.record_zero(recorder));
+        }
+    }
+
+    /// Adds the gradients of one view.
+    pub fn record_add(&self, recorder: &mut Recorder, seen: &Seen<'_>) {
+        if let Some(a) = &self.accumulated {
+            self.record_backward(recorder, seen, &a.add, &a.gradients, StepRates::default());
+        }
+    }
+
+    /// Steps on what was added.
+    pub fn record_adam(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        degree: u32,
+        rates: &Rates,
+        step: u32,
+        status: &Buffer<u32>,
+    ) {
+        let Some(a) = &self.accumulated else { return };
+        let part = model.part(self.lesson.segment);
+        let Some(stage) = self.by_degree(&a.step, model, degree) else { return };
+        for (k, dispatch, page) in model.pages(self.lesson.segment) {
+            stage.record_indirect(
+                recorder,
+                &adam::Buffers {
+                    population: &model.population,
+                    status,
+                    geometry: part.geometry.page(k),
+                    sh: part.sh.page(k),
+                    lobes: part.lobes.page(k),
+                    geometry_moments: self.moments.geometry.page(k),
+                    sh_moments: self.moments.sh.page(k),
+                    lobe_moments: self.moments.lobes.page(k),
+                    geometry_grads: a.gradients.geometry.page(k),
+                    sh_grads: a.gradients.sh.page(k),
+                    lobe_grads: a.gradients.lobes.page(k),
+                },
+                &adam::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    rates: self.step_rates(rates, step),
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        seen: &Seen<'_>,
+        stages: &[project_backward::Stage],
+        into: &Beside,
+        rates: StepRates,
+    ) {
+        let Seen { model, views, view, raster, degree, status } = *seen;
+        let part = model.part(self.lesson.segment);
+        let Some(stage) = self.by_degree(stages, model, degree) else { return };
+        for (k, dispatch, page) in model.pages(self.lesson.segment) {
+            stage.record_indirect(
+                recorder,
+                &project_backward::Buffers {
+                    population: &model.population,
+                    views: &views.views,
+                    status,
+                    tile_counts: &raster.buffers.tile_counts,
+                    first_slot: &raster.buffers.first_slot,
+                    record_centres: &raster.records.record_centres,
+                    record_shapes: &raster.records.record_shapes,
+                    record_colours: &raster.records.record_colours,
+                    geometry: part.geometry.page(k),
+                    sh: part.sh.page(k),
+                    lobes: part.lobes.page(k),
+                    geometry_moments: into.geometry.page(k),
+                    sh_moments: into.sh.page(k),
+                    lobe_moments: into.lobes.page(k),
+                },
+                &project_backward::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    view,
+                    by_gaussian: raster.by_gaussian().into(),
+                    rates,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    fn by_degree<'a, S>(&self, stages: &'a [S], model: &Model, degree: u32) -> Option<&'a S> {
+        let degree = if self.lesson.opacity_only { 0 } else { degree.min(model.sh_degree) };
+        stages.get(degree as usize)
+    }
+
+    fn step_rates(&self, rates: &Rates, step: u32) -> StepRates {
+        let correction = |beta: f64| (1.0 / (1.0 - beta.powi(step as i32 + 1))) as f32;
+        let lobe = [correction(0.9), correction(0.999)];
+        let other = if self.lesson.bias_correction { lobe } else { [1.0; 2] };
+        StepRates {
+            mean: rates.mean,
+            log_scale: rates.log_scale,
+            quat: rates.quat,
+            opacity: rates.opacity,
+            dc: rates.dc,
+            sh: rates.sh,
+            direction: rates.direction,
+            width: rates.width,
+            sharpness: rates.sharpness,
+            first_correction: other[0],
+            second_correction: other[1],
+            lobe_first_correction: lobe[0],
+            lobe_second_correction: lobe[1],
+        }
+    }
+}

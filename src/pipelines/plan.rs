@@ -1,0 +1,89 @@
+//! The sizes of everything that a run holds on the device, as data: known before anything is made, and printable.
+
+use std::fmt;
+
+/// One buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Planned {
+    pub name: &'static str,
+    pub elements: u64,
+    pub element_bytes: u64,
+}
+
+impl Planned {
+    pub fn bytes(&self) -> u64 {
+        // A buffer has one element at least: Vulkan has no empty ones.
+        self.elements.max(1) * self.element_bytes
+    }
+}
+
+/// Buffers that are made together.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Plan(pub Vec<Planned>);
+
+impl Plan {
+    pub fn bytes(&self) -> u64 {
+        self.0.iter().map(Planned::bytes).sum()
+    }
+
+    pub fn and(mut self, other: Plan) -> Plan {
+        self.0.extend(other.0);
+        self
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for buffer in &self.0 {
+            writeln!(
+                f,
+                "{:<24} {:>14} × {:>3} = {:>15}",
+                buffer.name,
+                buffer.elements,
+                buffer.element_bytes,
+                buffer.bytes()
+            )?;
+        }
+        writeln!(f, "{:<24} {:>14}   {:>3}   {:>15}", "all", "", "", self.bytes())
+    }
+}
+
+/// Declares a struct of device buffers with their sizes beside them: `plan` says them, `new` makes them, `remake` makes them
+/// anew one by one, so that beside what there is only one of them is ever held twice.
+macro_rules! buffers {
+    ($(#[$meta:meta])* $vis:vis struct $Name:ident($options:ident: $Options:ty) {
+        $($(#[$field_meta:meta])* $field_vis:vis $field:ident: $T:ty = $len:expr,)*
+    }) => {
+        $(#[$meta])*
+        $vis struct $Name {
+            $($(#[$field_meta])* $field_vis $field: $crate::gpu::Buffer<$T>,)*
+        }
+
+        #[allow(dead_code, reason = "not every set is remade or printed")]
+        impl $Name {
+            $vis fn plan($options: &$Options) -> $crate::pipelines::plan::Plan {
+                $crate::pipelines::plan::Plan(vec![$($crate::pipelines::plan::Planned {
+                    name: stringify!($field),
+                    elements: ($len) as u64,
+                    element_bytes: size_of::<$T>() as u64,
+                },)*])
+            }
+
+            $vis fn new(context: &$crate::gpu::Context, $options: &$Options) -> Result<Self, $crate::gpu::GpuError> {
+                Ok($Name {
+                    $($field: $crate::gpu::Buffer::new(
+                        context, stringify!($field), ($len) as usize, $crate::gpu::Location::Device,
+                    )?,)*
+                })
+            }
+
+            $vis fn remake(&mut self, context: &$crate::gpu::Context, $options: &$Options) -> Result<(), $crate::gpu::GpuError> {
+                $(self.$field = $crate::gpu::Buffer::new(
+                    context, stringify!($field), ($len) as usize, $crate::gpu::Location::Device,
+                )?;)*
+                Ok(())
+            }
+        }
+    };
+}
+pub(crate) use buffers;

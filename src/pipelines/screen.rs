@@ -1,0 +1,479 @@
+//! The screen phase (method, section 3): for each view, supplementary Gaussians in image space over the fixed base render. Many
+//! views at once, each by itself: a view's result does not depend on those it shares a batch with.
+//!
+//! base_losses → budgets → for each batch: [`Refiner`], and lift what is left on the device.
+
+pub mod batch;
+pub mod rig;
+
+use std::ops::Range;
+
+use batch::{ScreenSizes, batches, frames_of};
+use rig::{LEARNED, Screen};
+
+use super::{
+    loss::{Batch, LossOptions, Photometric, Tiles},
+    model::{Model, Segment},
+    render::{Renderer, Show},
+    session::Session,
+    steps::{Looped, Steps},
+    views::{Views, view},
+};
+use crate::{
+    error::{Error, Result},
+    gpu::{Buffer, Location, Recorder},
+    stages::{
+        constants::{
+            constants::NONE,
+            screen::{DRAWING, FILLED},
+        },
+        ssim::tiles_per_frame,
+        status::Resource,
+        types::{Frame, Quota},
+    },
+};
+
+/// Steps in one submission: a step is some 30 dispatches.
+const STEPS_PER_SUBMISSION: u32 = 10;
+
+/// When Gaussians are drawn, stepped and pruned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Schedule {
+    /// Steps after each draw, before the prune.
+    pub round_steps: u32,
+    /// Steps once all views have their number.
+    pub final_steps: u32,
+    /// Draws at most. A draw is a fifth of the budget; where the prunes take away a share p of each, 5 / (1 − p) draws fill it,
+    /// so 20 are enough up to p = 3/4. A view that loses more than that has no use for more Gaussians: it goes into the last
+    /// steps with what it has, and its other places stay empty.
+    pub max_rounds: u32,
+    /// ⚖ Adam's bias correction counts the steps of the view, as the one optimiser of the authors' release does, and not those
+    /// of each Gaussian: the first steps of what is drawn later are some three times as long.
+    pub shared_steps: bool,
+}
+
+impl Schedule {
+    /// AuGS, appendix A.
+    pub const PAPER: Schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
+    /// Ten and more times fewer steps, for previews and machines without a GPU.
+    pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 40, max_rounds: 8, shared_steps: false };
+}
+
+/// How far a batch is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Draws done.
+    pub round: u32,
+    /// Steps done in this round, of how many; the last is that of the final steps.
+    pub step: u32,
+    pub steps: u32,
+    /// 2D Gaussians of the batch after its last draw, of how many.
+    pub count: u32,
+    pub budget: u32,
+    /// Mean of the views' losses at the last draw; views that wait count with their base render.
+    pub loss: f64,
+}
+
+/// What became of the views of a batch, by position in it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Refined {
+    /// Losses of the base render, and with the 2D Gaussians.
+    pub base_losses: Vec<f32>,
+    pub losses: Vec<f32>,
+    /// 2D Gaussians that are left.
+    pub counts: Vec<u32>,
+    /// Draws.
+    pub rounds: u32,
+    /// How often the intersection buffers were grown.
+    pub grown: u32,
+}
+
+/// One 2D Gaussian on the host.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScreenGaussian {
+    /// Index in the dataset.
+    pub view: u32,
+    /// Pixels.
+    pub centre: [f32; 2],
+    pub colour: [f32; 3],
+    pub opacity_logit: f32,
+    /// Natural logarithms of the standard deviations along the axes, pixels.
+    pub log_scale: [f32; 2],
+    /// Of the first axis, radians.
+    pub angle: f32,
+    /// Camera z at the centre, 0: none.
+    pub depth: f32,
+}
+
+/// Number of 2D Gaussians of each view: n_i = ⌈⌈ratio · gaussians⌉ · ℓ_i / Σℓ⌉. A view whose loss is not a positive number
+/// gets none.
+pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
+    // guard: budgets of usable losses
+    let usable = |loss: f64| if loss > 0.0 && loss.is_finite() { loss } else { 0.0 };
+    let total: f64 = losses.iter().map(|&l| usable(l)).sum();
+    let budget = (ratio * f64::from(gaussians)).ceil();
+    losses.iter().map(|&l| if total > 0.0 { (budget * usable(l) / total).ceil() as u32 } else { 0 }).collect()
+}
+
+/// Loss of the base render of every view: 0.8 · L1 + 0.2 · (1 − SSIM). Waits.
+///
+/// # Errors
+/// Where the device's memory is too small, or the device fails.
+pub fn base_losses(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Vec<f64>> {
+    let context = &session.context;
+    let batches = batches(context, views);
+    let all_frames: Vec<Vec<Frame>> = batches.iter().map(|b| frames_of(views, b)).collect();
+    let sizes = all_frames.iter().map(|f| ScreenSizes::of_frames(f, 0)).fold(ScreenSizes::default(), ScreenSizes::max);
+    let options =
+        LossOptions { tiles: sizes.loss_tiles, map_pixels: 0, losses: sizes.frames, listed: false, backward: false };
+    let loss = Photometric::new(context, &options)?;
+    let images = Buffer::new(context, "base_renders", sizes.pixels as usize, Location::Device)?;
+    let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;
+    let mut steps = Steps::new(context, STEPS_PER_SUBMISSION)?;
+    let mut losses = Vec::with_capacity(views.cameras.len());
+    for (batch, list) in batches.iter().zip(&all_frames) {
+        frames.upload(0, list)?;
+        let background = session.background;
+        let first = batch.start as u32;
+        let mut work = BaseRenders { renderer, model, views, background, first, list, images: &images, depths: None };
+        steps.run(list.len() as u32, false, &mut work, |_| ())?;
+        let batch = Batch {
+            frames: &frames,
+            frame_first: 0,
+            frame_count: list.len() as u32,
+            tiles_per_frame: tiles_per_frame(list),
+            image: &images,
+            targets: views.targets(batch.start),
+        };
+        let mut recorder = context.recorder("base losses")?;
+        loss.record_forward(&mut recorder, &batch, Tiles::All, None);
+        loss.record_sum(&mut recorder, &batch, 0);
+        recorder.submit()?.wait()?;
+        losses.extend(loss.losses.mapped()[..list.len()].iter().map(|l| f64::from(l.total)));
+    }
+    Ok(losses)
+}
+
+/// Renders the views of a batch one after the other into `images`, and their depths into `depths`.
+struct BaseRenders<'a> {
+    renderer: &'a mut Renderer,
+    model: &'a Model,
+    views: &'a Views,
+    background: [f32; 3],
+    /// The first view.
+    first: u32,
+    list: &'a [Frame],
+    images: &'a Buffer<[f32; 4]>,
+    depths: Option<&'a Buffer<f32>>,
+}
+
+impl Looped for BaseRenders<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let frame = &self.list[step as usize];
+        let show = Show { upto: Segment::Base, degree: self.model.sh_degree, background: self.background };
+        self.renderer.record(recorder, self.model, self.views, self.first + step, &show, status)?;
+        let (first, pixels) = (frame.image_first as usize, (frame.width * frame.height) as usize);
+        recorder.copy(&self.renderer.raster.buffers.image, 0, self.images, first, pixels);
+        if let Some(depths) = self.depths {
+            recorder.copy(&self.renderer.depths, 0, depths, first, pixels);
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.renderer.raster.grow(needed)?)
+    }
+}
+
+/// The steps of a round, a prune and the losses of what is left; with `draw`, new Gaussians are drawn from these.
+struct Round<'a> {
+    screen: &'a mut Screen,
+    targets: &'a Buffer<u32>,
+    steps: u32,
+    draw: Option<Draw>,
+}
+
+#[derive(Clone, Copy)]
+struct Draw {
+    round: u32,
+    seed: u32,
+    /// Of what is drawn.
+    age: u32,
+}
+
+impl Looped for Round<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let screen = &self.screen;
+        if step < self.steps {
+            screen.record_render(recorder, status);
+            screen.record_loss(recorder, self.targets, status);
+            screen.record_step(recorder, status);
+        } else {
+            screen.record_prune(recorder, status);
+            screen.record_render(recorder, status);
+            screen.record_loss_map(recorder, self.targets);
+            if let Some(Draw { round, seed, age }) = self.draw {
+                screen.record_draw(recorder, round, seed, age, status);
+            }
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.screen.raster.grow(needed)?)
+    }
+}
+
+/// What is being done to the batch at hand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Job {
+    Idle,
+    /// The base's renders and depths.
+    Base,
+    /// The steps that lead up to draw `round`, and the draw.
+    Round {
+        round: u32,
+        steps: u32,
+    },
+    /// The steps after the last draw.
+    LastRound,
+    Final,
+}
+
+/// Refines batches of views; what is left of one stays on the device until the next is begun.
+pub struct Refiner {
+    pub screen: Screen,
+    batches: Vec<Range<usize>>,
+    budgets: Vec<u32>,
+    schedule: Schedule,
+    seed: u32,
+    background: [f32; 3],
+    steps: Steps,
+    /// The batch at hand, its frames and what is done to it.
+    batch: Range<usize>,
+    frames: Vec<Frame>,
+    job: Job,
+    progress: Progress,
+    refined: Refined,
+}
+
+impl Refiner {
+    /// `budgets` are those of all views, see [`budgets`].
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the views and the budgets are not of the same number; else what the device lacks.
+    pub fn new(session: &Session, views: &Views, budgets: &[u32], schedule: Schedule) -> Result<Self> {
+        if budgets.len() != views.cameras.len() {
+            let (n, v) = (budgets.len(), views.cameras.len());
+            return Err(Error::Usage(format!("{n} budgets for {v} views: one for each is needed")));
+        }
+        let context = &session.context;
+        let batches = batches(context, views);
+        let mut sizes = ScreenSizes::default();
+        for batch in &batches {
+            let places = budgets[batch.clone()].iter().map(|&n| u64::from(n)).sum::<u64>();
+            let places = u32::try_from(places).ok().filter(|&n| n <= u32::MAX / (2 * LEARNED as u32));
+            let places = places.ok_or_else(|| {
+                Error::Usage("the budget is more 2D Gaussians at once than the device can address".into())
+            })?;
+            sizes = sizes.max(ScreenSizes::of_frames(&frames_of(views, batch), places));
+        }
+        Ok(Refiner {
+            screen: Screen::new(context, sizes, session.policy)?,
+            batches,
+            budgets: budgets.to_vec(),
+            schedule,
+            seed: session.seed as u32,
+            background: session.background,
+            steps: Steps::new(context, STEPS_PER_SUBMISSION)?,
+            batch: 0..0,
+            frames: Vec::new(),
+            job: Job::Idle,
+            progress: Progress { round: 0, step: 0, steps: 0, count: 0, budget: 0, loss: f64::NAN },
+            refined: Refined::default(),
+        })
+    }
+
+    /// The views of each batch, in order.
+    pub fn batches(&self) -> &[Range<usize>] {
+        &self.batches
+    }
+
+    /// The views of the batch at hand.
+    pub fn views(&self) -> Range<usize> {
+        self.batch.clone()
+    }
+
+    /// Begins batch `batch` of `views`. Waits.
+    pub fn start(&mut self, views: &Views, batch: usize) -> Result<()> {
+        let Some(batch) = self.batches.get(batch).cloned() else {
+            return Err(Error::Usage(format!("batch {batch} of {}", self.batches.len())));
+        };
+        self.frames = frames_of(views, &batch);
+        let mut quotas = Vec::with_capacity(batch.len());
+        let mut first = 0;
+        for (v, &budget) in batch.clone().zip(&self.budgets[batch.clone()]) {
+            quotas.push(Quota { view: v as u32, first, budget });
+            first += budget;
+        }
+        let cameras = views.cameras[batch.clone()].iter().zip(&self.frames);
+        let list: Vec<_> = cameras.map(|(camera, frame)| view(camera, frame.image_first)).collect();
+        self.screen.begin(&self.frames, &list, &quotas)?;
+        self.batch = batch;
+        self.job = Job::Base;
+        self.refined = Refined::default();
+        self.progress = Progress { round: 0, step: 0, steps: 0, count: 0, budget: first, loss: f64::NAN };
+        self.steps.start(self.frames.len() as u32, false)
+    }
+
+    /// Goes on with the batch that was begun, over `model`'s base; `renderer` must have been made with depth. `None` once
+    /// it is refined. The host waits for submissions that are on their way, and once for each round.
+    pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
+        let (first, targets) = (self.batch.start as u32, views.targets(self.batch.start));
+        loop {
+            let steps = match self.job {
+                Job::Idle => return Ok(None),
+                Job::Base => 0,
+                Job::Round { steps, .. } => steps,
+                Job::LastRound => self.schedule.round_steps,
+                Job::Final => self.schedule.final_steps,
+            };
+            let advanced = match self.job {
+                Job::Base => {
+                    let images = self.screen.raster.buffers.backdrop.clone();
+                    let (background, list) = (self.background, &self.frames[..]);
+                    let depths = Some(&self.screen.buffers.depths);
+                    let mut work =
+                        BaseRenders { renderer, model, views, background, first, list, images: &images, depths };
+                    self.steps.advance(&mut work)?
+                }
+                _ => {
+                    let draw = match self.job {
+                        Job::Round { round, .. } => {
+                            let before = (round - 1) * self.schedule.round_steps;
+                            let age = if self.schedule.shared_steps { before } else { 0 };
+                            Some(Draw { round, seed: self.seed, age })
+                        }
+                        _ => None,
+                    };
+                    self.steps.advance(&mut Round { screen: &mut self.screen, targets, steps, draw })?
+                }
+            };
+            if let Some(done) = advanced {
+                self.progress.step = done.min(steps);
+                self.progress.steps = steps;
+                return Ok(Some(self.progress));
+            }
+            self.finish_job()?;
+        }
+    }
+
+    /// A whole batch; `progress` hears how far it is.
+    pub fn refine(
+        &mut self,
+        renderer: &mut Renderer,
+        model: &Model,
+        views: &Views,
+        batch: usize,
+        mut progress: impl FnMut(&Progress),
+    ) -> Result<Refined> {
+        self.start(views, batch)?;
+        while let Some(so_far) = self.advance(renderer, model, views)? {
+            progress(&so_far);
+        }
+        Ok(self.refined.clone())
+    }
+
+    /// What became of the batch at hand, once it is refined.
+    pub fn refined(&self) -> &Refined {
+        &self.refined
+    }
+
+    /// Draws what follows from a job that is done.
+    fn finish_job(&mut self) -> Result<()> {
+        let grown = self.steps.report().grown;
+        self.job = match self.job {
+            Job::Idle => Job::Idle,
+            // The first draw has no steps before it.
+            Job::Base => Job::Round { round: 1, steps: 0 },
+            Job::Round { round, .. } => {
+                self.refined.grown += grown;
+                self.refined.rounds = round;
+                let losses = self.losses();
+                let states = self.screen.buffers.screen_states.download_range(0, self.frames.len())?;
+                self.progress.round = round;
+                self.progress.count = states.iter().map(|s| s.count).sum();
+                self.progress.loss = losses.iter().map(|&l| f64::from(l)).sum::<f64>() / losses.len() as f64;
+                if self.refined.base_losses.is_empty() {
+                    self.refined.base_losses = losses;
+                }
+                if round < self.schedule.max_rounds && states.iter().any(|s| s.mode == DRAWING) {
+                    Job::Round { round: round + 1, steps: self.schedule.round_steps }
+                } else {
+                    Job::LastRound
+                }
+            }
+            Job::LastRound => {
+                self.refined.grown += grown;
+                self.screen.set_mode(FILLED)?;
+                Job::Final
+            }
+            Job::Final => {
+                self.refined.grown += grown;
+                self.refined.losses = self.losses();
+                self.refined.counts = vec![0; self.frames.len()];
+                let frames = self.screen.buffers.screen_frames.download_range(0, self.screen.places() as usize)?;
+                for frame in frames {
+                    if let Some(count) = self.refined.counts.get_mut(frame as usize) {
+                        *count += 1;
+                    }
+                }
+                Job::Idle
+            }
+        };
+        let steps = match self.job {
+            Job::Idle => return Ok(()),
+            Job::Base => self.frames.len() as u32,
+            Job::Round { steps, .. } => steps + 1,
+            Job::LastRound => self.schedule.round_steps + 1,
+            Job::Final => self.schedule.final_steps + 1,
+        };
+        self.steps.start(steps, false)
+    }
+
+    fn losses(&self) -> Vec<f32> {
+        self.screen.loss.losses.mapped()[..self.frames.len()].iter().map(|l| l.total).collect()
+    }
+
+    /// The base's render (RGB, transmittance) and depth of one view of the batch at hand, by its position there. Waits.
+    pub fn base_render(&self, position: usize) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
+        let Some(frame) = self.frames.get(position) else {
+            return Err(Error::Usage(format!("view {position} of a batch of {}", self.frames.len())));
+        };
+        let (first, pixels) = (frame.image_first as usize, (frame.width * frame.height) as usize);
+        let image = self.screen.raster.buffers.backdrop.download_range(first, pixels)?;
+        Ok((image, self.screen.buffers.depths.download_range(first, pixels)?))
+    }
+
+    /// Reads the 2D Gaussians of the batch at hand back, each with its place; by view, and in a view by place. Waits.
+    pub fn download(&self) -> Result<Vec<(usize, ScreenGaussian)>> {
+        let b = &self.screen.buffers;
+        let (planes, frames) = (b.screen_planes.download()?, b.screen_frames.download()?);
+        let at = |p: usize, i: usize| planes[p * self.screen.sizes.places as usize + i];
+        let taken = frames.iter().enumerate().filter(|(_, f)| **f != NONE);
+        Ok(taken
+            .map(|(i, &frame)| {
+                let gaussian = ScreenGaussian {
+                    view: self.batch.start as u32 + frame,
+                    centre: [at(0, i), at(1, i)],
+                    colour: [at(2, i), at(3, i), at(4, i)],
+                    opacity_logit: at(5, i),
+                    log_scale: [at(6, i), at(7, i)],
+                    angle: at(8, i),
+                    depth: at(9, i),
+                };
+                (i, gaussian)
+            })
+            .collect())
+    }
+}

@@ -1,0 +1,90 @@
+//! Views in batches that the device holds at once.
+
+use std::ops::Range;
+
+use crate::{
+    gpu::Context,
+    pipelines::views::Views,
+    stages::{
+        ssim::{TILE, tiles_per_frame},
+        types::Frame,
+    },
+};
+
+/// Pixels of a batch. A pixel needs 88 bytes of working memory, so this is 1.5 GB; 26 views of 800 × 800.
+const BATCH_PIXELS: u64 = 1 << 24;
+
+/// Splits views into batches that the device holds at once: consecutive ones with photographs in one page, at least one each.
+pub fn batches(context: &Context, views: &Views) -> Vec<Range<usize>> {
+    // The largest buffer of a batch has 9 floats for each pixel, of whole tiles of the largest view.
+    let tile = u64::from(TILE);
+    let limit = BATCH_PIXELS.min(context.info().max_storage_bytes / 36);
+    let mut list = Vec::new();
+    let (mut first, mut largest) = (0, 0u64);
+    for (v, camera) in views.cameras.iter().enumerate() {
+        let tiles = u64::from(camera.width).div_ceil(tile) * u64::from(camera.height).div_ceil(tile);
+        let padded = largest.max(tiles * tile * tile);
+        let full = (v + 1 - first) as u64 * padded > limit || v - first >= views.same_page(first);
+        if v > first && full {
+            list.push(first..v);
+            first = v;
+            largest = tiles * tile * tile;
+        } else {
+            largest = padded;
+        }
+    }
+    if first < views.cameras.len() {
+        list.push(first..views.cameras.len());
+    }
+    list
+}
+
+/// The frames of a batch: images packed one after the other, targets where the photographs are.
+pub fn frames_of(views: &Views, batch: &Range<usize>) -> Vec<Frame> {
+    let mut image_first = 0;
+    let packed = |frame: &Frame| {
+        let first = image_first;
+        image_first += frame.width * frame.height;
+        Frame { image_first: first, ..*frame }
+    };
+    views.frame_list[batch.clone()].iter().map(packed).collect()
+}
+
+/// The largest numbers of all batches.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ScreenSizes {
+    /// 2D Gaussians that there are places for.
+    pub places: u32,
+    pub frames: u32,
+    pub pixels: u32,
+    pub width: u32,
+    pub height: u32,
+    /// Tiles of the loss, each frame of a batch having as many as its largest.
+    pub loss_tiles: u32,
+}
+
+impl ScreenSizes {
+    /// For one batch of these frames.
+    pub fn of_frames(frames: &[Frame], places: u32) -> Self {
+        ScreenSizes {
+            places: places.max(1),
+            frames: frames.len() as u32,
+            pixels: frames.iter().map(|f| f.width * f.height).sum(),
+            width: frames.iter().map(|f| f.width).max().unwrap_or(1),
+            height: frames.iter().map(|f| f.height).max().unwrap_or(1),
+            loss_tiles: frames.len() as u32 * tiles_per_frame(frames),
+        }
+    }
+
+    /// For any of several batches.
+    pub fn max(self, other: Self) -> Self {
+        ScreenSizes {
+            places: self.places.max(other.places),
+            frames: self.frames.max(other.frames),
+            pixels: self.pixels.max(other.pixels),
+            width: self.width.max(other.width),
+            height: self.height.max(other.height),
+            loss_tiles: self.loss_tiles.max(other.loss_tiles),
+        }
+    }
+}

@@ -1,0 +1,338 @@
+//! The 2D Gaussians of a batch of views on the device, and the recording of all that happens to them.
+
+use super::batch::ScreenSizes;
+use crate::{
+    error::Result,
+    gpu::{Buffer, Context, GpuError, Recorder},
+    pipelines::{
+        loss::{Batch, LossOptions, Photometric, TileLists, Tiles},
+        plan::{Plan, buffers},
+        raster::{Grid, Raster, RasterOptions, SplatCount},
+        session::Policy,
+    },
+    stages::{
+        WORKGROUP,
+        blocks::items_per_group,
+        constants::{constants::NONE, screen},
+        dispatch_args, screen_backward, screen_draw, screen_project, screen_prune, screen_tiles,
+        ssim::{TILE, tiles_per_frame},
+        status::{self, Resource},
+        types::{Frame, Quota, ScreenState, View},
+    },
+};
+
+/// Planes of a 2D Gaussian, see `glsl/shared/screen.glsl`.
+pub const SCREEN_PLANES: usize = screen::SCREEN_PLANES as usize;
+/// Planes that are learned; each has two moments.
+pub const LEARNED: usize = screen::LEARNED as usize;
+/// Intersections to begin with for each place, and at least. New Gaussians have σ = 0.005 of the shorter side and touch
+/// 4 to 9 tiles of 8 × 8 pixels in images of 800 pixels.
+const ISECTS_PER_PLACE: u32 = 8;
+const MIN_ISECTS: u32 = 1 << 16;
+/// Threads that draw for one view; they go through its pixels five times.
+const DRAW_WORKGROUP: u32 = 256;
+
+buffers! {
+    /// What belongs to the batch and to its 2D Gaussians, by place.
+    pub struct ScreenBuffers(o: ScreenSizes) {
+        /// [`SCREEN_PLANES`] × places.
+        pub screen_planes: f32 = SCREEN_PLANES * o.places as usize,
+        /// Position in the batch of each 2D Gaussian's view, [`NONE`] where the place is empty.
+        pub screen_frames: u32 = o.places,
+        pub screen_ages: u32 = o.places,
+        pub screen_moments: f32 = 2 * LEARNED * o.places as usize,
+        pub drawn_pixels: u32 = o.places,
+        pub screen_states: ScreenState = o.frames,
+        pub quotas: Quota = o.frames,
+        pub frames: Frame = o.frames,
+        /// The batch's cameras; `pixel_first` counts within `depths`.
+        pub views: View = o.frames,
+        /// Camera z by pixel of the batch, 0: none.
+        pub depths: f32 = o.pixels,
+        population: u32 = 3,
+        population_args: u32 = 3,
+    }
+}
+
+/// The batch that is at hand.
+struct Current {
+    places: u32,
+    frames: u32,
+    grid: Grid,
+    tiles_per_frame: u32,
+}
+
+/// Pipelines and buffers for batches of up to some size, and the batch at hand.
+pub struct Screen {
+    context: Context,
+    pub sizes: ScreenSizes,
+    pub buffers: ScreenBuffers,
+    pub raster: Raster,
+    pub loss: Photometric,
+    pub lists: TileLists,
+    current: Current,
+    project: screen_project::Stage,
+    tiles: screen_tiles::Stage,
+    dispatch_args: dispatch_args::Stage,
+    backward: screen_backward::Stage,
+    gradients: screen_backward::Stage,
+    prune: screen_prune::Stage,
+    draw: screen_draw::Stage,
+}
+
+impl Screen {
+    pub fn new(context: &Context, sizes: ScreenSizes, policy: Policy) -> Result<Self> {
+        let tile = policy.tile(context);
+        let workgroup_size = WORKGROUP;
+        let project = screen_project::Spec { workgroup_size, tile_width: tile.width, tile_height: tile.height };
+        let backward =
+            |gradients| screen_backward::Stage::new(context, &screen_backward::Spec { workgroup_size, gradients });
+        Ok(Screen {
+            raster: Raster::new(context, Self::raster_options(context, &sizes, policy))?,
+            loss: Photometric::new(context, &Self::loss_options(&sizes))?,
+            lists: TileLists::new(context, &sizes.loss_tiles)?,
+            buffers: ScreenBuffers::new(context, &sizes)?,
+            current: Current { places: 0, frames: 0, grid: Grid::new(tile, 0, 0, 1, 1), tiles_per_frame: 0 },
+            project: screen_project::Stage::new(context, &project)?,
+            tiles: screen_tiles::Stage::new(context, &screen_tiles::Spec { workgroup_size, tile: TILE })?,
+            dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+            backward: backward(false)?,
+            gradients: backward(true)?,
+            prune: screen_prune::Stage::new(context, &screen_prune::Spec { workgroup_size })?,
+            draw: screen_draw::Stage::new(context, &screen_draw::Spec { workgroup_size: DRAW_WORKGROUP })?,
+            context: context.clone(),
+            sizes,
+        })
+    }
+
+    fn raster_options(context: &Context, sizes: &ScreenSizes, policy: Policy) -> RasterOptions {
+        let grid = Grid::new(policy.tile(context), 0, sizes.frames, sizes.width, sizes.height);
+        RasterOptions {
+            splats: sizes.places,
+            pixels: sizes.pixels,
+            tiles: grid.tiles(),
+            isects: sizes.places.saturating_mul(ISECTS_PER_PLACE).max(MIN_ISECTS),
+            batch: true,
+            background_image: true,
+            median: false,
+            backward: true,
+            policy,
+        }
+    }
+
+    fn loss_options(sizes: &ScreenSizes) -> LossOptions {
+        LossOptions {
+            tiles: sizes.loss_tiles,
+            map_pixels: sizes.pixels,
+            losses: sizes.frames,
+            listed: true,
+            backward: true,
+        }
+    }
+
+    /// What batches of this size hold.
+    pub fn plan(context: &Context, sizes: &ScreenSizes, policy: Policy) -> Plan {
+        let raster = Raster::plan(&Self::raster_options(context, sizes, policy));
+        let lists = TileLists::plan(&sizes.loss_tiles);
+        raster.and(Photometric::plan(&Self::loss_options(sizes))).and(lists).and(ScreenBuffers::plan(sizes))
+    }
+
+    /// Puts all views into a mode of `glsl/shared/screen.glsl`. Waits.
+    pub fn set_mode(&self, mode: u32) -> Result<(), GpuError> {
+        let b = &self.buffers.screen_states;
+        b.upload(0, &vec![ScreenState { count: 0, mode }; b.len()])
+    }
+
+    /// Takes up a batch of which all places are empty and all views draw. Waits.
+    pub fn begin(&mut self, frames: &[Frame], views: &[View], quotas: &[Quota]) -> Result<()> {
+        let places = quotas.iter().map(|q| q.budget).sum::<u32>();
+        let b = &self.buffers;
+        b.frames.upload(0, frames)?;
+        b.views.upload(0, views)?;
+        b.quotas.upload(0, quotas)?;
+        b.population.upload(0, &[0, places, places])?;
+        let blocks = places.div_ceil(items_per_group(self.context.info().subgroup_size)).max(1);
+        b.population_args.upload(0, &[blocks, 1, 1])?;
+        let mut recorder = self.context.recorder("screen begin")?;
+        recorder.fill(&b.screen_frames, NONE);
+        recorder.submit()?.wait()?;
+        self.set_mode(screen::DRAWING)?;
+        let width = frames.iter().map(|f| f.width).max().unwrap_or(1);
+        let height = frames.iter().map(|f| f.height).max().unwrap_or(1);
+        self.current = Current {
+            places,
+            frames: frames.len() as u32,
+            grid: self.raster.grid(0, frames.len() as u32, width, height),
+            tiles_per_frame: tiles_per_frame(frames),
+        };
+        Ok(())
+    }
+
+    fn batch<'a>(&'a self, targets: &'a Buffer<u32>) -> Batch<'a> {
+        Batch {
+            frames: &self.buffers.frames,
+            frame_first: 0,
+            frame_count: self.current.frames,
+            tiles_per_frame: self.current.tiles_per_frame,
+            image: &self.raster.buffers.image,
+            targets,
+        }
+    }
+
+    /// The batch's images as refined so far, over `backdrop`.
+    pub fn record_render(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
+        let (b, r, places) = (&self.buffers, &self.raster.buffers, self.current.places);
+        let buffers = screen_project::Buffers {
+            frames: &b.frames,
+            screen_frames: &b.screen_frames,
+            screen_states: &b.screen_states,
+            depths: &b.depths,
+            screen_planes: &b.screen_planes,
+            splats: &r.splats,
+            splat_colours: &r.splat_colours,
+            depth_keys: &r.depth_keys,
+            tile_counts: &r.tile_counts,
+        };
+        let push = screen_project::Push { count: places, stride: self.sizes.places };
+        self.project.record(recorder, &buffers, &push, places);
+        let splats = SplatCount { count: &b.population, index: 1, args: &b.population_args, dispatch: 0 };
+        self.raster.record_order(recorder, splats, &self.current.grid, &b.frames, Some(&b.screen_frames), status);
+        self.raster.record_blend(recorder, &self.current.grid, &b.frames, [0.0; 3], 0.0);
+    }
+
+    /// The tiles of the loss that the gradients of what was rendered need.
+    pub fn record_lists(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
+        let (b, r, lists) = (&self.buffers, &self.raster.buffers, &self.lists);
+        let TileLists { tile_marks, count, args, forward_tiles, backward_tiles } = lists;
+        recorder.fill(tile_marks, 0);
+        recorder.fill(count, 0);
+        let buffers = screen_tiles::Buffers {
+            frames: &b.frames,
+            screen_frames: &b.screen_frames,
+            tile_counts: &r.tile_counts,
+            splats: &r.splats,
+            tile_marks,
+            count,
+            forward_tiles,
+            backward_tiles,
+        };
+        let push = screen_tiles::Push { count: self.current.places, tiles_per_frame: self.current.tiles_per_frame };
+        self.tiles.record(recorder, &buffers, &push, self.current.places);
+        for list in 0..2 {
+            let buffers = dispatch_args::Buffers { count, dispatch_args: args, status };
+            let push = dispatch_args::Push {
+                count_index: list,
+                // A list holds every tile, so this never overflows.
+                capacity: u32::MAX,
+                items_per_group: 1,
+                args_index: 3 * list,
+                resource_index: Resource::Intersections.index(),
+            };
+            self.dispatch_args.record(recorder, &buffers, &push, 1);
+        }
+    }
+
+    /// Gradient records of what was rendered, from the loss against `targets`.
+    pub fn record_loss(&self, recorder: &mut Recorder, targets: &Buffer<u32>, status: &Buffer<u32>) {
+        self.record_lists(recorder, status);
+        let batch = self.batch(targets);
+        self.loss.record_forward(recorder, &batch, Tiles::Listed, Some(&self.lists));
+        let image_grad = &self.raster.buffers.image_grad;
+        self.loss.record_backward(recorder, &batch, image_grad, Tiles::Listed, Some(&self.lists));
+        self.record_blend_backward(recorder);
+    }
+
+    /// Gradient records of what was rendered, from `image_grad`.
+    pub fn record_blend_backward(&self, recorder: &mut Recorder) {
+        let b = &self.buffers;
+        self.raster.record_blend_backward(recorder, &self.current.grid, &b.frames, &b.population, 0);
+    }
+
+    /// The step on the gradient records.
+    pub fn record_step(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
+        self.record_backward(recorder, &self.backward, &self.buffers.screen_moments, status);
+    }
+
+    /// The gradients alone: of plane p in plane 2p of `into`, which is as large as the moments.
+    pub fn record_gradients(&self, recorder: &mut Recorder, into: &Buffer<f32>, status: &Buffer<u32>) {
+        self.record_backward(recorder, &self.gradients, into, status);
+    }
+
+    fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        stage: &screen_backward::Stage,
+        screen_moments: &Buffer<f32>,
+        status: &Buffer<u32>,
+    ) {
+        let (b, raster) = (&self.buffers, &self.raster);
+        let buffers = screen_backward::Buffers {
+            status,
+            frames: &b.frames,
+            screen_frames: &b.screen_frames,
+            screen_states: &b.screen_states,
+            tile_counts: &raster.buffers.tile_counts,
+            first_slot: &raster.buffers.first_slot,
+            record_centres: &raster.records.record_centres,
+            record_shapes: &raster.records.record_shapes,
+            record_colours: &raster.records.record_colours,
+            screen_planes: &b.screen_planes,
+            screen_ages: &b.screen_ages,
+            screen_moments,
+        };
+        let by_gaussian = raster.by_gaussian().into();
+        let push = screen_backward::Push { count: self.current.places, stride: self.sizes.places, by_gaussian };
+        stage.record(recorder, &buffers, &push, self.current.places);
+    }
+
+    pub fn record_prune(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
+        let b = &self.buffers;
+        let buffers = screen_prune::Buffers {
+            status,
+            frames: &b.frames,
+            screen_states: &b.screen_states,
+            screen_planes: &b.screen_planes,
+            screen_frames: &b.screen_frames,
+        };
+        let push = screen_prune::Push { count: self.current.places, stride: self.sizes.places };
+        self.prune.record(recorder, &buffers, &push, self.current.places);
+    }
+
+    /// The loss of every view and every pixel of what was rendered.
+    pub fn record_loss_map(&self, recorder: &mut Recorder, targets: &Buffer<u32>) {
+        let batch = self.batch(targets);
+        self.loss.record_forward(recorder, &batch, Tiles::Map, None);
+        self.loss.record_sum(recorder, &batch, 0);
+    }
+
+    /// New Gaussians where the loss map is high, which begin at an age.
+    pub fn record_draw(&self, recorder: &mut Recorder, round: u32, seed: u32, age: u32, status: &Buffer<u32>) {
+        let b = &self.buffers;
+        let buffers = screen_draw::Buffers {
+            status,
+            frames: &b.frames,
+            quotas: &b.quotas,
+            loss_map: self.loss.loss_map(),
+            image: &self.raster.buffers.image,
+            drawn_pixels: &b.drawn_pixels,
+            screen_states: &b.screen_states,
+            screen_frames: &b.screen_frames,
+            screen_planes: &b.screen_planes,
+            screen_ages: &b.screen_ages,
+            screen_moments: &b.screen_moments,
+        };
+        let (frame_count, stride) = (self.current.frames, self.sizes.places);
+        let push = screen_draw::Push { frame_count, stride, round, seed, age };
+        self.draw.record(recorder, &buffers, &push, self.current.frames);
+    }
+
+    /// Status words of its own, for what is recorded outside of loops.
+    pub fn status(&self) -> Result<Buffer<u32>, GpuError> {
+        Buffer::zeroed(&self.context, "screen status", status::WORDS)
+    }
+
+    /// Places of the batch at hand.
+    pub fn places(&self) -> u32 {
+        self.current.places
+    }
+}

@@ -1,0 +1,62 @@
+//! What everything that runs together shares.
+
+use super::raster::TileShape;
+use crate::gpu::Context;
+
+/// How the gradient records of a Gaussian's intersections are added up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Reduction {
+    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
+    #[default]
+    Auto,
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
+    Deterministic,
+    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
+    Atomic,
+}
+
+impl Reduction {
+    /// Those that a device can do, as they are named.
+    pub fn offered(context: &Context) -> Vec<Reduction> {
+        let mut all = vec![Reduction::Deterministic];
+        if context.info().float_atomics {
+            all.push(Reduction::Atomic);
+        }
+        all
+    }
+}
+
+/// Which variant of the kernels runs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Policy {
+    pub reduction: Reduction,
+    /// Mip-Splatting-style opacity compensation.
+    pub compensate: bool,
+    /// What a subgroup covers; `None` is the shape that suits the device. The image does not depend on it.
+    pub tile: Option<TileShape>,
+}
+
+impl Policy {
+    pub fn tile(&self, context: &Context) -> TileShape {
+        self.tile.unwrap_or_else(|| TileShape::for_subgroup(context.info().subgroup_size))
+    }
+}
+
+/// A device and what all runs on it have in common. Cheap to clone.
+#[derive(Clone)]
+pub struct Session {
+    pub context: Context,
+    pub policy: Policy,
+    /// sRGB, 0 to 1.
+    pub background: [f32; 3],
+    /// 1.1 × the largest camera distance from their mean, scene units: what position rates are relative to.
+    pub extent: f32,
+    pub seed: u64,
+}
+
+impl Session {
+    /// The usual policy, black, an extent of 1 and seed 0.
+    pub fn new(context: &Context) -> Self {
+        Session { context: context.clone(), policy: Policy::default(), background: [0.0; 3], extent: 1.0, seed: 0 }
+    }
+}

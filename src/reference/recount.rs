@@ -1,0 +1,60 @@
+//! Where segments begin and which dispatches their pages want.
+
+use super::dispatch_args::dispatch_args;
+use crate::stages::{
+    constants::population::SEGMENTS,
+    status::{Resource, Status},
+    types::Page,
+};
+
+/// What follows from the segments' counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recounted {
+    /// Kept within the pages' capacity.
+    pub counts: [u32; SEGMENTS as usize],
+    /// Index of each segment's first Gaussian, and the number of all.
+    pub population: [u32; SEGMENTS as usize + 1],
+    /// Workgroups: of each page, then of the blocks up to the end of each segment.
+    pub args: Vec<u32>,
+    pub status: Status,
+}
+
+/// `counts` are before anything is kept within the capacity.
+pub fn recount(
+    counts: [u32; SEGMENTS as usize],
+    pages: &[Page],
+    threads_per_group: u32,
+    items_per_group: u32,
+    mut status: Status,
+) -> Recounted {
+    let capacity = |s: usize| pages.iter().filter(|p| p.segment == s as u32).map(|p| p.capacity).sum::<u32>();
+    let mut kept = counts;
+    let mut population = [0; SEGMENTS as usize + 1];
+    for s in 0..counts.len() {
+        kept[s] = counts[s].min(capacity(s));
+        if kept[s] < counts[s] {
+            status.fail([Resource::BaseGaussians, Resource::SupplementGaussians][s], counts[s]);
+        }
+        population[s + 1] = population[s] + kept[s];
+    }
+    let groups = |items: u32, per_group: u32| dispatch_args(items, u32::MAX, per_group).2;
+    let here = |page: &Page| kept[page.segment as usize].saturating_sub(page.first).min(page.capacity);
+    let of_pages = pages.iter().flat_map(|page| groups(here(page), threads_per_group));
+    let of_blocks = population[1..].iter().flat_map(|&end| groups(end, items_per_group));
+    Recounted { counts: kept, population, args: of_pages.chain(of_blocks).collect(), status }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_follow_one_another_and_stay_within_their_pages() {
+        let page = |segment, first, capacity| Page { segment, first, capacity };
+        let pages = [page(0, 0, 100), page(0, 100, 50), page(1, 0, 70)];
+        let found = recount([120, 90], &pages, 64, 1024, Status::default());
+        assert_eq!((found.counts, found.population), ([120, 70], [0, 120, 190]));
+        assert_eq!(found.args, [2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1]);
+        assert_eq!(found.status.needs().collect::<Vec<_>>(), [(Resource::SupplementGaussians, 90)]);
+    }
+}

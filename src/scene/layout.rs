@@ -1,0 +1,100 @@
+//! Where the parameters of a Gaussian lie: the host's side of `glsl/shared/model.glsl`, from which the numbers come. Models on
+//! the device, the float64 twins and the tests all go by planes through here.
+
+use std::ops::Range;
+
+use super::{Gaussians, Lobes};
+use crate::stages::constants::model;
+
+pub const MEAN: usize = model::MEAN as usize;
+pub const LOG_SCALE: usize = model::LOG_SCALE as usize;
+pub const QUAT: usize = model::QUAT as usize;
+pub const OPACITY: usize = model::OPACITY as usize;
+pub const GEOMETRY_PLANES: usize = model::GEOMETRY_PLANES as usize;
+pub const LOBE_DIRECTION: usize = model::LOBE_DIRECTION as usize;
+pub const LOBE_WIDTH: usize = model::LOBE_WIDTH as usize;
+pub const LOBE_SHARPNESS: usize = model::LOBE_SHARPNESS as usize;
+pub const LOBE_PLANES: usize = model::LOBE_PLANES as usize;
+
+/// Coefficients of spherical harmonics up to `degree`.
+pub const fn coefficients(degree: u32) -> usize {
+    ((degree + 1) * (degree + 1)) as usize
+}
+
+/// Planes of `sh`: coefficient k of channel c is plane 3k + c.
+pub const fn sh_planes(degree: u32) -> usize {
+    3 * coefficients(degree)
+}
+
+/// The arrays that planes lie in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Array {
+    Geometry,
+    Sh,
+    Lobes,
+}
+
+/// Parameters of one kind: what has one unit, one learning rate and one bound of error.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    pub name: &'static str,
+    pub array: Array,
+    pub planes: Range<usize>,
+}
+
+/// All groups of a scene of that degree, in the order of the learning rates.
+pub fn groups(degree: u32) -> [Group; 9] {
+    let group = |name, array, planes| Group { name, array, planes };
+    [
+        group("mean", Array::Geometry, MEAN..LOG_SCALE),
+        group("log scale", Array::Geometry, LOG_SCALE..QUAT),
+        group("quaternion", Array::Geometry, QUAT..OPACITY),
+        group("opacity", Array::Geometry, OPACITY..GEOMETRY_PLANES),
+        group("DC", Array::Sh, 0..3),
+        group("SH", Array::Sh, 3..sh_planes(degree)),
+        group("lobe direction", Array::Lobes, LOBE_DIRECTION..LOBE_WIDTH),
+        group("lobe width", Array::Lobes, LOBE_WIDTH..LOBE_SHARPNESS),
+        group("lobe sharpness", Array::Lobes, LOBE_SHARPNESS..LOBE_PLANES),
+    ]
+}
+
+/// The geometry of Gaussian i, plane by plane.
+pub fn geometry(gaussians: &Gaussians, i: usize) -> [f32; GEOMETRY_PLANES] {
+    let mut planes = [0.0; GEOMETRY_PLANES];
+    planes[MEAN..LOG_SCALE].copy_from_slice(&gaussians.means[i]);
+    planes[LOG_SCALE..QUAT].copy_from_slice(&gaussians.log_scales[i]);
+    planes[QUAT..OPACITY].copy_from_slice(&gaussians.quats[i]);
+    planes[OPACITY] = gaussians.opacities[i];
+    planes
+}
+
+/// The lobe of supplementary Gaussian j, plane by plane.
+pub fn lobe(lobes: &Lobes, j: usize) -> [f32; LOBE_PLANES] {
+    let mut planes = [0.0; LOBE_PLANES];
+    planes[LOBE_DIRECTION..LOBE_WIDTH].copy_from_slice(&lobes.directions[j]);
+    planes[LOBE_WIDTH] = lobes.widths[j];
+    planes[LOBE_SHARPNESS] = lobes.sharpness[j];
+    planes
+}
+
+/// Plane p of the harmonics of Gaussian i; 0 for bands that it does not have.
+pub fn sh(gaussians: &Gaussians, i: usize, p: usize) -> f32 {
+    let stored = gaussians.sh_coefficients();
+    if p / 3 < stored { gaussians.sh[i * stored + p / 3][p % 3] } else { 0.0 }
+}
+
+/// Adds a Gaussian from its planes.
+pub fn push(to: &mut Gaussians, geometry: impl Fn(usize) -> f32, sh: impl Fn(usize) -> f32) {
+    to.means.push([MEAN, MEAN + 1, MEAN + 2].map(&geometry));
+    to.log_scales.push([LOG_SCALE, LOG_SCALE + 1, LOG_SCALE + 2].map(&geometry));
+    to.quats.push([QUAT, QUAT + 1, QUAT + 2, QUAT + 3].map(&geometry));
+    to.opacities.push(geometry(OPACITY));
+    to.sh.extend((0..coefficients(to.sh_degree)).map(|k| [3 * k, 3 * k + 1, 3 * k + 2].map(&sh)));
+}
+
+/// Adds a lobe from its planes.
+pub fn push_lobe(to: &mut Lobes, lobe: impl Fn(usize) -> f32) {
+    to.directions.push([LOBE_DIRECTION, LOBE_DIRECTION + 1, LOBE_DIRECTION + 2].map(&lobe));
+    to.widths.push(lobe(LOBE_WIDTH));
+    to.sharpness.push(lobe(LOBE_SHARPNESS));
+}

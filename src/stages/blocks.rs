@@ -1,0 +1,66 @@
+//! Sizes of scans and radix sorts, whose subgroups take blocks of items.
+
+/// Items that one subgroup takes. Large enough that a block's 256 digit counters are a quarter of what its keys and values
+/// occupy, small enough that 10^5 items keep a GPU of 100 processors occupied.
+pub const BLOCK: u32 = 1024;
+/// Threads of a workgroup that takes blocks. Nothing is shared between its subgroups; 64 is the largest subgroup, and keeps
+/// the digit counters of subgroups of 8 within 8 KiB of shared memory.
+pub const WORKGROUP: u32 = 64;
+/// Threads of the one workgroup that scans the sums of blocks: enough subgroups to hide the latency of reading 2^16 sums, few
+/// where each costs CPU time.
+pub const SPINE_WORKGROUP: u32 = 256;
+/// Widest digit of a radix sort: 256 counters for each subgroup.
+pub const MAX_DIGIT_BITS: u32 = 8;
+
+/// Blocks of `items` items.
+pub fn blocks_for(items: u32) -> u32 {
+    items.div_ceil(BLOCK)
+}
+
+/// Items that one workgroup takes: what dispatches over blocks are made with.
+pub fn items_per_group(subgroup_size: u32) -> u32 {
+    (WORKGROUP / subgroup_size.max(1)).max(1) * BLOCK
+}
+
+/// Elements of `block_sums` for at most `items` items: one for each block and the total.
+pub fn block_sums_len(items: u32) -> usize {
+    blocks_for(items) as usize + 1
+}
+
+/// Passes that sort keys below 2^`key_bits`, and the digit's width in each: the passes are as few and the digits as narrow
+/// as can be.
+pub fn passes_for(key_bits: u32) -> (u32, u32) {
+    let passes = key_bits.clamp(1, 32).div_ceil(MAX_DIGIT_BITS);
+    (passes, key_bits.clamp(1, 32).div_ceil(passes))
+}
+
+/// Elements of `block_counts` for at most `keys` keys: a counter of each digit for each block, of which there is at least
+/// one.
+pub fn block_counts_len(keys: u32, digit_bits: u32) -> usize {
+    (blocks_for(keys).max(1) as usize) << digit_bits
+}
+
+/// Elements of `digit_totals`.
+pub fn digit_totals_len(digit_bits: u32) -> usize {
+    1 << digit_bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_hold_what_the_kernels_write() {
+        assert_eq!([0, 1, 1024, 1025, u32::MAX].map(blocks_for), [0, 1, 1, 2, 1 << 22]);
+        assert_eq!([0, 1024, 1025].map(block_sums_len), [1, 2, 3]);
+        assert_eq!([8, 16, 32, 64].map(items_per_group), [8192, 4096, 2048, 1024]);
+        assert_eq!([0, 1024, 1025].map(|keys| block_counts_len(keys, 8)), [256, 256, 512]);
+        assert_eq!([1, 8].map(digit_totals_len), [2, 256]);
+    }
+
+    #[test]
+    fn passes_cover_the_bits_with_the_narrowest_digits() {
+        let expected = [(1, 1), (1, 1), (1, 8), (2, 5), (2, 6), (2, 7), (4, 8), (4, 8)];
+        assert_eq!([0, 1, 8, 9, 12, 13, 32, 99].map(passes_for), expected);
+    }
+}

@@ -1,0 +1,166 @@
+//! The numbers of docs/method.md are those of the code, and joining moves what the method says and nothing else.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::{Gpu, session};
+use glint::{
+    data::builtin::builtin_scene,
+    pipelines::{
+        enhance::EnhanceOptions,
+        join::join,
+        model::{Model, Segment},
+        session::Session,
+        train::BaseOptions,
+        views::Views,
+    },
+    reference::{
+        ALPHA_MAX, ALPHA_MIN, DILATION, NEAR, TRANSMITTANCE_MIN,
+        adam::{BETA1, BETA2, SHARPNESS_RANGE, WIDTH_RANGE},
+        lift_groups::{GROUP_MIN, TAU_GROWTH},
+        lift_pca::EIGENVALUE_MIN,
+        lift_points::TAU_PIXELS,
+        random_scene,
+        screen_backward::{RATE_ANGLE, RATE_CENTRE, RATE_COLOUR, RATE_LOG_SCALE, RATE_LOGIT, scale_max},
+        screen_draw::{FIRST_OPACITY, FIRST_SCALE, draw_size},
+        screen_prune::{OPACITY_MIN, covered_min},
+        ssim_forward::SSIM_WEIGHT,
+    },
+    scene::Scene,
+};
+
+/// What the code has, by the table's names.
+fn numbers() -> BTreeMap<&'static str, f64> {
+    let paper = EnhanceOptions::paper();
+    let base = BaseOptions::default();
+    let (first, last) = (base.plan(1.0, 0).rates, base.plan(1.0, 30_000).rates);
+    let joint = paper.join.rates(1.0);
+    let band = (1..30_000).find(|&step| base.plan(1.0, step).active_degree == 1).unwrap();
+    BTreeMap::from([
+        ("near plane", NEAR),
+        ("dilation, px²", DILATION),
+        ("least α", ALPHA_MIN),
+        ("largest α", ALPHA_MAX),
+        ("least transmittance", TRANSMITTANCE_MIN),
+        ("least T", WIDTH_RANGE.0),
+        ("largest T", WIDTH_RANGE.1),
+        ("least β", SHARPNESS_RANGE.0),
+        ("largest β", SHARPNESS_RANGE.1),
+        ("weight of 1 − SSIM", SSIM_WEIGHT),
+        ("Adam's first decay", BETA1),
+        ("Adam's second decay", BETA2),
+        ("base: rate of positions at first, of the extent", first.mean.into()),
+        ("base: rate of positions at last, of the extent", last.mean.into()),
+        ("base: rate of scales", first.log_scale.into()),
+        ("base: rate of rotations", first.quat.into()),
+        ("base: rate of opacities", first.opacity.into()),
+        ("base: rate of DC", first.dc.into()),
+        ("base: rate of other SH", first.sh.into()),
+        ("base: steps", base.iterations.into()),
+        ("base: steps until the next band", band.into()),
+        ("ratio", paper.ratio),
+        ("screen: share of a draw", f64::from(draw_size(1000)) / 1000.0),
+        ("screen: steps of a round", paper.schedule.round_steps.into()),
+        ("screen: final steps", paper.schedule.final_steps.into()),
+        ("screen: first scale, of the shorter side", FIRST_SCALE),
+        ("screen: first opacity", FIRST_OPACITY),
+        ("screen: least opacity", OPACITY_MIN),
+        ("screen: least pixels", covered_min(800, 546) as f64),
+        ("screen: largest scale, px", scale_max(9000.0, 9000.0)),
+        ("screen: largest scale, of width + height", scale_max(800.0, 1200.0) / 2000.0),
+        ("screen: rate of centres, of the mean side", RATE_CENTRE),
+        ("screen: rate of colours", RATE_COLOUR),
+        ("screen: rate of opacities", RATE_LOGIT),
+        ("screen: rate of scales", RATE_LOG_SCALE),
+        ("screen: rate of angles", RATE_ANGLE),
+        ("depth threshold", paper.median_threshold.into()),
+        ("lift: first τ, in pixels", TAU_PIXELS),
+        ("lift: growth of τ", TAU_GROWTH),
+        ("lift: least points", GROUP_MIN.into()),
+        ("lift: least variance, of the square of the scene's length", EIGENVALUE_MIN),
+        ("join: steps for each view", paper.join.steps_per_view.into()),
+        ("join: rate of positions, of the extent", joint.mean.into()),
+        ("join: rate of scales", joint.log_scale.into()),
+        ("join: rate of rotations", joint.quat.into()),
+        ("join: rate of opacities", joint.opacity.into()),
+        ("join: rate of DC", joint.dc.into()),
+        ("join: rate of other SH", joint.sh.into()),
+        ("join: rate of d", joint.direction.into()),
+        ("join: rate of T", joint.width.into()),
+        ("join: rate of β", joint.sharpness.into()),
+    ])
+}
+
+/// That the kernels have what their twins have is `glint verify`'s to hold.
+#[test]
+fn the_numbers_are_those_of_the_page() {
+    let page = include_str!("../docs/method.md");
+    let (_, table) = page.split_once("## Numbers").unwrap();
+    let cells = |line: &'static str| {
+        let (name, value) = line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | ")?;
+        let parts: Vec<f64> = value.split('/').map(|part| part.parse().ok()).collect::<Option<_>>()?;
+        Some((name, parts.into_iter().reduce(|a, b| a / b)?))
+    };
+    let said: BTreeMap<&str, f64> = table.lines().filter_map(cells).collect();
+    let found = numbers();
+    assert_eq!(said.keys().collect::<Vec<_>>(), found.keys().collect::<Vec<_>>());
+    for (name, value) in said {
+        // Rates are float32.
+        assert!((found[name] / value - 1.0).abs() < 1e-6, "{name}: {} in the code, {value} on the page", found[name]);
+    }
+}
+
+#[test]
+fn rates_of_positions_follow_the_extent_and_bands_the_run() {
+    let (one, three) = (EnhanceOptions::paper().join.rates(1.0), EnhanceOptions::paper().join.rates(3.0));
+    assert_eq!((three.mean, three.opacity), (3.0 * one.mean, one.opacity));
+    let plan = |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3 }.plan(2.0, step);
+    // Half way the rate is the geometric mean.
+    assert!((f64::from(plan(600, 300).rates.mean) / (2.0 * 1.6e-5) - 1.0).abs() < 1e-6);
+    let degrees = |iterations: u32, steps: [u32; 5]| steps.map(|step| plan(iterations, step).active_degree);
+    assert_eq!(degrees(30_000, [999, 1000, 2000, 3000, 29_999]), [0, 1, 2, 3, 3]);
+    assert_eq!(degrees(600, [19, 20, 40, 60, 599]), [0, 1, 2, 3, 3]);
+    assert_eq!(degrees(300_000, [999, 1000, 2000, 3000, 299_999]), [0, 1, 2, 3, 3]);
+}
+
+/// The base's opacities move, where they are seen; its geometry and colours stay bit for bit; all of the supplement moves.
+#[test]
+fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {
+    let gpu = Gpu::new();
+    let built = builtin_scene(300);
+    let photos: Vec<_> = built.photos.iter().take(3).collect();
+    let cameras: Vec<_> = photos.iter().map(|p| p.camera).collect();
+    let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
+    let views = Views::upload(&gpu, &cameras, &images).unwrap();
+    let mut before = random_scene(3, 500, 300, 2);
+    // Before the first camera, whatever the random scene was made for.
+    for part in [&mut before.base, &mut before.supplement.as_mut().unwrap().gaussians] {
+        for (k, mean) in part.means.iter_mut().enumerate() {
+            let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);
+            *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+        }
+    }
+    let model = Model::upload(&gpu, &before, 0).unwrap();
+    let mut options = EnhanceOptions::paper().join;
+    options.steps_per_view = 2;
+    let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
+    join(&session, &model, &views, &options).unwrap().run(&model, &views, false, |_| ()).unwrap();
+    let after = model.download().unwrap();
+    assert_eq!(model.count_of(Segment::Supplement), 300);
+
+    let bits = |values: &[[f32; 3]]| values.as_flattened().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    let Scene { base, supplement } = &after;
+    for (new, old) in
+        [(&base.means, &before.base.means), (&base.log_scales, &before.base.log_scales), (&base.sh, &before.base.sh)]
+    {
+        assert!(bits(new) == bits(old));
+    }
+    let quats = |values: &[[f32; 4]]| values.as_flattened().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert!(quats(&base.quats) == quats(&before.base.quats));
+    let moved = base.opacities.iter().zip(&before.base.opacities).filter(|(a, b)| a != b).count();
+    assert!((50..500).contains(&moved), "{moved} opacities moved");
+    let (new, old) = (supplement.as_ref().unwrap(), before.supplement.as_ref().unwrap());
+    assert!(new.gaussians.means != old.gaussians.means && new.gaussians.sh != old.gaussians.sh);
+    assert!(new.lobes.widths != old.lobes.widths && new.lobes.directions != old.lobes.directions);
+}

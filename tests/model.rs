@@ -1,0 +1,196 @@
+//! The model's pages and counts: nothing that is rendered or learned depends on how Gaussians lie in memory, and a segment can
+//! grow, shrink and be reordered on the device.
+
+mod common;
+#[path = "common/probe.rs"]
+mod probe;
+
+use common::{Gpu, session};
+use glam::DVec3;
+use glint::{
+    gpu::Buffer,
+    pipelines::{
+        learn::{Learner, Lesson, Rates, Seen},
+        model::{Model, Rearrange, Room, Segment, Sources},
+        render::{Needs, RenderOptions, Renderer, Show},
+        session::Session,
+        train::{StepPlan, Trainer},
+        views::Views,
+    },
+    reference::{random_camera, random_scene},
+    scene::{Scene, layout},
+    stages::{
+        constants::constants::NONE,
+        status::{self, Resource, Status},
+    },
+};
+use probe::{BACKGROUND, Probe, RATES, Setup, ripple};
+
+#[test]
+fn pages_change_nothing() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(41, 700, 300, 2), random_camera(80, 60));
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let bits = |page: Option<u32>, opacity_only: bool| {
+        let setup = Setup { degree: 2, page, opacity_only, ..Default::default() };
+        Probe::new(&gpu, 1000, &camera, setup).shoot(&scene, &camera, &image_grad).bits()
+    };
+    for opacity_only in [false, true] {
+        let whole = bits(None, opacity_only);
+        for page in [700, 699, 64, 97] {
+            assert!(bits(Some(page), opacity_only) == whole, "pages of {page}");
+        }
+    }
+}
+
+/// New numbers of the base: some twice, some not at all, some of the last that come first.
+fn reordered(scene: &Scene, sources: &[u32]) -> Scene {
+    let mut out = Scene { supplement: scene.supplement.clone(), ..Default::default() };
+    out.base.sh_degree = scene.base.sh_degree;
+    for &source in sources {
+        let geometry = layout::geometry(&scene.base, source as usize);
+        layout::push(&mut out.base, |p| geometry[p], |p| layout::sh(&scene.base, source as usize, p));
+    }
+    out
+}
+
+#[test]
+fn a_segment_grows_shrinks_and_is_reordered_on_the_device() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(42, 300, 120, 1), random_camera(70, 50));
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let image = |model: &Model| {
+        let mut renderer = Renderer::new(&gpu, Needs::of(model), &views, RenderOptions::default()).unwrap();
+        renderer.render(model, &views, 0, BACKGROUND).unwrap()
+    };
+    let mut model =
+        Model::upload_around(&gpu, DVec3::ZERO, &scene, Room { page: Some(97), ..Default::default() }).unwrap();
+    let mut now = scene;
+    for new in [450, 130, 131, 800] {
+        let old = now.base.len() as u32;
+        model.reserve(Segment::Base, new).unwrap();
+        let sources: Vec<u32> = (0..new).map(|t| (t * 7 + 3) % old).collect();
+        let (from, count) =
+            (Buffer::from_slice(&gpu, "sources", &sources), Buffer::from_slice(&gpu, "count", &[9, new]));
+        let (from, count) = (from.unwrap(), count.unwrap());
+        let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
+        let rearrange = Rearrange::new(&gpu, new).unwrap();
+        let mut recorder = gpu.recorder("rearrange").unwrap();
+        let sources_there = Sources { sources: &from, count: &count, index: 1 };
+        rearrange.record(&mut recorder, &model, Segment::Base, sources_there, &[], &status);
+        recorder.submit().unwrap().wait().unwrap();
+        now = reordered(&now, &sources);
+        assert_eq!(model.learn_counts().unwrap(), [new, 120]);
+        assert!(model.download().unwrap() == now, "{old} to {new}");
+        // As if it had been uploaded so.
+        assert!(image(&model) == image(&Model::upload(&gpu, &now, 0).unwrap()), "{old} to {new}");
+    }
+
+    // More than there is room for: told by resource, and what fits is there.
+    let room = model.part(Segment::Base).capacity();
+    let sources: Vec<u32> = (0..room + 50).map(|t| if t < room { t % 800 } else { NONE }).collect();
+    let (from, count) =
+        (Buffer::from_slice(&gpu, "sources", &sources), Buffer::from_slice(&gpu, "count", &[room + 50]));
+    let (from, count) = (from.unwrap(), count.unwrap());
+    let words = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
+    let mut recorder = gpu.recorder("rearrange").unwrap();
+    let sources_there = Sources { sources: &from, count: &count, index: 0 };
+    let rearrange = Rearrange::new(&gpu, room + 50).unwrap();
+    rearrange.record(&mut recorder, &model, Segment::Base, sources_there, &[], &words);
+    recorder.submit().unwrap().wait().unwrap();
+    let told = Status::read(&words.download().unwrap());
+    assert_eq!(told.needs().collect::<Vec<_>>(), [(Resource::BaseGaussians, room + 50)]);
+    assert_eq!(model.learn_counts().unwrap(), [room, 120]);
+}
+
+/// Gradients of two views added up are the sum of each, to the last bit but one rounding; a step on them is that of Adam.
+#[test]
+fn gradients_of_several_views_add_up() {
+    let gpu = Gpu::new();
+    let scene = random_scene(43, 500, 200, 2);
+    let cameras = [random_camera(64, 48), random_camera(48, 64)];
+    let views = Views::upload(&gpu, &cameras, &[]).unwrap();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let options = RenderOptions { backward: true, policy: session(&gpu).policy, ..Default::default() };
+    let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, options).unwrap();
+    let image_grad: Vec<f32> = (0..64 * 48).flat_map(ripple).map(|g| g as f32).collect();
+    let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
+    for segment in Segment::ALL {
+        let lesson = Lesson { segment, opacity_only: false, sparse: false, bias_correction: true, compensate: false };
+        let learner = Learner::new(&model, lesson, true).unwrap();
+        let mut of = |seen: &[u32]| -> [Vec<f32>; 3] {
+            for (k, &view) in seen.iter().enumerate() {
+                renderer.render_on_device(&model, &views, view, &Show::all(&model, BACKGROUND)).unwrap();
+                let raster = &renderer.raster;
+                raster.buffers.image_grad.upload(0, &image_grad).unwrap();
+                let camera = &cameras[view as usize];
+                let grid = raster.grid(view, 1, camera.width, camera.height);
+                let mut recorder = gpu.recorder("gradients").unwrap();
+                raster.record_blend_backward(&mut recorder, &grid, &views.frames, &model.population, 0);
+                if k == 0 {
+                    learner.record_begin(&mut recorder);
+                }
+                let seen = Seen { model: &model, views: &views, view, raster, degree: 2, status: &status };
+                learner.record_add(&mut recorder, &seen);
+                recorder.submit().unwrap().wait().unwrap();
+            }
+            learner.gradients().unwrap().all().map(|planes| planes.download().unwrap().concat())
+        };
+        let [first, second, both] = [&[0][..], &[1], &[0, 1]].map(&mut of);
+        for (array, sums) in both.iter().enumerate() {
+            for (at, &sum) in sums.iter().enumerate() {
+                assert_eq!(sum, first[array][at] + second[array][at], "array {array}, element {at}");
+            }
+        }
+        assert!(both[0].iter().any(|&g| g != 0.0));
+    }
+}
+
+/// Four steps of two views each, and one of all eight that is as long as the sum of gradients makes it: both learn.
+#[test]
+fn steps_of_several_views_learn() {
+    let gpu = Gpu::new();
+    let scene = random_scene(44, 400, 0, 1);
+    let camera = random_camera(48, 36);
+    let grey = vec![120u8; 3 * 48 * 36];
+    let views = Views::upload(&gpu, &[camera; 2], &[&grey, &grey]).unwrap();
+    let session = Session { background: BACKGROUND, ..session(&gpu) };
+    for (views_per_step, steps) in [(1, 40), (2, 40), (4, 40)] {
+        let model = Model::upload(&gpu, &scene, 0).unwrap();
+        let lesson = Lesson {
+            segment: Segment::Base,
+            opacity_only: false,
+            sparse: true,
+            bias_correction: true,
+            compensate: false,
+        };
+        let schedule = (0..views_per_step * steps).map(|k| k % 2).collect();
+        let plan = |_| StepPlan { rates: Rates { dc: 0.01, ..RATES }, active_degree: 1 };
+        let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule, views_per_step, plan).unwrap();
+        let losses = trainer.run(&model, &views, false, |_| ()).unwrap().losses;
+        assert_eq!((losses.len() as u32, trainer.total()), (views_per_step * steps, steps));
+        assert!(
+            losses[losses.len() - 1] < 0.8 * losses[0],
+            "{views_per_step} views: {} to {}",
+            losses[0],
+            losses[losses.len() - 1]
+        );
+    }
+}
+
+/// More than the 128 MiB that a device binds at least: in pages, of which each photograph is in one.
+#[test]
+fn photographs_of_640_megabytes_are_held_and_read_back() {
+    let gpu = Gpu::new();
+    let camera = random_camera(1000, 1000);
+    let views = Views::without_photographs(&gpu, DVec3::ZERO, &[camera; 160], true).unwrap();
+    let photograph = |v: u32| (0..1_000_000u32).map(|p| p.wrapping_mul(v + 1)).collect::<Vec<_>>();
+    for v in 0..160 {
+        views.upload_photograph(v, &photograph(v as u32)).unwrap();
+    }
+    for v in [0, 1, 32, 33, 66, 67, 100, 133, 134, 159] {
+        assert!(views.download_photograph(v).unwrap() == photograph(v as u32), "photograph {v}");
+    }
+    let page = views.same_page(0);
+    assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
+}
