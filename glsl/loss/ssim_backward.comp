@@ -87,6 +87,7 @@ void main() {
                     float y = target_channel(target, channel);
                     float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
                     float gradient = scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
+                    // guard: masks: gradients
                     image_grad[3 * (frame.image_first + i) + channel] = counts(target) ? gradient : 0;
                 }
             }

@@ -80,7 +80,7 @@ void main() {
                     uint target = targets[frame.target_first + pixel];
                     x += image[frame.image_first + pixel][column_channel];
                     y += target_channel(target, column_channel);
-                    if (!counts(target)) x = y;
+                    if (!counts(target)) x = y; // guard: masks: windows
                 }
                 bool own_row = column.y >= corner.y && column.y < corner.y + int(TILE);
                 if (own_column && own_row) l1 += abs(x - y);
@@ -122,6 +122,7 @@ void main() {
                         uint target = targets[frame.target_first + i];
                         float x = image[frame.image_first + i][channel];
                         float y = target_channel(target, channel);
+                        // guard: masks: loss map
                         if (counts(target)) pixel_loss[step] += (1 - SSIM_WEIGHT) * abs(x - y) + SSIM_WEIGHT * (1 - s);
                     }
                 }
