@@ -127,7 +127,7 @@ impl Args {
             Preset::Paper => EnhanceOptions::paper(),
         };
         let started = Instant::now();
-        let enhanced = run_with_progress(&session, &base, &views, &options, None)?;
+        let enhanced = run_with_progress(&session, &base, &views, &options, None, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
         write_scene(self.output.join(AUGMENTED), &enhanced.scene)?;
 

@@ -5,8 +5,9 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
+    DeviceArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
     dataset::check_sight,
+    interrupt::Interrupt,
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
@@ -233,10 +234,24 @@ impl Args {
                 }
                 None => None,
             };
-            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref())?;
+            let interrupt = Interrupt::default();
+            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref(), Some(&interrupt))?;
             write_scene(&self.output, &found.scene)?;
-            drop(views);
-            let gain = gain(context, &scene, &found.scene, &dataset)?;
+            drop((views, interrupt));
+            let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
+            let all_steps = options.join.steps_per_view * photos.len() as u32;
+            let ended = found.join.is_some() && joint_steps < all_steps;
+            // Whoever ends it early waits for nothing more.
+            let gain = if ended { None } else { gain(context, &scene, &found.scene, &dataset)? };
+            let budget: u32 = found.budgets.iter().sum();
+            let cap = (self.ratio * scene.base.len() as f64).ceil();
+            if f64::from(budget) > 1.1 * cap {
+                note(format!(
+                    "each view's share is rounded up: --ratio {} of {} Gaussians is {cap}, and {budget} were allowed",
+                    self.ratio,
+                    scene.base.len()
+                ));
+            }
             let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
             if lost > 0 {
                 note(format!(
@@ -253,7 +268,7 @@ impl Args {
                 photos: photos.len(),
                 photos_resumed: found.resumed,
                 base_gaussians: scene.base.len(),
-                budget: found.budgets.iter().sum(),
+                budget,
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
                 seconds: Seconds {
@@ -267,18 +282,26 @@ impl Args {
                 gain,
             };
             if self.json {
-                return Ok(print_json(&report)?);
+                print_json(&report)?;
+            } else {
+                let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
+                print(format_args!(
+                    "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
+                     base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
+                    seconds.base,
+                    seconds.screen,
+                    seconds.lift,
+                    seconds.join,
+                    gain.as_ref().map_or(String::new(), Gain::text)
+                ))?;
             }
-            let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = report;
-            Ok(print(format_args!(
-                "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
-                 base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
-                seconds.base,
-                seconds.screen,
-                seconds.lift,
-                seconds.join,
-                gain.map_or(String::new(), |gain| gain.text())
-            ))?)
+            if ended {
+                let output = report.output;
+                return Err(Ended::Interrupted(format!(
+                    "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them"
+                )));
+            }
+            Ok(())
         })
     }
 
@@ -358,13 +381,15 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
 }
 
-/// Augments with a bar for each phase; `work` keeps what it can and is gone on from.
+/// Augments with a bar for each phase; `work` keeps what it can and is gone on from. With `interrupt`, which must live until the
+/// result is written, the joint phase ends when it is asked to.
 pub(super) fn run_with_progress(
     session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
     work: Option<&WorkDir>,
+    interrupt: Option<&Interrupt>,
 ) -> Result<Enhanced> {
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
@@ -401,7 +426,15 @@ pub(super) fn run_with_progress(
                     work.keep(&views.cameras, refiner, lifted)?;
                 }
             }
-            Event::Join { step, steps } => show("joining", step.into(), steps.into(), None),
+            Event::Join { step, steps } => {
+                show("joining", step.into(), steps.into(), None);
+                if let Some(interrupt) = interrupt {
+                    interrupt.listen()?;
+                    if interrupt.asked() {
+                        enhancer.stop()?;
+                    }
+                }
+            }
         }
     }
     enhancer.finish()

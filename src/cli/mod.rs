@@ -1,6 +1,6 @@
 //! The `glint` command, one file per subcommand. Results go to stdout; progress, notes, logs and errors to stderr.
 //!
-//! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk).
+//! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
 mod dataset;
 mod demo;
@@ -8,6 +8,7 @@ mod devices;
 mod enhance;
 mod eval;
 mod info;
+mod interrupt;
 mod names;
 mod output;
 mod pages;
@@ -51,7 +52,9 @@ A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transfo
 such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are (transforms_test.json, \
 lists in transforms.json, test.txt) or --test-every does.
 
-Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v.";
+Ctrl-C while a scene learns writes what it has learned so far; a second one ends at once.
+
+Exit codes: 0 done, 2 bad input or usage, 1 the machine, 130 ended by Ctrl-C. RUST_LOG overrides -v.";
 
 /// Augmented radiance fields in Vulkan compute: 3D Gaussian scenes with view-dependent opacity lobes.
 #[derive(Debug, Parser)]
@@ -87,6 +90,8 @@ enum Failure {
     Error(Error),
     /// The validation layers were on and said so many things.
     Validation(usize),
+    /// What was done until somebody asked for an end is written, and what it is.
+    Interrupted(String),
     /// So many stages were farther from their twins than they may be.
     Bounds(usize),
 }
@@ -119,6 +124,7 @@ pub fn main() -> ExitCode {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
         Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+        Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
         Err(Failure::Bounds(count)) => (format!("{count} rows break their bound (see the table)"), 1),
     };
     // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.

@@ -3,8 +3,9 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs,
+    DeviceArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
     dataset::check_sight,
+    interrupt::Interrupt,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
@@ -14,7 +15,7 @@ use crate::{
     pipelines::{
         model::{Model, Room},
         start::{first_points, photos_of, upload_photos},
-        train::{BaseOptions, train_base},
+        train::{BaseOptions, base_trainer},
     },
     scene::{Scene, from_points},
 };
@@ -136,11 +137,21 @@ impl Args {
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let set = |done: u32| training.set(done.into());
-            let trained = train_base(&session, &model, &views, &options, timed, set)?;
+            let mut trainer = base_trainer(&session, &model, &views, &options)?;
+            trainer.start(timed)?;
+            let interrupt = Interrupt::default();
+            interrupt.listen()?;
+            while !interrupt.asked()
+                && let Some(done) = trainer.advance(&model, &views)?
+            {
+                training.set(done.into());
+            }
+            let trained = trainer.stop()?;
+            let steps = trained.losses.len() as u32;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
             write_scene(&self.output, &model.download()?)?;
+            drop(interrupt);
 
             let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
             for (pass, losses) in passes(&trained.losses, photos.len()) {
@@ -158,22 +169,28 @@ impl Args {
                 photos: photos.len(),
                 gaussians: count,
                 sh_degree,
-                iterations,
+                iterations: steps,
                 seed,
                 seconds,
-                steps_per_second: f64::from(iterations) / seconds,
+                steps_per_second: f64::from(steps) / seconds,
                 final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
             };
-            if self.json {
-                return Ok(print_json(&report)?);
-            }
             let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
-            Ok(print(format_args!(
-                "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
-                 {iterations} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
-            ))?)
+            if self.json {
+                print_json(&report)?;
+            } else {
+                print(format_args!(
+                    "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
+                     {steps} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
+                ))?;
+            }
+            if steps < iterations {
+                let what = format!("ended after {steps} of {iterations} steps; {output} has what was learned in them");
+                return Err(Failure::Interrupted(what));
+            }
+            Ok(())
         })
     }
 }

@@ -61,3 +61,16 @@ impl FileKind {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_kind_takes_what_is_nothing() {
+        for (name, kind) in FileKind::ALL {
+            let found = kind.check(b"\xff\0 nothing", Path::new("x"));
+            assert!(found.is_err(), "{name}");
+        }
+    }
+}

@@ -134,7 +134,12 @@ mod tests {
         assert_eq!([frame.fx, frame.fy, frame.cx, frame.cy], [4000.0 * sx, 4100.0 * sy, 2400.0 * sx, 1700.0 * sy]);
         let error = camera(Some([4946.0, 3286.0])).for_image([1237, 825]).unwrap_err();
         assert!(error.contains("1237 × 825") && error.contains("4946 × 3286"), "{error}");
-        assert!(camera(Some([640.0, 480.0])).for_image([480, 640]).unwrap_err().contains("turned"));
+        let of_vga = |size| camera(Some([640.0, 480.0])).for_image(size).unwrap_err();
+        assert!(of_vga([480, 640]).contains("turned"));
+        assert!([[480, 600], [500, 640], [300, 200]].iter().all(|&size| !of_vga(size).contains("turned")));
+        // One side's rounding is enough, a whole pixel of it.
+        assert!(camera(Some([1000.0, 10.0])).for_image([500, 4]).is_ok());
+        assert!(camera(Some([10.0, 1000.0])).for_image([4, 500]).is_ok());
         assert_eq!(camera(None).for_image([4800, 3400]).unwrap().fx, 4000.0);
     }
 
@@ -145,7 +150,7 @@ mod tests {
             assert!(error.contains("(2400, 1700)") && error.contains("`w` and `h`"), "{error}");
         }
         let off = |cx: f64, cy: f64| SourceCamera { center: Some([cx, cy]), ..camera(None) }.for_image([100, 60]);
-        assert!(off(30.0, 20.0).is_ok() && off(74.0, 44.0).is_ok());
+        assert!(off(30.0, 20.0).is_ok() && off(74.0, 44.0).is_ok() && off(25.0, 15.0).is_ok());
         assert!(off(24.0, 30.0).is_err() && off(50.0, 46.0).is_err() && off(50.0, -500.0).is_err());
         // With a size it is the file's word.
         let sure = SourceCamera { size: Some([100.0, 60.0]), center: Some([-500.0, 30.0]), ..camera(None) };
@@ -176,6 +181,7 @@ mod tests {
         bad(SourceCamera { focal: Focal::Pixels([1.0, -1.0]), ..sound }, "focal lengths");
         bad(SourceCamera { focal: Focal::Pixels([f64::INFINITY, 1.0]), ..sound }, "focal lengths");
         bad(SourceCamera { focal: Focal::Angles { x: 3.2, y: None }, ..sound }, "field of view");
+        bad(SourceCamera { focal: Focal::Angles { x: std::f64::consts::PI, y: None }, ..sound }, "field of view");
         bad(SourceCamera { focal: Focal::Angles { x: 1.0, y: Some(0.0) }, ..sound }, "field of view");
         bad(SourceCamera { center: Some([f64::NAN, 1.0]), ..sound }, "principal point");
         bad(SourceCamera { distortion: Distortion::opencv(0.0, f64::NAN, 0.0, 0.0), ..sound }, "distortion");

@@ -3,11 +3,14 @@
 use std::{
     fs,
     io::{BufRead, BufReader},
-    process::Stdio,
+    process::{Command, Stdio},
     time::{Duration, SystemTime},
 };
 
-use glint::{data::write_scene, reference::sample::random_scene};
+use glint::{
+    data::{read_scene, write_scene},
+    reference::sample::random_scene,
+};
 
 use super::{Work, files, run};
 
@@ -107,6 +110,27 @@ fn a_device_that_is_not_there_is_named_by_who_asked_for_it() {
     let mut command = work.command("devices");
     command.env("VK_DRIVER_FILES", "/nowhere").env("VK_ICD_FILENAMES", "/nowhere");
     work.fails(command, 1, &["mesa-vulkan-drivers"]);
+}
+
+/// It was all gone, and a test demanded that.
+#[cfg(unix)]
+#[test]
+fn what_was_learned_until_ctrl_c_is_kept() {
+    let work = Work::new();
+    for signal in ["-INT", "-TERM"] {
+        let train = "train data -o out.ply --iterations 1000000 --json --force -vv";
+        let mut child = work.command(train).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        assert!(lines.any(|line| line.unwrap().contains("a signal ends this early")));
+        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        let output = run::finish(child);
+        assert_eq!(output.status.code(), Some(130));
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!((0..1_000_000).contains(&report["iterations"].as_u64().unwrap()));
+        assert_eq!(files(work.0.path()), ["data", "out.ply"]);
+        assert_eq!(read_scene(work.path("out.ply")).unwrap().base.len(), 300);
+    }
 }
 
 /// Killed, not interrupted: a signal that the test's own parent ignores would be ignored here too.

@@ -76,6 +76,10 @@ fn an_augmentation_ends_with_what_it_gained() {
     let number = |v: &Value| format!("{:.2}", v["psnr"].as_f64().unwrap());
     let line = format!("2 test views: PSNR {} to {} dB", number(&gain["before"]), number(&gain["after"]));
     assert!(said.contains(&line) && said.contains("the base part alone"), "{line} is not in: {said}");
+    // Ten times as many as were asked for came without a word.
+    let rounded = "each view's share is rounded up: --ratio 0.001 of 300 Gaussians is 1, and 7 were allowed";
+    assert!(stderr(&work, &format!("{enhance}0 -o d.ply").replace("0.20", "0.001")).contains(rounded));
+    assert!(!stderr(&work, &format!("{enhance} -o e.ply")).contains("rounded up"));
     // Without test views there is nothing to judge by.
     let report = work.json(&format!("{enhance} -o c.ply --json --test-every none"));
     assert!(report["gain"].is_null());
