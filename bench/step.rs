@@ -66,11 +66,11 @@ fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     check(&context)?;
     let dataset = match &args.dataset {
-        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), background: [0.0; 3] })?,
+        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), ..Default::default() })?,
         None => builtin_scene(args.gaussians).dataset(),
     };
     let photos = photos_of(&dataset, Some(Split::Train))?;
-    let views = upload_photos(&context, &photos, dataset.background, |_| ())?;
+    let views = upload_photos(&context, &photos, dataset.background, |_, _| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
     let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, Room::default())?;

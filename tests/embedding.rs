@@ -7,10 +7,11 @@ use common::Gpu;
 use glint::{
     gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Recorder},
     pipelines::{
+        enhance::{EnhanceOptions, Enhancer, Event},
         model::Model,
         render::{Needs, RenderOptions, Renderer, Show},
         session::Session,
-        train::{BaseOptions, train_base},
+        train::{BaseOptions, base_trainer, train_base},
         views::Views,
     },
     reference::{random_camera, random_scene},
@@ -145,4 +146,42 @@ fn training_neither_submits_nor_waits_for_every_step() {
     assert_eq!(long.0 - short.0, 320 / 16);
     // A submission is waited for once at most, and not at all where it is done by then: how often is the machine's affair.
     assert!(long.1 <= long.0, "{long:?} after {short:?}");
+}
+
+#[test]
+fn a_loop_that_is_ended_early_has_done_what_it_says() {
+    let gpu = Gpu::new();
+    let camera = random_camera(32, 24);
+    let photo = vec![120u8; 3 * 32 * 24];
+    let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
+    let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
+    let session = Session::new(&gpu);
+    let options = BaseOptions { iterations: 320, sh_degree: 1 };
+    let whole = Model::upload(&gpu, &scene, 0).unwrap();
+    let all = train_base(&session, &whole, &views, &options, false, |_| ()).unwrap().losses;
+
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut trainer = base_trainer(&session, &model, &views, &options).unwrap();
+    trainer.start(false).unwrap();
+    let seen = trainer.advance(&model, &views).unwrap().unwrap() as usize;
+    let losses = trainer.stop().unwrap().losses;
+    // What was on its way is done as well.
+    assert!(losses.len() >= seen && losses.len() < 320, "{} steps, {seen} seen", losses.len());
+    assert_eq!(losses, all[..losses.len()]);
+    assert_eq!(trainer.advance(&model, &views).unwrap(), None);
+    let (after, end) = (model.download().unwrap(), whole.download().unwrap());
+    assert!(after.base.means != scene.base.means && after.base.means != end.base.means);
+
+    let options = EnhanceOptions { ratio: 0.5, ..EnhanceOptions::quick() };
+    let mut enhancer = Enhancer::new(&session, &scene, &views, &options).unwrap();
+    assert!(enhancer.stop().is_err());
+    while let Some(event) = enhancer.next(&views).unwrap() {
+        if let Event::Join { step, steps } = event {
+            assert!(step < steps);
+            enhancer.stop().unwrap();
+        }
+    }
+    let enhanced = enhancer.finish().unwrap();
+    let steps = enhanced.join.unwrap().losses.len();
+    assert!(enhanced.lifted > 0 && (1..60).contains(&steps), "{steps} joint steps");
 }

@@ -139,7 +139,7 @@ fn long_files_take_no_longer_than_their_length() {
         ("one_line.ply", FileKind::PlyPoints, lines(ply, &|_| "elephant".into(), "\nend_header\n")),
         ("rest.ply", FileKind::PlyScene, lines(&vertex, &|i| format!("property int f_rest_{i}\n"), "end_header\n")),
         ("long_word.txt", FileKind::ColmapCamerasTxt, lines("1 PINHOLE ", &|_| "x".into(), "\n")),
-        ("cameras.txt", FileKind::ColmapCamerasTxt, lines("", &|i| format!("{i} FOV 1 1\n"), "")),
+        ("cameras.txt", FileKind::ColmapCamerasTxt, lines("", &|i| format!("{i} PINHOLE 1 1 1 1 1 1\n"), "")),
         ("images.txt", FileKind::ColmapImagesTxt, lines("", &|_| "1 1 0 0 0 0 0 0 1 a\n\n".into(), "")),
         ("points.txt", FileKind::ColmapPointsTxt, lines("", &|_| "1 1 0 0 0 0 0\n".into(), "")),
         (

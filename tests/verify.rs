@@ -1,20 +1,22 @@
 //! `glint verify`: it passes on the test device, and it can fail.
 
 mod common;
+#[path = "common/run.rs"]
+mod run;
 
 use std::collections::BTreeSet;
 
 use common::Gpu;
 use glint::{
     stages::NAMES,
-    verify::{BOUNDS, Options, run},
+    verify::{self, BOUNDS, Options},
 };
 
 /// Every stage is named after its kernel; the whole of rendering is in brackets.
 #[test]
 fn every_stage_passes() {
     let gpu = Gpu::new();
-    let report = run(&gpu, &Options { quick: true, perturb: 0.0 }).unwrap();
+    let report = verify::run(&gpu, &Options { quick: true, perturb: 0.0 }).unwrap();
     println!("{report}");
     assert_eq!(report.broken(), 0, "{report}");
     let seen: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();
@@ -44,7 +46,7 @@ fn a_fault_in_every_stage_is_seen_in_every_row() {
 
 fn glint(arguments: &[&str]) -> std::process::Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
-    command.arg("verify").args(arguments).output().unwrap()
+    run::run(command.arg("verify").args(arguments))
 }
 
 #[test]

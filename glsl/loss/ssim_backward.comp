@@ -3,7 +3,8 @@
 //
 // A workgroup does one tile of TILE * TILE pixels and its border: thread (channel, run, row) filters the partials of a run
 // along its row, STRIP rows at a time; they go through shared memory to thread (channel, column), which filters down the
-// column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y.
+// column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y; where a pixel does
+// not count all of the gradient is 0.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
@@ -82,10 +83,12 @@ void main() {
                 if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {
                     uint i = uint(pixel.y) * frame.width + uint(pixel.x);
                     float x = image[frame.image_first + i][channel];
-                    float y = target_channel(targets[frame.target_first + i], channel);
+                    uint target = targets[frame.target_first + i];
+                    float y = target_channel(target, channel);
                     float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
-                    image_grad[3 * (frame.image_first + i) + channel] =
-                        scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
+                    float gradient = scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
+                    // guard: masks: gradients
+                    image_grad[3 * (frame.image_first + i) + channel] = counts(target) ? gradient : 0;
                 }
             }
         }

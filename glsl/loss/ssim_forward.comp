@@ -4,7 +4,8 @@
 // A workgroup does one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its border, filtering
 // x, y, x^2 + y^2 and xy; STRIP rows at a time go through shared memory to thread (channel, run, row), which filters
 // along the row. image, targets -> partials (see ssim.glsl), tile_sums (sum of |x - y|, sum of SSIM over the tile's
-// pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels.
+// pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels: 0 where a pixel does not count,
+// so that nothing is drawn for it.
 //
 // With S = A1 A2 / (B1 B2), A1 = 2 mx my + C1, A2 = 2 (E[xy] - mx my) + C2, B1 = mx^2 + my^2 + C1,
 // B2 = E[x^2 + y^2] - mx^2 - my^2 + C2, the partials are p0 = dS/dmx (E fixed), p1 = dS/dE[x^2] = -S / B2 and
@@ -80,8 +81,10 @@ void main() {
                 float y = -MIDDLE;
                 if (within(frame, column)) {
                     uint pixel = uint(column.y) * frame.width + uint(column.x);
+                    uint target = targets[frame.target_first + pixel];
                     x += image[frame.image_first + pixel][column_channel];
-                    y += target_channel(targets[frame.target_first + pixel], column_channel);
+                    y += target_channel(target, column_channel);
+                    if (!counts(target)) x = y; // guard: masks: windows
                 }
                 bool own_row = column.y >= corner.y && column.y < corner.y + int(TILE);
                 if (own_column && own_row) l1 += abs(x - y);
@@ -120,9 +123,11 @@ void main() {
                     partials[partial + 2 * STRIP_PIXELS] = p2;
                     if (LOSS_MAP) {
                         uint i = uint(pixel.y) * frame.width + uint(pixel.x) + step;
+                        uint target = targets[frame.target_first + i];
                         float x = image[frame.image_first + i][channel];
-                        float y = target_channel(targets[frame.target_first + i], channel);
-                        pixel_loss[step] += (1 - SSIM_WEIGHT) * abs(x - y) + SSIM_WEIGHT * (1 - s);
+                        float y = target_channel(target, channel);
+                        // guard: masks: loss map
+                        if (counts(target)) pixel_loss[step] += (1 - SSIM_WEIGHT) * abs(x - y) + SSIM_WEIGHT * (1 - s);
                     }
                 }
                 partial += RUNS * STRIP;

@@ -76,6 +76,12 @@ float target_channel(uint packed, uint channel) {
     return float(packed >> 8 * channel & 0xFFu) / 255.0;
 }
 
+// Whether a packed pixel counts: its alpha is 0 where a mask leaves it out. There the loss is that of a render that equals the
+// photograph, and has no gradient.
+bool counts(uint packed) {
+    return packed >> 24 != 0;
+}
+
 // The partial derivatives lie in strips of TILE * STRIP pixels, 9 planes each (plane 3 * channel + which), and within a
 // plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
 // side. A frame has room for tiles_per_frame tiles.

@@ -5,12 +5,13 @@ use serde::Serialize;
 use super::{
     DeviceArgs, Outcome, ReductionArgs,
     enhance::{Preset, run_with_progress},
-    make_folder, print, print_json,
+    output::{Inputs, OutputArgs},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
     Result,
-    data::{Dataset, Photo, Split, builtin::builtin_scene, write_scene},
+    data::{Dataset, Photo, Split, builtin::builtin_scene, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Times},
@@ -24,7 +25,7 @@ use crate::{
     },
     report::{
         evaluate::{Evaluation, evaluate},
-        sidebyside::{Crop, Figure, Panel, write_png},
+        sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
     scene::{Scene, from_points},
@@ -37,13 +38,20 @@ for as many more steps instead.
 
 Examples:
   glint demo
-  glint demo -o /tmp/demo --json";
+  glint demo -o demo --force --json";
 
 /// Surface points that the base begins with, one Gaussian each.
 const POINTS: usize = 4000;
 /// Steps of the base: few enough that the whole demo stays within two minutes on two CPU cores.
 const ITERATIONS: u32 = 2000;
 const SH_DEGREE: u32 = 3;
+const BASE: &str = "base.ply";
+const AUGMENTED: &str = "augmented.ply";
+
+/// The file of a test view's picture.
+fn picture(photo: &Photo) -> String {
+    format!("{}.png", photo.name)
+}
 
 /// The whole method on a built-in scene: train a base, augment it, show the gain
 #[derive(Debug, clap::Args)]
@@ -59,6 +67,8 @@ pub(super) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    replace: OutputArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
     #[command(flatten)]
@@ -92,38 +102,40 @@ struct Report<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        make_folder(&self.output)?;
-        self.device.with(|context| Ok(self.run_on(context)?))
-    }
-
-    fn run_on(&self, context: &Context) -> Result<()> {
-        note(format!("device: {}", context.info().name));
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
         let dataset = builtin_scene(2 * POINTS).dataset();
-        let train = photos_of(&dataset, Some(Split::Train))?;
-        let test = photos_of(&dataset, Some(Split::Test))?;
+        let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
+        let names = [BASE, AUGMENTED].into_iter().chain(pictures.iter().map(String::as_str));
+        self.replace.check_files(&self.output, names, &Inputs::default())?;
+        self.replace.make_folder(&self.output, &Inputs::default())?;
+        self.device.with(|context| Ok(self.run_on(context, &dataset)?))
+    }
+
+    fn run_on(&self, context: &Context, dataset: &Dataset) -> Result<()> {
+        note(format!("device: {}", context.info().name));
+        let train = photos_of(dataset, Some(Split::Train))?;
+        let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
-        let views = upload_photos(context, &train, background, |_| ())?;
+        let views = upload_photos(context, &train, background, |_, _| ())?;
         let session = self.reduction.session(context, background, dataset.extent() as f32, self.seed.into());
 
-        let (base, base_seconds) = self.train(&session, &dataset, &views, POINTS, ITERATIONS)?;
-        write_scene(self.output.join("base.ply"), &base)?;
+        let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
+        write_scene(self.output.join(BASE), &base)?;
 
         let options = match self.preset {
             Preset::Quick => EnhanceOptions::quick(),
             Preset::Paper => EnhanceOptions::paper(),
         };
         let started = Instant::now();
-        let enhanced = run_with_progress(&session, &base, &views, &options, None)?;
+        let enhanced = run_with_progress(&session, &base, &views, &options, None, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
-        write_scene(self.output.join("augmented.ply"), &enhanced.scene)?;
+        write_scene(self.output.join(AUGMENTED), &enhanced.scene)?;
 
         let added = enhanced.lifted as usize;
         let joint_steps = options.join.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) =
-            self.train(&session, &dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
+        let (plain, plain_seconds) = self.train(&session, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
-        let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| ());
+        let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
         let row = |what, gaussians, supplementary, steps, seconds, found: &Evaluation| Row {
             what,
@@ -211,7 +223,8 @@ impl Args {
                 crop: Some(best_crop(truth.width, truth.height, &base, &augmented, &truth.rgb)),
                 full_error: 0.25,
             };
-            write_png(self.output.join(format!("{}.png", photo.name)), &figure.compose()?)?;
+            let drawn = figure.compose()?;
+            write_png_bytes(self.output.join(picture(photo)), drawn.width(), drawn.height(), drawn.as_raw())?;
         }
         Ok(())
     }
@@ -240,7 +253,7 @@ impl Args {
         }
         format!(
             "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: base.ply, augmented.ply, view_*.png\n",
+             2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
             times.screen.as_secs_f64(),

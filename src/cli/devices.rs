@@ -1,6 +1,6 @@
 use serde::Serialize;
 
-use super::{Outcome, print, print_json};
+use super::{Outcome, print, print_json, with_hint};
 use crate::{
     gpu::{Context, DeviceInfo},
     report::table::{Cell, Column, Table},
@@ -24,8 +24,12 @@ struct Listed {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let devices: Vec<Listed> =
-            Context::devices()?.into_iter().enumerate().map(|(index, info)| Listed { index, info }).collect();
+        let devices: Vec<Listed> = Context::devices()
+            .map_err(with_hint)?
+            .into_iter()
+            .enumerate()
+            .map(|(index, info)| Listed { index, info })
+            .collect();
         if self.json {
             return Ok(print_json(&devices)?);
         }

@@ -1,31 +1,40 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, open_scene, print, print_json,
+    DeviceArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
+    dataset::check_sight,
+    interrupt::Interrupt,
+    names::stems,
+    output::{Inputs, OutputArgs, check_room},
+    print, print_json,
     progress::{Progress, note},
-    render::file_names,
 };
 use crate::{
     Error, Result,
-    data::{Photo, Split, write_scene},
+    data::{Dataset, Photo, Split, scene_bytes, write_scene},
+    gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event},
         join::JoinOptions,
         lift::LiftOptions,
-        session::Session,
+        screen::{self, Schedule},
+        session::{Policy, Reduction, Session},
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
     },
+    report::{evaluate::evaluate, metrics::Quality},
     scene::Scene,
 };
 
 const EXAMPLES: &str = "\
 Supplementary Gaussians, whose opacity depends on the view, are fitted to what the base gets wrong in each photo, lifted into
-the scene and optimised together with the base's opacities. Only training photos are used.
+the scene and optimised together with the base's opacities. Only training photos are used; what was gained is judged by the
+test photos in the end.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
@@ -33,7 +42,8 @@ Examples:
   glint enhance garden --base base.ply -o augmented.ply --work kept     # inspect it, or go on after an interruption";
 
 /// How long the stages take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
     /// The same stages with shorter rounds, for previews and machines without a GPU
     Quick,
@@ -41,29 +51,36 @@ pub(super) enum Preset {
     Paper,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 enum Failure {
     Largest,
     Smallest,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
 enum Weights {
     Squared,
     Plain,
 }
 
 /// Augment a base scene, trained here or elsewhere, from the photos
-#[derive(Debug, clap::Args)]
+// Serialised into the settings of a work folder: an option that is new is in them unless it says that it changes nothing there.
+#[derive(Debug, clap::Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset
+    #[serde(skip)]
     dataset: PathBuf,
     /// 3DGS PLY of the base scene
     #[arg(long, value_name = "PLY")]
+    #[serde(skip)]
     base: PathBuf,
     /// PLY file to write: the base as any viewer reads it, and an element `augmented`
     #[arg(short, long, value_name = "PLY")]
+    #[serde(skip)]
     output: PathBuf,
     /// Supplementary Gaussians for each Gaussian of the base
     #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
@@ -73,12 +90,14 @@ pub(super) struct Args {
     /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, and go on from what
     /// it holds
     #[arg(long, value_name = "DIR")]
+    #[serde(skip)]
     work: Option<PathBuf>,
     /// Seed of the draws and of the order of photos; the same seed gives the same scene on the same device
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON: what was added and how long each stage took
     #[arg(long)]
+    #[serde(skip)]
     json: bool,
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share, help_heading = "What the paper leaves open")]
@@ -93,10 +112,19 @@ pub(super) struct Args {
     #[arg(long, help_heading = "What the paper leaves open")]
     bias_correction: bool,
     #[command(flatten)]
+    #[serde(skip)]
+    replace: OutputArgs,
+    #[command(flatten)]
+    #[serde(skip)]
+    lenient: SceneArgs,
+    #[command(flatten)]
+    #[serde(skip)]
     photos: PhotoArgs,
     #[command(flatten)]
+    #[serde(skip)]
     reduction: ReductionArgs,
     #[command(flatten)]
+    #[serde(skip)]
     device: DeviceArgs,
 }
 
@@ -118,7 +146,7 @@ struct Report<'a> {
     /// Photos whose lifts came from `--work`.
     photos_resumed: usize,
     base_gaussians: usize,
-    /// 2D Gaussians allowed, left after the 2D stage, and lifted.
+    /// 2D Gaussians allowed, left after the screen phase, and lifted.
     budget: u32,
     refined: u32,
     supplementary_gaussians: u32,
@@ -126,6 +154,19 @@ struct Report<'a> {
     /// Mean loss over the first and over the last pass of the joint stage; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
+    /// On the test views; null where there are none.
+    gain: Option<Gain>,
+}
+
+/// What the test views, which nothing was learned from, say of an augmentation.
+#[derive(Serialize)]
+struct Gain {
+    views: usize,
+    /// The base as it was given.
+    before: Quality,
+    after: Quality,
+    /// The `vertex` part of the result, which other viewers show. Its opacities were learned together with the supplement.
+    base_alone: Quality,
 }
 
 #[derive(Serialize)]
@@ -138,14 +179,20 @@ struct Seconds {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        check_output(&self.output)?;
-        let scene = open_scene(&self.base)?;
+        let scene = self.lenient.open(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has an element `augmented`), expected a base scene";
             return Err(Error::input(&self.base, what).into());
         }
         let dataset = self.photos.open(&self.dataset)?;
+        let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
+        self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
+        let (gaussians, sh_degree) = (scene.base.len() as u64, scene.base.sh_degree);
+        // Each view may round its share up.
+        let added = (self.ratio * gaussians as f64) as u64 + photos.len() as u64;
+        check_room(&self.output, scene_bytes(gaussians, added, sh_degree))?;
+        check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(
@@ -168,17 +215,43 @@ impl Args {
             join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
             ..preset
         };
-        let work = match &self.work {
-            Some(folder) => Some(WorkDir::open(folder, &self.settings(&photos)?, view_names(&photos))?),
-            None => None,
-        };
+        if let Some(folder) = &self.work {
+            self.replace.make_folder(folder, &inputs)?;
+        }
         self.device.with(|context| {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
+            let mut pixels = Vec::with_capacity(photos.len());
+            let views = upload_photos(context, &photos, background, |done, words| {
+                pixels.push(crc32fast::hash(bytemuck::cast_slice(words)));
+                reading.set(done as u64);
+            })?;
             drop(reading);
             let session = self.reduction.session(context, background, extent, self.seed.into());
-            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref())?;
+            let work = match &self.work {
+                Some(folder) => {
+                    let settings = self.settings(&photos, &pixels, &session, &options)?;
+                    Some(WorkDir::open(folder, &settings, stems(photos.iter().copied()))?)
+                }
+                None => None,
+            };
+            let interrupt = Interrupt::default();
+            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref(), Some(&interrupt))?;
             write_scene(&self.output, &found.scene)?;
+            drop((views, interrupt));
+            let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
+            let all_steps = options.join.steps_per_view * photos.len() as u32;
+            let ended = found.join.is_some() && joint_steps < all_steps;
+            // Whoever ends it early waits for nothing more.
+            let gain = if ended { None } else { gain(context, &scene, &found.scene, &dataset)? };
+            let budget: u32 = found.budgets.iter().sum();
+            let cap = (self.ratio * scene.base.len() as f64).ceil();
+            if f64::from(budget) > 1.1 * cap {
+                note(format!(
+                    "each view's share is rounded up: --ratio {} of {} Gaussians is {cap}, and {budget} were allowed",
+                    self.ratio,
+                    scene.base.len()
+                ));
+            }
             let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
             if lost > 0 {
                 note(format!(
@@ -195,7 +268,7 @@ impl Args {
                 photos: photos.len(),
                 photos_resumed: found.resumed,
                 base_gaussians: scene.base.len(),
-                budget: found.budgets.iter().sum(),
+                budget,
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
                 seconds: Seconds {
@@ -206,38 +279,97 @@ impl Args {
                 },
                 joint_loss_first: pass_loss(&found, photos.len(), false),
                 joint_loss_last: pass_loss(&found, photos.len(), true),
+                gain,
             };
             if self.json {
-                return Ok(print_json(&report)?);
+                print_json(&report)?;
+            } else {
+                let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
+                print(format_args!(
+                    "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
+                     base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
+                    seconds.base,
+                    seconds.screen,
+                    seconds.lift,
+                    seconds.join,
+                    gain.as_ref().map_or(String::new(), Gain::text)
+                ))?;
             }
-            let Report { output, device, base_gaussians, supplementary_gaussians, seconds, .. } = report;
-            Ok(print(format_args!(
-                "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
-                 base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n",
-                seconds.base, seconds.screen, seconds.lift, seconds.join
-            ))?)
+            if ended {
+                let output = report.output;
+                return Err(Ended::Interrupted(format!(
+                    "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them"
+                )));
+            }
+            Ok(())
         })
     }
 
-    /// Everything that the intermediate results depend on, as text.
-    fn settings(&self, photos: &[&Photo]) -> Result<String> {
+    /// Everything that the intermediate results depend on. `pixels` has the checksum of each photo as the device has it: after
+    /// lens, mask and reduction.
+    fn settings(
+        &self,
+        photos: &[&Photo],
+        pixels: &[u32],
+        session: &Session,
+        options: &EnhanceOptions,
+    ) -> Result<Value> {
         let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
-        let views: Vec<String> = photos.iter().map(|p| format!("{} {:?}", p.name, p.camera)).collect();
-        let settings = serde_json::json!({
+        let photo = |(photo, pixels): (&&Photo, &u32)| {
+            let camera = crc32fast::hash(format!("{:?}", photo.camera).as_bytes());
+            (photo.name.clone(), json!({"pixels_crc32": pixels, "camera_crc32": camera}))
+        };
+        // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
+        let &Session { context: _, policy, background, extent, seed } = session;
+        let policy = Policy { reduction: Reduction::Auto, ..policy };
+        Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
-            "base_crc32": crc32fast::hash(&base),
-            "base_bytes": base.len(),
-            "views_crc32": crc32fast::hash(views.join("\n").as_bytes()),
-            "views": photos.len(),
-            "ratio": self.ratio,
-            "preset": format!("{:?}", self.preset),
-            "seed": self.seed,
-            "background": self.photos.background,
-            "depth_threshold": self.depth_threshold,
-            "cluster_failure": format!("{:?}", self.cluster_failure),
-            "pca_weights": format!("{:?}", self.pca_weights),
-        });
-        serde_json::to_string_pretty(&settings).map_err(|e| Error::Usage(e.to_string()))
+            "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
+            "photos": photos.iter().zip(pixels).map(photo).collect::<serde_json::Map<_, _>>(),
+            "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
+            // What they mean in this version, presets and all.
+            "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
+        }))
+    }
+}
+
+/// Compares the base and what became of it with the test views.
+fn gain(context: &Context, base: &Scene, augmented: &Scene, dataset: &Dataset) -> Result<Option<Gain>> {
+    let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
+    if photos.is_empty() {
+        return Ok(None);
+    }
+    let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
+    let compare = |scene: &Scene| {
+        evaluate(context, scene, &photos, dataset.background, |_| {
+            bar.advance();
+            Ok(())
+        })
+    };
+    let (before, after) = (compare(base)?, compare(augmented)?);
+    let (before, after, base_alone) = (before.augmented, after.augmented, after.base);
+    Ok(Some(Gain { views: photos.len(), before, after, base_alone }))
+}
+
+impl Gain {
+    fn text(&self) -> String {
+        let Gain { views, before, after, base_alone } = self;
+        let alone = if base_alone.psnr < before.psnr {
+            ": less than the base that was given, since its opacities were learned together with the supplement"
+        } else {
+            ""
+        };
+        format!(
+            "{views} test views: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
+             the base part alone, as other viewers show it: {:.2} dB ({:+.2}){alone}\n",
+            before.psnr,
+            after.psnr,
+            after.psnr - before.psnr,
+            before.ssim,
+            after.ssim,
+            base_alone.psnr,
+            base_alone.psnr - before.psnr
+        )
     }
 }
 
@@ -249,51 +381,110 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
 }
 
-fn view_names(photos: &[&Photo]) -> Vec<String> {
-    let photos: Vec<Photo> = photos.iter().map(|&p| p.clone()).collect();
-    let names = file_names(&photos, "x");
-    names.iter().map(|n| Path::new(n).with_extension("").to_string_lossy().into_owned()).collect()
-}
-
-/// Augments with a bar for each phase; `work` keeps what it can and is gone on from.
+/// Augments with a bar for each phase; `work` keeps what it can and is gone on from. With `interrupt`, which must live until the
+/// result is written, the joint phase ends when it is asked to.
 pub(super) fn run_with_progress(
     session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
     work: Option<&WorkDir>,
+    interrupt: Option<&Interrupt>,
 ) -> Result<Enhanced> {
-    let mut enhancer = Enhancer::new(session, scene, views, options)?;
-    let mut bar: Option<(u64, Progress)> = None;
-    let mut show = |key: u64, label: &'static str, done: u32, total: u32| {
-        if bar.as_ref().is_none_or(|(k, _)| *k != key) {
+    let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
+    let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
+        if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
+            // The old one goes first.
             bar = None;
-            bar = Some((key, Progress::new(label, "steps", total.into())));
+            bar = Some((label, Progress::new(label, "steps", total)));
         }
         if let Some((_, bar)) = &bar {
-            bar.set(done.into());
+            bar.set_of(done, total);
+            if let Some(at) = loss.filter(|at| at.loss.is_finite()) {
+                bar.say(format_args!("loss {:.4}, {}/{} placed", at.loss, at.count, at.budget));
+            }
         }
     };
+    let mut enhancer = Enhancer::new(session, scene, views, options)?;
     while let Some(event) = enhancer.next(views)? {
         match event {
+            // The next event brings a bar of its own.
             Event::Base => {}
-            Event::Batch { views, .. } => {
-                if let Some(lifts) = work.map_or(Ok(None), |w| w.resume(views))? {
+            Event::Batch { views: range, .. } => {
+                let Some(work) = work else { continue };
+                let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
+                if let Some(lifts) = work.resume(range, damaged)? {
                     enhancer.resume(&lifts)?;
                 }
             }
-            // A bar for each round of a batch, and one for the joint phase.
-            Event::Screen { batch, progress, .. } => {
-                let key = 1 + batch as u64 * 1000 + u64::from(progress.round);
-                show(key, "refining", progress.step, progress.steps);
+            Event::Screen { batch, batches, progress } => {
+                let (done, total) = screen_steps(&options.schedule, batch, batches, &progress);
+                show("refining", done, total, Some(&progress));
             }
             Event::Lifted { .. } => {
                 if let (Some(work), Some((refiner, lifted))) = (work, enhancer.lifted()) {
                     work.keep(&views.cameras, refiner, lifted)?;
                 }
             }
-            Event::Join { step, steps } => show(u64::MAX, "joining", step, steps),
+            Event::Join { step, steps } => {
+                show("joining", step.into(), steps.into(), None);
+                if let Some(interrupt) = interrupt {
+                    interrupt.listen()?;
+                    if interrupt.asked() {
+                        enhancer.stop()?;
+                    }
+                }
+            }
         }
     }
     enhancer.finish()
+}
+
+/// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
+/// come place as many Gaussians each as those before, they fill the budget after so many.
+fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
+    let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
+    let last = at.steps == final_steps && at.steps != round_steps;
+    let rounds = if last {
+        at.round
+    } else if at.round == 0 {
+        // A draw is a fifth of the budget.
+        5.min(max_rounds)
+    } else {
+        let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
+        u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
+    };
+    let whole_rounds = if last { at.round } else { at.round.saturating_sub(1) };
+    let done = u64::from(whole_rounds) * u64::from(round_steps) + u64::from(at.step);
+    let all = u64::from(rounds) * u64::from(round_steps) + u64::from(final_steps);
+    (batch as u64 * all + done, batches as u64 * all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
+        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
+        let at = |round, step, steps, count| {
+            let progress = screen::Progress { round, step, steps, count, budget: 100, loss: 0.5 };
+            screen_steps(&schedule, 0, 1, &progress)
+        };
+        // A fifth placed in one round: five rounds.
+        assert_eq!(at(1, 50, 200, 20), (50, 2000));
+        assert_eq!(at(3, 50, 200, 60), (450, 2000));
+        // Half of each draw is pruned: ten.
+        assert_eq!(at(3, 0, 200, 30), (400, 3000));
+        // As many as there may be, and no fewer than there were.
+        assert_eq!(at(2, 0, 200, 0), (200, 5000));
+        assert_eq!(at(7, 100, 200, 100), (1300, 2400));
+        // Before the first.
+        assert_eq!(at(0, 0, 200, 0), (0, 2000));
+        // The last steps.
+        assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
+        assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
+        let progress = screen::Progress { round: 1, step: 50, steps: 200, count: 20, budget: 100, loss: 0.5 };
+        assert_eq!(screen_steps(&schedule, 2, 3, &progress), (4050, 6000));
+    }
 }

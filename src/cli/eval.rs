@@ -1,17 +1,28 @@
 use std::path::PathBuf;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SplitArg, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    names::stems,
+    output::{Inputs, OutputArgs},
+    print, print_json,
     progress::{Progress, note},
+    to_json,
 };
 use crate::{
+    data::{write_png_bytes, write_text},
     pipelines::start::photos_of,
     report::{
         evaluate::{Evaluation, evaluate},
         metrics::Quality,
+        page::{Page, pictures},
         table::{Cell, Column, Table},
     },
 };
+
+const PAGE: &str = "index.html";
+const NUMBERS: &str = "evaluation.json";
+/// What there may be a picture of.
+const WHAT: [&str; 4] = ["photo", "render", "base", "error"];
 
 const EXAMPLES: &str = "\
 PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos. \
@@ -20,6 +31,7 @@ the scene that was augmented. Without a supplement \"augmented\" is the same as 
 
 Examples:
   glint eval augmented.ply garden
+  glint eval augmented.ply garden --report compared    # then open compared/index.html
   glint eval base.ply lego --split all --json | jq .base.psnr";
 
 /// Compare a scene with the photos: PSNR and SSIM of each view and their means
@@ -37,6 +49,14 @@ pub(super) struct Args {
     /// PSNR is null
     #[arg(long)]
     json: bool,
+    /// Write a picture of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
+    /// of all, index.html
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
+    lenient: SceneArgs,
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
@@ -45,21 +65,44 @@ pub(super) struct Args {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = open_scene(&self.scene)?;
+        let scene = self.lenient.open(&self.scene)?;
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         if scene.supplement.is_none() {
             note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
         }
+        let augmented = scene.supplement.is_some();
+        let stems = stems(photos.iter().copied());
+        if let Some(folder) = &self.report {
+            let inputs = Inputs::default().scene(&self.scene).dataset(&dataset);
+            let pictures = stems.iter().flat_map(|stem| WHAT.map(|what| format!("{stem}.{what}.png")));
+            let names: Vec<String> = [PAGE, NUMBERS].map(str::to_owned).into_iter().chain(pictures).collect();
+            self.replace.check_files(folder, names.iter().map(String::as_str), &inputs)?;
+            self.replace.make_folder(folder, &inputs)?;
+        }
+        let (mut page, mut next) = (Page::new(augmented), stems.iter());
         let found = self.device.with(|context| {
             let progress = Progress::new("comparing", "views", photos.len() as u64);
-            let background = self.photos.background;
-            Ok(evaluate(context, &scene, &photos, background, |done| progress.set(done as u64))?)
+            Ok(evaluate(context, &scene, &photos, self.photos.background, |view| {
+                progress.advance();
+                let (Some(folder), Some(stem)) = (&self.report, next.next()) else { return Ok(()) };
+                let pictures = pictures(view, augmented);
+                for (what, picture) in &pictures {
+                    let path = folder.join(format!("{stem}.{what}.png"));
+                    write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
+                }
+                page.add(view.quality, stem, &pictures)
+            })?)
         })?;
+        if let Some(folder) = &self.report {
+            let title = format!("{} against {}", self.scene.display(), self.dataset.display());
+            write_text(folder.join(NUMBERS), &to_json(&found)?)?;
+            write_text(folder.join(PAGE), &page.finish(&title, &found))?;
+        }
         if self.json {
             print_json(&found)?
         } else {
-            print(table(&found, scene.supplement.is_some()))?
+            print(table(&found, augmented))?
         }
         Ok(())
     }

@@ -1,16 +1,11 @@
-use std::{
-    fmt::Write,
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::{fmt::Write, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{Outcome, print, print_json};
+use super::{Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
 use crate::{
-    Error, Result,
-    data::{Dataset, DatasetOptions, read_scene},
+    Error,
+    data::Kind,
     report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
 };
 
@@ -20,6 +15,10 @@ pub(super) struct Args {
     /// PLY scene, or folder or JSON file of a dataset: which of them is seen from the contents
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
+    #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
+    dataset: DatasetArgs,
     /// Print JSON; "kind" is "scene" or "dataset"
     #[arg(long)]
     json: bool,
@@ -34,10 +33,15 @@ enum Found {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let found = if is_dataset(&self.path)? {
-            Found::Dataset(DatasetSummary::of(&Dataset::open(&self.path, &DatasetOptions::default())?))
-        } else {
-            Found::Scene(Box::new(SceneSummary::of(&read_scene(&self.path)?)))
+        let path = &self.path;
+        let kind = if path.is_dir() { None } else { Some(Kind::of_file(path)?) };
+        let found = match kind {
+            None | Some(Kind::Json) => Found::Dataset(DatasetSummary::of(&self.dataset.open(path, None, [0.0; 3])?)),
+            Some(Kind::Ply) => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
+            Some(other) => {
+                let what = format!("is {other}; expected a PLY file, a transforms.json or a folder with a dataset");
+                return Err(Error::input(path, what).into());
+            }
         };
         match &found {
             _ if self.json => print_json(&found)?,
@@ -46,24 +50,6 @@ impl Args {
         }
         Ok(())
     }
-}
-
-/// Folders and JSON are datasets, what begins as PLY does is a scene.
-fn is_dataset(path: &Path) -> Result<bool> {
-    if path.is_dir() {
-        return Ok(true);
-    }
-    let fail = |source| Error::io(path, source);
-    let mut start = Vec::new();
-    File::open(path).map_err(fail)?.take(64).read_to_end(&mut start).map_err(fail)?;
-    if start.starts_with(b"ply") {
-        return Ok(false);
-    }
-    let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&start);
-    if text.trim_ascii_start().starts_with(b"{") {
-        return Ok(true);
-    }
-    Err(Error::input(path, "is neither a scene nor a dataset; expected a PLY file, a transforms.json or a folder"))
 }
 
 /// Lines of a title and what there is to say; writing to a string cannot fail.
@@ -128,8 +114,11 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     lines.add("points", dataset.points.map_or("none".into(), |n| n.to_string()));
     if dataset.undistorted > 0 {
         let outside = 100.0 * dataset.outside;
-        let text = format!("taken out of {} photos, {outside:.1} % of one at most is not seen", dataset.undistorted);
+        let text = format!("taken out of {} photos, {outside:.1} % of one at most does not count", dataset.undistorted);
         lines.add("distortion", text);
+    }
+    if dataset.masked > 0 {
+        lines.add("masks", format_args!("of {} photos", dataset.masked));
     }
     lines.add("extent", format_args!("{:.4} scene units", dataset.extent));
     if let (Some(center), Some(radius)) = (dataset.focus_center, dataset.focus_radius) {

@@ -1,12 +1,17 @@
 //! The `glint` command, one file per subcommand. Results go to stdout; progress, notes, logs and errors to stderr.
 //!
-//! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk).
+//! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
+mod dataset;
 mod demo;
 mod devices;
 mod enhance;
 mod eval;
 mod info;
+mod interrupt;
+mod names;
+mod output;
+mod pages;
 mod progress;
 mod render;
 mod train;
@@ -14,7 +19,6 @@ mod verify;
 
 use std::{
     fmt::Display,
-    fs,
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -26,11 +30,12 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dataset, DatasetOptions, PixelSource, Split},
+    data::{self, Dropped, Split},
     gpu::{Context, ContextOptions, GpuError},
     pipelines::session::{Policy, Reduction, Session},
     scene::Scene,
 };
+use dataset::PhotoArgs;
 use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
@@ -44,9 +49,12 @@ Examples:
   glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
-such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are.
+such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are (transforms_test.json, \
+lists in transforms.json, test.txt) or --test-every does.
 
-Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v.";
+Ctrl-C while a scene learns writes what it has learned so far; a second one ends at once.
+
+Exit codes: 0 done, 2 bad input or usage, 1 the machine, 130 ended by Ctrl-C. RUST_LOG overrides -v.";
 
 /// Augmented radiance fields in Vulkan compute: 3D Gaussian scenes with view-dependent opacity lobes.
 #[derive(Debug, Parser)]
@@ -54,9 +62,12 @@ Exit codes: 0 done, 2 bad input or usage, 1 the machine. RUST_LOG overrides -v."
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Log what happens to stderr; -vv and -vvv say more
+    /// Tell of cameras, memory, losses and times on stderr; -vv and -vvv say more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
+    /// Say nothing but results and errors: no bars, no notes
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -69,6 +80,8 @@ enum Command {
     Info(info::Args),
     Devices(devices::Args),
     Verify(verify::Args),
+    Completions(pages::CompletionsArgs),
+    Man(pages::ManArgs),
 }
 
 /// Why a command did not do what it should.
@@ -77,6 +90,8 @@ enum Failure {
     Error(Error),
     /// The validation layers were on and said so many things.
     Validation(usize),
+    /// What was done until somebody asked for an end is written, and what it is.
+    Interrupted(String),
     /// So many stages were farther from their twins than they may be.
     Bounds(usize),
 }
@@ -92,7 +107,7 @@ type Outcome<T = ()> = Result<T, Failure>;
 /// Parses the process's arguments and does what they say.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    log(cli.verbose);
+    log(cli.verbose, cli.quiet);
     let outcome = match &cli.command {
         Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
@@ -102,11 +117,14 @@ pub fn main() -> ExitCode {
         Command::Info(args) => args.run(),
         Command::Devices(args) => args.run(),
         Command::Verify(args) => args.run(),
+        Command::Completions(args) => args.run(),
+        Command::Man(args) => args.run(),
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
         Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+        Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
         Err(Failure::Bounds(count)) => (format!("{count} rows break their bound (see the table)"), 1),
     };
     // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
@@ -116,8 +134,11 @@ pub fn main() -> ExitCode {
 }
 
 /// Sends log lines to stderr, above the progress bar.
-fn log(verbose: u8) {
-    let level = ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))];
+fn log(verbose: u8, quiet: bool) {
+    if quiet {
+        progress::quiet();
+    }
+    let level = if quiet { "error" } else { ["warn", "info", "debug", "trace"][usize::from(verbose.min(3))] };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(format!("glint={level}")));
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
@@ -125,6 +146,19 @@ fn log(verbose: u8) {
         .with_ansi(io::stderr().is_terminal())
         .log_internal_errors(false)
         .try_init();
+}
+
+/// Says what to do where there is no driver.
+fn with_hint(error: GpuError) -> GpuError {
+    let hint = "install your GPU's Vulkan driver, or for a CPU alone Mesa's (on Debian and Ubuntu: apt install \
+                mesa-vulkan-drivers)";
+    match error {
+        GpuError::NoDevice(why) => GpuError::NoDevice(format!("{why}: {hint}")),
+        GpuError::Vulkan { result: ash::vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. } => {
+            GpuError::NoDevice(format!(" ({error}): {hint}"))
+        }
+        error => error,
+    }
 }
 
 /// Which device to run on.
@@ -143,19 +177,32 @@ impl DeviceArgs {
     /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
         let mut options = ContextOptions::from_env();
+        let asked = if self.device.is_some() { "--device" } else { "GLINT_DEVICE" };
         options.device = self.device.clone().or(options.device);
         options.validation |= self.validate;
         let context = Context::new(&options).map_err(|e| match e {
             // A device that was asked for and is not there is the caller's mistake.
-            GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("--device: {e}")),
-            e => e.into(),
+            GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("{asked}: {e}")),
+            e => with_hint(e).into(),
         })?;
+        tracing::info!("device: {}", context.info().name);
         let result = work(&context);
+        if let Some(bytes) = peak_memory() {
+            tracing::info!("the process held {:.1} MB of memory at most", bytes as f64 / 1e6);
+        }
         match context.validation_messages().len() {
             0 => result,
             count => Err(Failure::Validation(count)),
         }
     }
+}
+
+/// The most memory that this process has held, where the system tells (Linux). A device that is a CPU has its buffers there.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kilobytes =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
+    kilobytes.map(|n: u64| 1024 * n)
 }
 
 /// How gradients are added up.
@@ -176,53 +223,6 @@ impl ReductionArgs {
     }
 }
 
-/// How photos are prepared.
-#[derive(Debug, Args)]
-struct PhotoArgs {
-    /// Reduce photos whose longer side has more pixels than this; nothing is ever enlarged [default: 1600, as 3DGS]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
-    max_size: Option<u32>,
-    /// What is behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
-    background: [f32; 3],
-}
-
-/// 3DGS trains on photos of at most this width.
-const DEFAULT_MAX_SIZE: u32 = 1600;
-
-impl PhotoArgs {
-    /// Reads the dataset and tells what the user would not expect of it.
-    fn open(&self, path: &Path) -> Result<Dataset> {
-        let max_size = self.max_size.unwrap_or(DEFAULT_MAX_SIZE);
-        let dataset = Dataset::open(path, &DatasetOptions { max_size: Some(max_size), background: self.background })?;
-        let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
-            PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
-            PixelSource::Memory(_) => false,
-        });
-        if self.max_size.is_none() && reduced.clone().next().is_some() {
-            note(format!(
-                "{} of {} photos are reduced to {max_size} pixels on the longer side; --max-size sets another limit",
-                reduced.count(),
-                dataset.photos.len()
-            ));
-        }
-        Ok(dataset)
-    }
-}
-
-fn parse_background(text: &str) -> Result<[f32; 3], String> {
-    match text {
-        "black" => return Ok([0.0; 3]),
-        "white" => return Ok([1.0; 3]),
-        _ => {}
-    }
-    let values: Option<Vec<f32>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
-    let color = values.and_then(|v| <[f32; 3]>::try_from(v).ok());
-    color
-        .filter(|color| color.iter().all(|v| (0.0..=1.0).contains(v)))
-        .ok_or_else(|| "expected black, white or three numbers from 0 to 1 such as 0.2,0.2,0.2".into())
-}
-
 /// Which photos of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SplitArg {
@@ -241,33 +241,40 @@ impl SplitArg {
     }
 }
 
-/// Reads a scene.
-fn open_scene(path: &Path) -> Result<Scene> {
-    // Reading a folder would blame the machine.
-    if path.is_dir() {
-        let what = "is a folder, expected a PLY scene (the scene comes before the dataset)";
-        return Err(Error::input(path, what));
-    }
-    data::read_scene(path)
+/// How scenes are read.
+#[derive(Debug, Args)]
+struct SceneArgs {
+    /// Drop Gaussians of the scene that are not sound (NaN, infinite opacity or scale, no rotation) and say how many, instead
+    /// of refusing the file
+    #[arg(long)]
+    lenient: bool,
 }
 
-/// Fails now if a file at `path` could not be written after hours of work. Leaves nothing behind.
-fn check_output(path: &Path) -> Result<()> {
-    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-        return Err(Error::input(path, "exists and is not a file, expected the name of a file to write"));
+impl SceneArgs {
+    /// Reads a scene.
+    fn open(&self, path: &Path) -> Result<Scene> {
+        // Reading a folder would blame the machine.
+        if path.is_dir() {
+            let what = "is a folder, expected a PLY scene (the scene comes before the dataset)";
+            return Err(Error::input(path, what));
+        }
+        if !self.lenient {
+            return data::read_scene(path).map_err(|error| match error {
+                Error::Input { path, what } if what.starts_with("row ") => {
+                    Error::input(path, format!("{what} (--lenient drops such Gaussians)"))
+                }
+                error => error,
+            });
+        }
+        let (scene, Dropped { base, supplementary, first }) = data::read_scene_leniently(path)?;
+        if let Some(first) = first {
+            let all = scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+            let dropped = base + supplementary;
+            let path = path.display();
+            note(format!("{path}: {dropped} of {} Gaussians dropped, the first for this: {first}", all + dropped));
+        }
+        Ok(scene)
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let can = tempfile::tempfile_in(folder);
-    can.map(drop).map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", folder.display())))
-}
-
-/// Makes the folder that outputs go to.
-fn make_folder(path: &Path) -> Result<()> {
-    if fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
-        return Err(Error::input(path, "exists and is not a folder, expected a folder for the images"));
-    }
-    fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be made: {error}")))?;
-    tempfile::tempfile_in(path).map(drop).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))
 }
 
 /// Prints a result. A reader that has gone away has seen enough.
@@ -280,8 +287,12 @@ fn print(text: impl Display) -> Result<()> {
 }
 
 fn print_json(value: &impl Serialize) -> Result<()> {
+    print(to_json(value)?)
+}
+
+fn to_json(value: &impl Serialize) -> Result<String> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Error::io(PathBuf::from("stdout"), e.into()))?;
-    print(format_args!("{text}\n"))
+    Ok(text + "\n")
 }
 
 #[cfg(test)]
@@ -293,14 +304,5 @@ mod tests {
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn backgrounds_are_names_or_three_numbers() {
-        assert_eq!(parse_background("white"), Ok([1.0; 3]));
-        assert_eq!(parse_background("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for bad in ["", "grey", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"] {
-            assert!(parse_background(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -1,22 +1,78 @@
-//! What people see on stderr while they wait: a bar with rate and time left, or now and then a line where stderr is no
-//! terminal.
+//! What people see on stderr while they wait: a bar for each stage with rate and time left, or where stderr is no terminal a
+//! line now and then.
 
 use std::{
     borrow::Cow,
     cell::Cell,
     fmt::Display,
     io::{self, Write},
-    sync::LazyLock,
+    sync::{
+        LazyLock,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread,
     time::{Duration, Instant},
 };
 
-use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
 /// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+/// Whether only errors are said.
+static QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Between lines in a log file: a run of an hour leaves 120.
 const LINE_EVERY: Duration = Duration::from_secs(30);
+/// A stage of this length leaves a line in a log file when it ends.
+const WORTH_A_LINE: Duration = Duration::from_secs(10);
+/// Before this part of the work or this time is done, what is left is not guessed: the first steps wait for pipelines.
+const KNOWN_FROM: (f64, Duration) = (0.01, Duration::from_secs(2));
+
+/// Says nothing but errors from now on.
+pub(super) fn quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
+/// How far a stage is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pace {
+    done: u64,
+    total: u64,
+    elapsed: Duration,
+}
+
+impl Pace {
+    fn of(bar: &ProgressBar) -> Pace {
+        Pace { done: bar.position(), total: bar.length().unwrap_or(0), elapsed: bar.elapsed() }
+    }
+
+    /// "12.3/s", with three digits.
+    fn rate(&self) -> String {
+        let rate = self.done as f64 / self.elapsed.as_secs_f64().max(1e-9);
+        match rate {
+            _ if self.done == 0 => "–/s".into(),
+            ..10.0 => format!("{rate:.2}/s"),
+            10.0..100.0 => format!("{rate:.1}/s"),
+            _ => format!("{rate:.0}/s"),
+        }
+    }
+
+    /// From the mean rate since the stage began. `None` as long as that says little.
+    fn left(&self) -> Option<Duration> {
+        let share = self.done as f64 / self.total.max(1) as f64;
+        let known = share >= KNOWN_FROM.0 && self.elapsed >= KNOWN_FROM.1;
+        known.then(|| self.elapsed.mul_f64((1.0 / share - 1.0).max(0.0)))
+    }
+
+    fn left_text(&self) -> String {
+        self.left().map_or(String::new(), |left| format!(", {} left", HumanDuration(left)))
+    }
+}
 
 /// A bar of one stage of a command; it disappears when dropped.
 pub(super) struct Progress {
@@ -24,51 +80,97 @@ pub(super) struct Progress {
     label: &'static str,
     unit: &'static str,
     started: Instant,
-    last_line: Cell<Instant>,
+    /// Ends the lines in a log file.
+    ended: Option<mpsc::Sender<()>>,
+    total: Cell<u64>,
 }
 
 impl Progress {
     /// `label` says what is done, `unit` what is counted up to `total`.
     pub(super) fn new(label: &'static str, unit: &'static str, total: u64) -> Self {
-        let bar = BARS.add(ProgressBar::new(total));
-        let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left");
+        let bar = if is_quiet() { ProgressBar::hidden() } else { BARS.add(ProgressBar::new(total)) };
+        bar.set_length(total);
+        let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let pace = Pace { done: state.pos(), total: state.len().unwrap_or(0), elapsed: state.elapsed() };
+            // A line that cannot be made is a line less.
+            let _ = write!(out, "{}{}", pace.rate(), pace.left_text());
+        };
+        let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{pace}}{{msg}}");
         // A template that does not parse would leave indicatif's own bar.
         if let Ok(style) = ProgressStyle::with_template(&template) {
-            bar.set_style(style.progress_chars("━╸─"));
+            bar.set_style(style.with_key("pace", rate).progress_chars("━╸─"));
         }
         bar.tick();
-        let now = Instant::now();
-        Progress { bar, label, unit, started: now, last_line: Cell::new(now) }
+        let ended = (BARS.is_hidden() && !is_quiet()).then(|| {
+            let (ended, wait) = mpsc::channel();
+            let shown = bar.clone();
+            thread::spawn(move || every(LINE_EVERY, &wait, || line(heartbeat(label, unit, &shown))));
+            ended
+        });
+        Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total) }
     }
 
     /// So many are done.
     pub(super) fn set(&self, done: u64) {
         self.bar.set_position(done);
-        if BARS.is_hidden() && self.last_line.get().elapsed() >= LINE_EVERY {
-            self.last_line.set(Instant::now());
-            let total = self.bar.length().unwrap_or(done);
-            let rate = done as f64 / self.started.elapsed().as_secs_f64();
-            let left = Duration::try_from_secs_f64(total.saturating_sub(done) as f64 / rate).unwrap_or(Duration::MAX);
-            let Progress { label, unit, .. } = self;
-            line(format!("{label}: {done}/{total} {unit}, {rate:.1}/s, {} left", HumanDuration(left)));
+    }
+
+    /// One more is done.
+    pub(super) fn advance(&self) {
+        self.bar.inc(1);
+    }
+
+    /// So many are done of what is now thought to be all.
+    pub(super) fn set_of(&self, done: u64, total: u64) {
+        if self.total.replace(total) != total {
+            self.bar.set_length(total);
         }
+        self.set(done);
+    }
+
+    /// What else is to be seen beside the rate.
+    pub(super) fn say(&self, text: impl Display) {
+        self.bar.set_message(format!(", {text}"));
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
+        let (took, done) = (self.started.elapsed(), self.bar.position());
+        let Progress { label, unit, .. } = self;
+        tracing::info!("{label}: {done} {unit} in {:.1} s", took.as_secs_f64());
+        if self.ended.take().is_some() && took >= WORTH_A_LINE {
+            line(format!("{label}: {done} {unit} done in {}", HumanDuration(took)));
+        }
         self.bar.finish_and_clear();
+    }
+}
+
+/// A line of a log file.
+fn heartbeat(label: &str, unit: &str, bar: &ProgressBar) -> String {
+    let pace = Pace::of(bar);
+    let Pace { done, total, .. } = pace;
+    format!("{label}: {done}/{total} {unit}, {}{}{}", pace.rate(), pace.left_text(), bar.message())
+}
+
+/// Does `beat` at every interval until the other end of `wait` is gone.
+fn every(interval: Duration, wait: &mpsc::Receiver<()>, mut beat: impl FnMut()) {
+    while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(interval) {
+        beat();
     }
 }
 
 /// Tells something that the user would not expect, such as what was left out and why.
 pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
-    line(format!("note: {}", text.into()));
+    // One line, whatever a file name put into it.
+    line(format!("note: {}", text.into().replace(char::is_control, " ")));
 }
 
 fn line(text: impl Display) {
-    // With stderr gone there is nobody to tell.
-    BARS.suspend(|| drop(writeln!(io::stderr(), "{text}")));
+    if !is_quiet() {
+        // With stderr gone there is nobody to tell.
+        BARS.suspend(|| drop(writeln!(io::stderr(), "{text}")));
+    }
 }
 
 /// Puts log lines above the bars.
@@ -81,5 +183,55 @@ impl Write for LogWriter {
 
     fn flush(&mut self) -> io::Result<()> {
         io::stderr().flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pace(done: u64, total: u64, seconds: f64) -> Pace {
+        Pace { done, total, elapsed: Duration::from_secs_f64(seconds) }
+    }
+
+    /// "84,490/s, 0s left" was said of hours.
+    #[test]
+    fn what_is_left_is_told_when_it_is_known() {
+        assert_eq!(pace(0, 100, 60.0).left(), None);
+        assert_eq!(pace(16, 30_000, 60.0).left(), None);
+        assert_eq!(pace(50, 100, 1.0).left(), None);
+        assert_eq!(pace(25, 100, 10.0).left(), Some(Duration::from_secs(30)));
+        assert_eq!(pace(100, 100, 10.0).left(), Some(Duration::ZERO));
+        // More than was thought to be all.
+        assert_eq!(pace(120, 100, 10.0).left(), Some(Duration::ZERO));
+        assert_eq!(pace(1, 0, 10.0).left(), Some(Duration::ZERO));
+        assert_eq!(pace(25, 100, 10.0).left_text(), ", 30 seconds left");
+        assert_eq!(pace(0, 100, 9.0).left_text(), "");
+    }
+
+    #[test]
+    fn rates_have_three_digits() {
+        let rates = [(0, 1.0), (1, 3.0), (123, 10.0), (1234, 10.0), (845, 0.01)].map(|(n, s)| pace(n, 9999, s).rate());
+        assert_eq!(rates, ["–/s", "0.33/s", "12.3/s", "123/s", "84500/s"]);
+    }
+
+    #[test]
+    fn a_log_hears_of_a_stage_again_and_again_until_it_ends() {
+        let (ended, wait) = mpsc::channel();
+        let (sender, beats) = mpsc::channel();
+        let bar = ProgressBar::hidden();
+        bar.set_length(8);
+        bar.set_position(2);
+        bar.set_message(", loss 0.5");
+        let shown = bar.clone();
+        let thread = thread::spawn(move || {
+            every(Duration::from_millis(1), &wait, || drop(sender.send(heartbeat("joining", "steps", &shown))));
+        });
+        for _ in 0..3 {
+            let line = beats.recv_timeout(Duration::from_secs(60)).unwrap();
+            assert!(line.starts_with("joining: 2/8 steps, ") && line.ends_with("/s, loss 0.5"), "{line}");
+        }
+        drop(ended);
+        thread.join().unwrap();
     }
 }

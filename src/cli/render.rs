@@ -1,18 +1,18 @@
-use std::{
-    collections::{HashMap, HashSet},
-    path::PathBuf,
-};
+use std::{collections::HashMap, path::PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SplitArg, make_folder, open_scene, print, print_json,
+    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    names::stems,
+    output::{Inputs, OutputArgs},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
     Error, Result,
-    data::{Photo, write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb},
+    data::{write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb},
     pipelines::{
         layers::{Layer, Layers},
         render::{RenderOptions, Rendered},
@@ -38,7 +38,8 @@ EXR, 32-bit float:
 Depth is where half of the light is stopped. Diffuse is what the base Gaussians show with their constant SH band \
 only, but nowhere more than the color; specular is the rest.
 
-Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all.
+Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all, and \
+none that is there is replaced without --force.
 
 Examples:
   glint render augmented.ply garden -o views
@@ -67,6 +68,10 @@ pub(super) struct Args {
     /// Print JSON: [{"name","file"}]
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
+    lenient: SceneArgs,
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
@@ -104,7 +109,7 @@ struct Written<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = open_scene(&self.scene)?;
+        let scene = self.lenient.open(&self.scene)?;
         let path = self.scene.display();
         match (&scene.supplement, self.what) {
             (None, What::Specular) if scene.base.sh_degree == 0 => {
@@ -118,9 +123,12 @@ impl Args {
         let photos = photos_of(&dataset, self.split.split())?;
         // Over all photos, so that a photo's file has the same name whatever the split.
         let extension = if self.format == Format::Png { "png" } else { "exr" };
-        let files: HashMap<&str, String> =
-            dataset.photos.iter().map(|p| &p.name[..]).zip(file_names(&dataset.photos, extension)).collect();
-        make_folder(&self.output)?;
+        let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
+        let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
+        let inputs = Inputs::default().scene(&self.scene).dataset(&dataset);
+        let names = photos.iter().map(|photo| &files[&photo.name[..]][..]);
+        self.replace.check_files(&self.output, names, &inputs)?;
+        self.replace.make_folder(&self.output, &inputs)?;
 
         let written = self.device.with(|context| {
             let options = RenderOptions { depth: self.what == What::Depth, ..Default::default() };
@@ -211,84 +219,9 @@ fn depth_grey(depths: &[f32]) -> Vec<f32> {
     depths.iter().map(|&z| if z > 0.0 { grey(z) } else { 0.0 }).collect()
 }
 
-/// A file name for each photo, no two alike even where file systems ignore case.
-pub(super) fn file_names(photos: &[Photo], extension: &str) -> Vec<String> {
-    let flat = |name: &str| -> String {
-        // What some file system does not allow in a name.
-        let odd = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
-        name.chars().map(|c| if odd(c) { '_' } else { c }).collect()
-    };
-    let stem = |name: &str| match name.rsplit_once('.') {
-        // A dot in `r_0.5` does not begin an extension.
-        Some((stem, end)) if !stem.is_empty() && is_image_extension(end) => flat(stem),
-        _ => flat(name),
-    };
-    let mut uses: HashMap<String, usize> = HashMap::new();
-    for photo in photos {
-        *uses.entry(stem(&photo.name).to_lowercase()).or_default() += 1;
-    }
-    // Stems that only one photo has are taken first, so that others keep away from them.
-    let mut taken: HashSet<String> = uses.iter().filter(|(_, n)| **n == 1).map(|(stem, _)| stem.clone()).collect();
-    let name = |photo: &Photo| {
-        let stem = stem(&photo.name);
-        if uses[&stem.to_lowercase()] == 1 {
-            return format!("{stem}.{extension}");
-        }
-        let full = flat(&photo.name);
-        let numbered = (2u32..).map(|i| format!("{full}-{i}"));
-        let free = std::iter::once(full.clone()).chain(numbered).find(|name| taken.insert(name.to_lowercase()));
-        format!("{}.{extension}", free.unwrap_or(full))
-    };
-    photos.iter().map(name).collect()
-}
-
-fn is_image_extension(end: &str) -> bool {
-    ["png", "jpg", "jpeg", "jpe", "tif", "tiff", "webp", "bmp", "exr"]
-        .iter()
-        .any(|known| end.eq_ignore_ascii_case(known))
-}
-
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
-    use glam::{DMat3, DVec3};
-
     use super::*;
-    use crate::data::{Image, PixelSource, Split};
-
-    fn names(photos: &[&str]) -> Vec<String> {
-        let camera = Camera {
-            width: 1,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 0.5,
-            cy: 0.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
-        let pixels = PixelSource::Memory(Arc::new(Image { width: 1, height: 1, rgb: vec![0; 3] }));
-        let photo = |name: &&str| Photo { name: (*name).into(), camera, split: Split::Test, pixels: pixels.clone() };
-        file_names(&photos.iter().map(photo).collect::<Vec<_>>(), "png")
-    }
-
-    #[test]
-    fn files_are_named_after_photos() {
-        assert_eq!(
-            names(&["DSC01.JPG", "test/r_0", "r_0.5", ".jpg"]),
-            ["DSC01.png", "test_r_0.png", "r_0.5.png", ".jpg.png"]
-        );
-        assert_eq!(names(&["a:b\n.png"]), ["a_b_.png"]);
-    }
-
-    #[test]
-    fn no_two_photos_share_a_file() {
-        let names = names(&["a.jpg", "A.png", "b/c.jpg", "b_c.jpg", "b_c.jpg-2.png", "d.png"]);
-        let different: HashSet<String> = names.iter().map(|n| n.to_lowercase()).collect();
-        assert_eq!(different.len(), names.len(), "{names:?}");
-        assert_eq!((&names[0][..], &names[1][..], &names[5][..]), ("a.jpg.png", "A.png.png", "d.png"));
-    }
 
     #[test]
     fn depth_is_white_near_dark_far_and_black_where_there_is_none() {

@@ -3,15 +3,19 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, ReductionArgs, check_output, print, print_json,
+    DeviceArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
+    dataset::check_sight,
+    interrupt::Interrupt,
+    output::{Inputs, OutputArgs, check_room},
+    print, print_json,
     progress::{Progress, note},
 };
 use crate::{
-    data::{Split, write_scene},
+    data::{Split, scene_bytes, write_scene},
     pipelines::{
         model::{Model, Room},
         start::{first_points, photos_of, upload_photos},
-        train::{BaseOptions, train_base},
+        train::{BaseOptions, base_trainer},
     },
     scene::{Scene, from_points},
 };
@@ -50,6 +54,8 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
@@ -87,11 +93,13 @@ struct Stage {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        check_output(&self.output)?;
         let dataset = self.photos.open(&self.dataset)?;
+        self.replace.check_file(&self.output, "ply", "a PLY scene", &Inputs::default().dataset(&dataset))?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let first = first_points(&dataset, self.points.map(|n| n as usize), self.seed);
         let count = first.cloud.positions.len();
+        check_room(&self.output, scene_bytes(count as u64, 0, self.sh_degree))?;
+        check_sight(&dataset, &first.cloud.positions)?;
         match (first.sparse, self.points) {
             (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
             (Some(n), Some(wanted)) if n < wanted as usize => {
@@ -111,47 +119,108 @@ impl Args {
         self.device.with(|context| {
             let background = self.photos.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let views = upload_photos(context, &photos, background, |done| reading.set(done as u64))?;
+            let views = upload_photos(context, &photos, background, |done, _| reading.set(done as u64))?;
             drop(reading);
+            let megabytes = |bytes: u64| bytes as f64 / 1e6;
+            let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
+            tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+            // Adam has two moments of everything.
+            let scene = 3 * scene_bytes(count as u64, 0, self.sh_degree);
+            tracing::info!("on the device: {:.1} MB of {count} Gaussians and their moments", megabytes(scene));
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
             let scene = Scene { base, supplement: None };
             let model = Model::upload_around(context, views.origin, &scene, Room::default())?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
             let session = self.reduction.session(context, background, extent, seed);
             let options = BaseOptions { iterations, sh_degree };
+            // For --json and -v.
+            let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let set = |done: u32| training.set(done.into());
-            let trained = train_base(&session, &model, &views, &options, self.json, set)?;
+            let mut trainer = base_trainer(&session, &model, &views, &options)?;
+            trainer.start(timed)?;
+            let interrupt = Interrupt::default();
+            interrupt.listen()?;
+            while !interrupt.asked()
+                && let Some(done) = trainer.advance(&model, &views)?
+            {
+                training.set(done.into());
+            }
+            let trained = trainer.stop()?;
+            let steps = trained.losses.len() as u32;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
             write_scene(&self.output, &model.download()?)?;
+            drop(interrupt);
 
+            let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
+            for (pass, losses) in passes(&trained.losses, photos.len()) {
+                tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
+            }
+            let stages = trained.steps.milliseconds();
+            for (name, milliseconds) in &stages {
+                tracing::info!("a step's {name}: {milliseconds:.3} ms");
+            }
             let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
             let stage = |(name, milliseconds_per_step)| Stage { name, milliseconds_per_step };
-            let stages = trained.steps.milliseconds().into_iter().map(stage);
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
                 photos: photos.len(),
                 gaussians: count,
                 sh_degree,
-                iterations,
+                iterations: steps,
                 seed,
                 seconds,
-                steps_per_second: f64::from(iterations) / seconds,
-                final_loss: last.iter().map(|&l| f64::from(l)).sum::<f64>() / last.len().max(1) as f64,
+                steps_per_second: f64::from(steps) / seconds,
+                final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
-                stages: stages.collect(),
+                stages: stages.into_iter().map(stage).collect(),
             };
-            if self.json {
-                return Ok(print_json(&report)?);
-            }
             let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
-            Ok(print(format_args!(
-                "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
-                 {iterations} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
-            ))?)
+            if self.json {
+                print_json(&report)?;
+            } else {
+                print(format_args!(
+                    "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
+                     {steps} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
+                ))?;
+            }
+            if steps < iterations {
+                let what = format!("ended after {steps} of {iterations} steps; {output} has what was learned in them");
+                return Err(Failure::Interrupted(what));
+            }
+            Ok(())
         })
+    }
+}
+
+/// The first and the last pass through the photos and eight between them, with their numbers of steps.
+fn passes(losses: &[f32], photos: usize) -> Vec<(String, &[f32])> {
+    let all: Vec<&[f32]> = losses.chunks(photos.max(1)).collect();
+    let shown = all.len().min(10);
+    let at = |i: usize| i * (all.len() - 1) / (shown - 1).max(1);
+    let named = |i: usize| {
+        let first = i * photos.max(1);
+        (format!("{} to {}", first + 1, first + all[i].len()), all[i])
+    };
+    (0..shown).map(|i| named(at(i))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_are_the_first_the_last_and_some_between() {
+        let losses: Vec<f32> = (0..1005).map(|i| i as f32).collect();
+        let named = |n: usize, photos: usize| {
+            passes(&losses[..n], photos).into_iter().map(|(name, pass)| (name, pass[0])).collect::<Vec<_>>()
+        };
+        assert_eq!(named(3, 7), [("1 to 3".into(), 0.0)]);
+        assert_eq!(named(10, 7), [("1 to 7".into(), 0.0), ("8 to 10".into(), 7.0)]);
+        let many = named(1005, 10);
+        assert_eq!((many.len(), &many[0].0[..], &many[9].0[..]), (10, "1 to 10", "1001 to 1005"));
+        assert!(many.is_sorted_by(|a, b| a.1 < b.1) && named(0, 7).is_empty());
     }
 }

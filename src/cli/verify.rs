@@ -1,6 +1,10 @@
 use std::path::PathBuf;
 
-use super::{DeviceArgs, Failure, Outcome, check_output, print, print_json};
+use super::{
+    DeviceArgs, Failure, Outcome,
+    output::{Inputs, OutputArgs},
+    print, print_json,
+};
 use crate::verify::{Options, explain, plot, run};
 
 /// Judge a device and its driver: every stage against float64, beside its time and what that could be
@@ -21,6 +25,8 @@ pub(super) struct Args {
     /// Write an SVG with error on one axis and time on the other, one labelled point for each row
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    replace: OutputArgs,
     /// Show that the bounds notice: put this relative error into every reference result, upon which rows must break; with 0.002
     /// all do
     #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
@@ -40,7 +46,7 @@ impl Args {
             return Ok(print(explain())?);
         }
         if let Some(path) = &self.plot {
-            check_output(path)?;
+            self.replace.check_file(path, "svg", "an SVG", &Inputs::default())?;
         }
         self.device.with(|context| {
             let report = run(context, &Options { quick: self.quick, perturb: self.perturb })?;

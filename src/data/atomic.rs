@@ -1,16 +1,23 @@
 //! Outputs that appear whole or not at all.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use tempfile::NamedTempFile;
 
 use crate::{Error, Result};
 
+/// What the name of an unfinished file begins with.
+const PREFIX: &str = ".glint-";
+/// A file is locked a moment after it was made. One as old as this that nobody holds was left by a process that is gone.
+const STALE: Duration = Duration::from_secs(60);
+
 /// Lets `fill` write a temporary file beside `path`, then renames it to `path`. When anything fails nothing is left and
 /// what stood at `path` before is untouched. A link is followed; something that is no plain file is refused, because a
-/// rename would replace the device or folder itself.
+/// rename would replace the device or folder itself. The bytes are on the disk before the name is, so that a power cut
+/// leaves the old file or the new one.
 pub(super) fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<NamedTempFile>) -> io::Result<()>,
@@ -25,23 +32,48 @@ pub(super) fn write_whole(
         Ok(_) => fs::canonicalize(path).map_err(at)?,
         Err(_) => path.to_owned(),
     };
-    let folder = match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = parent(&target);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".glint-");
+    builder.prefix(PREFIX);
     // A temporary file is private by default; an output has the rights that the umask leaves.
     #[cfg(unix)]
     // guard: rights of outputs
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut writer = BufWriter::with_capacity(1 << 20, builder.tempfile_in(folder).map_err(at)?);
+    let file = builder.tempfile_in(folder).map_err(at)?;
+    // Tells `sweep` that the file is in use. File systems without locks do without.
+    let _ = file.as_file().try_lock();
+    let mut writer = BufWriter::with_capacity(1 << 20, file);
     // guard: outputs whole or not at all
     fill(&mut writer).map_err(at)?;
     writer.flush().map_err(at)?;
     let file = writer.into_inner().map_err(|failed| at(failed.into_error()))?;
+    file.as_file().sync_all().map_err(at)?;
     file.persist(&target).map_err(|failed| at(failed.error))?;
+    // Folders can be opened and synchronised on Unix only, and not on every file system. The file is whole either way.
+    if let (true, Ok(folder)) = (cfg!(unix), File::open(folder)) {
+        let _ = folder.sync_all();
+    }
     Ok(())
+}
+
+/// The folder that `path` is in.
+pub(super) fn parent(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Removes unfinished files that killed runs left in `folder`; those removed. What a running process writes is locked or
+/// young, and stays.
+pub fn sweep(folder: impl AsRef<Path>) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = |name: &std::ffi::OsStr| name.to_str().is_some_and(|name| name.starts_with(PREFIX));
+    let files = entries.filter(|entry| ours(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file()));
+    files.map(|entry| entry.path()).filter(|path| is_stale(path) && fs::remove_file(path).is_ok()).collect()
+}
+
+fn is_stale(path: &Path) -> bool {
+    let Ok(file) = File::options().write(true).open(path) else { return false };
+    let age = file.metadata().and_then(|found| found.modified()).map(|at| SystemTime::now().duration_since(at));
+    matches!(age, Ok(Ok(age)) if age >= STALE) && file.try_lock().is_ok()
 }
 
 #[cfg(test)]
@@ -70,6 +102,45 @@ mod tests {
         let missing = folder.path().join("nowhere").join("out.txt");
         let refused = write_whole(&missing, |_| Ok(())).unwrap_err();
         assert!(refused.to_string().contains("nowhere"), "{refused}");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_swept_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str, age: Duration| {
+            let file = File::create(folder.path().join(name)).unwrap();
+            file.set_modified(SystemTime::now() - age).unwrap();
+            file
+        };
+        make(".glint-dead", 2 * STALE);
+        make(".glint-young", Duration::ZERO);
+        make(".other", 2 * STALE);
+        make("scene.ply", 2 * STALE);
+        fs::create_dir(folder.path().join(".glint-folder")).unwrap();
+        let busy = make(".glint-busy", 2 * STALE);
+        busy.lock().unwrap();
+        assert_eq!(sweep(folder.path()), [folder.path().join(".glint-dead")]);
+        drop(busy);
+        assert_eq!(sweep(folder.path()), [folder.path().join(".glint-busy")]);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+        assert!(sweep(folder.path().join("nowhere")).is_empty());
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_locked() {
+        let folder = tempfile::tempdir().unwrap();
+        write_whole(&folder.path().join("a"), |writer| {
+            let path = writer.get_ref().path().to_owned();
+            writer.get_ref().as_file().set_modified(SystemTime::now() - 2 * STALE)?;
+            assert!(sweep(folder.path()).is_empty() && path.is_file());
+            Ok(())
+        })
+        .unwrap();
+    }
+
+    #[test]
+    fn a_name_alone_is_in_the_folder_that_one_is_in() {
+        assert_eq!(["a", "b/a", "/a"].map(|path| parent(Path::new(path))), [".", "b", "/"].map(Path::new));
     }
 
     #[cfg(unix)]

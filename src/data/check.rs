@@ -19,7 +19,7 @@ pub enum FileKind {
     ColmapPointsBin,
     ColmapPointsTxt,
     TransformsJson,
-    /// A PNG or JPEG photo.
+    /// A photo.
     Image,
     Safetensors,
 }
@@ -58,6 +58,19 @@ impl FileKind {
             FileKind::TransformsJson => transforms::check(bytes, path),
             FileKind::Image => images::check(bytes, path),
             FileKind::Safetensors => tensors::parse_tensors(bytes, path).map(drop),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_kind_takes_what_is_nothing() {
+        for (name, kind) in FileKind::ALL {
+            let found = kind.check(b"\xff\0 nothing", Path::new("x"));
+            assert!(found.is_err(), "{name}");
         }
     }
 }

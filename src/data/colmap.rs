@@ -7,50 +7,43 @@ use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::dataset::{Focal, Shot, SourceCamera};
-use super::distortion::Distortion;
-use super::ply::PointCloud;
+use super::assemble::{Listed, unused_masks};
+use super::lens::{Distortion, Polynomial};
+use super::names::{self, Finder};
+use super::ply::{self, PointCloud};
+use super::shot::{Focal, Shot, SourceCamera};
+use super::{DatasetOptions, Holdout, lists, places};
 use crate::{Error, Result};
 
-/// The folder below `root` that holds a model, if one does.
-pub(super) fn find(root: &Path) -> Option<PathBuf> {
-    [root.join("sparse").join("0"), root.join("sparse"), root.to_owned()]
-        .into_iter()
-        .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file()))
-}
-
-/// The images of the model in `model`, whose files are in `root`/images, and its points if there are any.
-pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<PointCloud>)> {
-    let (path, bytes) = open(model, "cameras")?;
+/// The images of a model of the dataset in `root`, and its points if there are any.
+pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions) -> Result<Listed> {
+    let folder = &model.folder;
+    let (path, bytes) = open(folder, "cameras")?;
+    let mut sources = vec![path.clone()];
     let cameras = if is_text(&path) { cameras_text(&bytes, &path) } else { cameras_binary(&bytes, &path) }?;
-    let (path, bytes) = open(model, "images")?;
+    let (path, bytes) = open(folder, "images")?;
+    sources.push(path.clone());
     let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) }?;
     if poses.is_empty() {
         return Err(Error::input(path, "the model has no images"));
     }
-    let folder = root.join("images");
-    if !folder.is_dir() {
-        let what = "is not there; give the folder that holds `images` and `sparse`";
-        return Err(Error::input(folder, what));
-    }
+    let mut notes = Vec::from_iter(model.note(root));
+    let photos = model.photos(root, options, &mut notes)?;
+    let (masks, finder) = (places::masks(&photos), Finder::new(photos));
     let mut shots = Vec::with_capacity(poses.len());
     for pose in poses {
-        let fail = |what: String| Err(Error::input(&path, format!("image `{}`: {what}", pose.name)));
-        let camera = match cameras.get(&pose.camera) {
-            Some(Ok(camera)) => *camera,
-            Some(Err(model)) => {
-                return fail(format!(
-                    "its camera {} has model {model}; SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are read \
-                     (COLMAP's image_undistorter makes PINHOLE of any)",
-                    pose.camera
-                ));
-            }
-            None => return fail(format!("its camera {} is not in the model", pose.camera)),
+        let Some(camera) = cameras.get(&pose.camera).copied() else {
+            let what = format!("image `{}`: its camera {} is not in the model", pose.name, pose.camera);
+            return Err(Error::input(&path, what));
         };
         let rotation = pose.rotation().map_err(|what| Error::input(&path, what))?;
+        let found = finder.find(&pose.name);
         shots.push(Shot {
-            path: folder.join(&pose.name),
-            name: pose.name,
+            expected: finder.expected(&pose.name),
+            respelled: found.as_ref().is_some_and(|found| found.1),
+            path: found.map(|found| found.0),
+            mask: masks.as_ref().and_then(|masks| masks.find_mask(&pose.name)),
+            name: names::slashes(&pose.name),
             listed_in: path.clone(),
             camera,
             rotation,
@@ -58,14 +51,28 @@ pub(super) fn read(root: &Path, model: &Path) -> Result<(Vec<Shot>, Option<Point
             split: None,
         });
     }
-    let points = match open(model, "points3D") {
+    notes.extend(unused_masks(masks.is_some(), &shots));
+    let points = match open(folder, "points3D") {
         Ok((path, bytes)) => {
+            sources.push(path.clone());
             Some(if is_text(&path) { points_text(&bytes, &path) } else { points_binary(&bytes, &path) }?)
         }
-        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            // 3DGS leaves the points in this form too.
+            let cloud = folder.join("points3D.ply");
+            let points = cloud.is_file().then(|| ply::read_points(&cloud)).transpose()?;
+            sources.extend(points.is_some().then_some(cloud));
+            points
+        }
         Err(error) => return Err(error),
     };
-    Ok((shots, points.filter(|points| !points.positions.is_empty())))
+    let points = points.filter(|points| !points.positions.is_empty());
+    let lists = lists::find(&[folder, root], &mut sources)?;
+    let mut listed = Listed { shots, points, sources, notes };
+    if let (Some(lists), Holdout::Dataset) = (lists, options.holdout) {
+        lists.apply(&mut listed);
+    }
+    Ok(listed)
 }
 
 /// `stem`.bin if it is there, else `stem`.txt: the two may be mixed.
@@ -80,8 +87,7 @@ fn is_text(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "txt")
 }
 
-/// What is not read is kept by its model's name, since it matters only if an image uses it.
-pub(super) type Cameras = HashMap<u32, Result<SourceCamera, String>>;
+pub(super) type Cameras = HashMap<u32, SourceCamera>;
 
 pub(super) struct Pose {
     name: String,
@@ -106,8 +112,8 @@ impl Pose {
     }
 }
 
-/// Names and numbers of parameters by COLMAP's model id (src/colmap/sensor/models.h).
-const MODELS: [(&str, usize); 12] = [
+/// Names and numbers of parameters by COLMAP's model id (<https://colmap.github.io/cameras.html>).
+const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
     ("SIMPLE_RADIAL", 4),
@@ -120,29 +126,66 @@ const MODELS: [(&str, usize); 12] = [
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
 
-/// The inner error is the name of a model that is not read, the outer one says what is wrong.
-fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Result<SourceCamera, String>, String> {
+fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<SourceCamera, String> {
+    let name = model.to_uppercase();
     let none = Distortion::default();
-    let (focal, center, distortion) = match (model, params) {
+    let fisheye = |k1, k2| Distortion::fisheye([k1, k2, 0.0, 0.0]);
+    let ([fx, fy], center, distortion) = match (&name[..], params) {
         ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], none),
         ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], none),
-        ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f], [cx, cy], Distortion { k1, ..none }),
-        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], Distortion { k1, k2, ..none }),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], Distortion { k1, k2, p1, p2, ..none }),
-        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
-            return Err(format!("model {model} cannot have {} parameters", params.len()));
+        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], Distortion::opencv(k, 0.0, 0.0, 0.0)),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], Distortion::opencv(k1, k2, 0.0, 0.0)),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], Distortion::opencv(k1, k2, p1, p2)),
+        ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
+            ([fx, fy], [cx, cy], Distortion::fisheye([k1, k2, k3, k4]))
         }
-        _ => return Ok(Err(model.to_owned())),
+        ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+            let (radial, divisor, tangential) = ([k1, k2, k3, 0.0, 0.0, 0.0], [k4, k5, k6], [p1, p2]);
+            let full = Polynomial { radial, divisor, tangential, ..Default::default() };
+            ([fx, fy], [cx, cy], Distortion::Polynomial(full))
+        }
+        ("FOV", &[fx, fy, cx, cy, omega]) => ([fx, fy], [cx, cy], Distortion::Fov { omega }),
+        ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => ([f, f], [cx, cy], fisheye(k, 0.0)),
+        ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], fisheye(k1, k2)),
+        ("THIN_PRISM_FISHEYE", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, sx, sy]) => {
+            let (radial, tangential, prism) = ([k1, k2, k3, k4, 0.0, 0.0], [p1, p2], [sx, 0.0, sy, 0.0]);
+            let thin = Polynomial { fisheye: true, radial, tangential, prism, ..Default::default() };
+            ([fx, fy], [cx, cy], Distortion::Polynomial(thin))
+        }
+        // Its p0 belongs to x and its p1 to y, where OpenCV's p1 belongs to y.
+        ("RAD_TAN_THIN_PRISM_FISHEYE", &[fx, fy, cx, cy, k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3]) => {
+            let (radial, tangential, prism) = ([k0, k1, k2, k3, k4, k5], [p1, p0], [s0, s1, s2, s3]);
+            let turns = Polynomial { fisheye: true, radial, tangential, prism, in_turn: true, ..Default::default() };
+            ([fx, fy], [cx, cy], Distortion::Polynomial(turns))
+        }
+        ("SIMPLE_DIVISION", &[f, cx, cy, k]) => ([f, f], [cx, cy], Distortion::Division { k }),
+        ("DIVISION", &[fx, fy, cx, cy, k]) => ([fx, fy], [cx, cy], Distortion::Division { k }),
+        ("SIMPLE_FISHEYE", &[f, cx, cy]) => ([f, f], [cx, cy], fisheye(0.0, 0.0)),
+        ("FISHEYE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], fisheye(0.0, 0.0)),
+        ("EUCM", &[fx, fy, cx, cy, alpha, beta]) => ([fx, fy], [cx, cy], Distortion::Unified { alpha, beta }),
+        // Its parameters are the size once more.
+        ("EQUIRECTANGULAR", &[_, _]) => {
+            let size = [width as f64, height as f64];
+            (size, size.map(|side| 0.5 * side), Distortion::Equirectangular)
+        }
+        _ if MODELS.iter().any(|(known, _)| *known == name) => {
+            return Err(format!("model {name} cannot have {} parameters", params.len()));
+        }
+        _ => {
+            return Err(format!("model {model} is unknown (COLMAP's image_undistorter makes PINHOLE of any it knows)"));
+        }
     };
-    let camera = SourceCamera {
-        size: Some([width as f64, height as f64]),
-        focal: Focal::Pixels(focal),
-        center: Some(center),
-        distortion,
-    };
-    camera.check().map(|()| Ok(camera))
+    let (size, focal) = (Some([width as f64, height as f64]), Focal::Pixels([fx, fy]));
+    let camera = SourceCamera { size, focal, center: Some(center), distortion };
+    camera.check().map(|()| camera)
 }
 
 /// Little-endian numbers off the front of a byte string; nothing when it is too short.
@@ -218,8 +261,8 @@ fn records<'a, T>(
 }
 
 pub(super) fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
-    // Id, model, width, height and three parameters.
-    let list = records(bytes, path, "camera", 4 + 4 + 8 + 8 + 3 * 8, |bytes| {
+    // Id, model, width, height and two parameters.
+    let list = records(bytes, path, "camera", 4 + 4 + 8 + 8 + 2 * 8, |bytes| {
         let (id, model, width, height) = (bytes.u32()?, bytes.u32()?, bytes.u64()?, bytes.u64()?);
         let Some(&(name, count)) = MODELS.get(model as usize) else {
             return Some(Err(format!("model number {model} is unknown")));
@@ -249,7 +292,7 @@ pub(super) fn cameras_text(bytes: &[u8], path: &Path) -> Result<Cameras> {
     collect_cameras(list, path)
 }
 
-fn collect_cameras(list: Vec<(u32, Result<SourceCamera, String>)>, path: &Path) -> Result<Cameras> {
+fn collect_cameras(list: Vec<(u32, SourceCamera)>, path: &Path) -> Result<Cameras> {
     let mut cameras = HashMap::new();
     for (id, camera) in list {
         if cameras.insert(id, camera).is_some() {
@@ -277,7 +320,7 @@ pub(super) fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
 
 pub(super) fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
     let mut poses = Vec::new();
-    let mut all = lines(bytes, path)?;
+    let mut all = lines(bytes, path)?.peekable();
     while let Some((number, line)) = all.next() {
         if !is_data(line) {
             continue;
@@ -299,10 +342,16 @@ pub(super) fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
         let [qw, qx, qy, qz, translation @ ..] = numbers;
         // The rest of the line: names may hold blanks.
         poses.push(Pose { name: rest.to_owned(), quat: [qw, qx, qy, qz], translation, camera });
-        // The line of its points, which may be empty.
-        all.next();
+        // The line of its points, which may be empty. Some writers leave it out, and the next image follows.
+        all.next_if(|(_, line)| is_points(line));
     }
     Ok(poses)
+}
+
+/// Whether a line holds x, y and a point's id any number of times. An image's line ends with a name.
+fn is_points(line: &str) -> bool {
+    let words = line.split_whitespace();
+    words.clone().count().is_multiple_of(3) && words.into_iter().all(|word| word.parse::<f64>().is_ok())
 }
 
 pub(super) fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
@@ -350,6 +399,7 @@ fn point(position: [f64; 3]) -> Result<[f32; 3], String> {
 /// Lines with their numbers from 1.
 fn lines<'a>(bytes: &'a [u8], path: &Path) -> Result<impl Iterator<Item = (usize, &'a str)> + use<'a>> {
     let text = str::from_utf8(bytes).map_err(|_| Error::input(path, "is not UTF-8 text"))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     Ok(text.lines().enumerate().map(|(i, line)| (i + 1, line)))
 }
 
@@ -413,49 +463,111 @@ mod tests {
         out
     }
 
-    type Model = (Vec<Shot>, Option<PointCloud>);
-    type Case<'a> = (&'a str, u32, &'a [f64], [f64; 2], Distortion);
-
     /// A dataset on disk out of named files; the image files are not decoded here.
-    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Model>) {
+    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Listed>) {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("sparse").join("0");
         fs::create_dir_all(&folder).unwrap();
         fs::create_dir_all(root.path().join("images")).unwrap();
         files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
-        let result = read(root.path(), &find(root.path()).unwrap());
+        let result = read_at(root.path());
         (root, result)
+    }
+
+    fn read_at(root: &Path) -> Result<Listed> {
+        let options = DatasetOptions::default();
+        read(root, &places::find_model(root, &options)?.unwrap(), &options)
     }
 
     fn error(files: &[(&str, &[u8])]) -> String {
         model(files).1.err().unwrap().to_string()
     }
 
+    /// Each parameter a number of its own, so that none can stand in for another.
     #[test]
     fn every_model_gives_its_intrinsics_in_both_formats() {
-        let none = Distortion::default();
-        let [fx, fy, cx, cy, k1, k2, p1, p2] = OPENCV;
-        let cases: [Case; 5] = [
-            ("SIMPLE_PINHOLE", 0, &[fx, cx, cy], [fx, fx], none),
-            ("PINHOLE", 1, &[fx, fy, cx, cy], [fx, fy], none),
-            ("SIMPLE_RADIAL", 2, &[fx, cx, cy, k1], [fx, fx], Distortion { k1, ..none }),
-            ("RADIAL", 3, &[fx, cx, cy, k1, k2], [fx, fx], Distortion { k1, k2, ..none }),
-            ("OPENCV", 4, &OPENCV, [fx, fy], Distortion { k1, k2, p1, p2, ..none }),
+        let polynomial = |p: Polynomial| Distortion::Polynomial(p);
+        let none = Polynomial::default();
+        let round = Polynomial { fisheye: true, ..none };
+        let (f, c) = (100.0, [32.0, 24.0]);
+        let thin = Polynomial {
+            radial: [0.1, 0.2, 0.5, 0.6, 0.0, 0.0],
+            tangential: [0.3, 0.4],
+            prism: [0.7, 0.0, 0.8, 0.0],
+            ..round
+        };
+        let turns = Polynomial {
+            radial: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+            tangential: [0.8, 0.7],
+            prism: [0.9, 1.0, 1.1, 1.2],
+            in_turn: true,
+            ..round
+        };
+        let full = Polynomial {
+            radial: [0.1, 0.2, 0.5, 0.0, 0.0, 0.0],
+            divisor: [0.6, 0.7, 0.8],
+            tangential: [0.3, 0.4],
+            ..none
+        };
+        // By COLMAP's number: the focal lengths, how many parameters come after the principal point, and what they mean.
+        let cases: [(usize, usize, Distortion); 17] = [
+            (1, 0, polynomial(none)),
+            (2, 0, polynomial(none)),
+            (1, 1, Distortion::opencv(0.1, 0.0, 0.0, 0.0)),
+            (1, 2, Distortion::opencv(0.1, 0.2, 0.0, 0.0)),
+            (2, 4, Distortion::opencv(0.1, 0.2, 0.3, 0.4)),
+            (2, 4, Distortion::fisheye([0.1, 0.2, 0.3, 0.4])),
+            (2, 8, polynomial(full)),
+            (2, 1, Distortion::Fov { omega: 0.1 }),
+            (1, 1, Distortion::fisheye([0.1, 0.0, 0.0, 0.0])),
+            (1, 2, Distortion::fisheye([0.1, 0.2, 0.0, 0.0])),
+            (2, 8, polynomial(thin)),
+            (2, 12, polynomial(turns)),
+            (1, 1, Distortion::Division { k: 0.1 }),
+            (2, 1, Distortion::Division { k: 0.1 }),
+            (1, 0, polynomial(round)),
+            (2, 0, polynomial(round)),
+            (2, 2, Distortion::Unified { alpha: 0.1, beta: 0.2 }),
         ];
         let path = Path::new("cameras");
-        for (name, id, params, focal, distortion) in cases {
-            let expected = SourceCamera {
-                size: Some([64.0, 48.0]),
-                focal: Focal::Pixels(focal),
-                center: Some([cx, cy]),
-                distortion,
-            };
-            let binary = cameras_binary(&cameras_bin(&[(7, id, params)]), path).unwrap();
-            assert_eq!(binary[&7], Ok(expected));
+        let both = |id: usize, params: &[f64]| {
+            let binary = cameras_binary(&cameras_bin(&[(7, id as u32, params)]), path).unwrap()[&7];
             let words: Vec<String> = params.iter().map(f64::to_string).collect();
-            let text = format!("# Camera list\n\n7 {name} 64 48 {}\n", words.join(" "));
-            assert_eq!(cameras_text(text.as_bytes(), path).unwrap()[&7], Ok(expected));
+            for name in [MODELS[id].0.to_owned(), MODELS[id].0.to_lowercase()] {
+                let text = format!("\u{feff}# Camera list\r\n\r\n7 {name} 64 48 {}\r\n", words.join(" "));
+                assert_eq!(cameras_text(text.as_bytes(), path).unwrap()[&7], binary, "{name}");
+            }
+            binary
+        };
+        let size = Some([64.0, 48.0]);
+        for (id, &(focals, rest, distortion)) in cases.iter().enumerate() {
+            let focal = &[f, f + 1.0][..focals];
+            let rest: Vec<f64> = (1..=rest).map(|i| i as f64 / 10.0).collect();
+            let params = [focal, &c, &rest].concat();
+            let focal = Focal::Pixels([focal[0], *focal.last().unwrap()]);
+            let expected = SourceCamera { size, focal, center: Some(c), distortion };
+            assert_eq!(both(id, &params), expected, "{}", MODELS[id].0);
         }
+        let (focal, center) = (Focal::Pixels([64.0, 48.0]), Some([32.0, 24.0]));
+        let sphere = SourceCamera { size, focal, center, distortion: Distortion::Equirectangular };
+        assert_eq!(both(17, &[64.0, 48.0]), sphere);
+    }
+
+    /// Half of the images once went missing without a word.
+    #[test]
+    fn an_images_file_without_lines_of_points_is_read_whole() {
+        let names = |text: &str| {
+            let poses = images_text(text.as_bytes(), Path::new("images.txt")).unwrap();
+            poses.into_iter().map(|pose| pose.name).collect::<Vec<_>>()
+        };
+        let pose = "1 0 0 0 0 0 0 7";
+        assert_eq!(names(&format!("1 {pose} a.png\n2 {pose} b.png\n3 {pose} c.png\n")), ["a.png", "b.png", "c.png"]);
+        assert_eq!(names(&format!("1 {pose} a.png\n\n2 {pose} b.png\n\n")), ["a.png", "b.png"]);
+        assert_eq!(names(&format!("1 {pose} a.png\n1.5 2 -1 3 4 17\n2 {pose} b c.png\n")), ["a.png", "b c.png"]);
+        assert_eq!(names(&format!("1 {pose} 0001\n2 {pose} 0002\n")), ["0001", "0002"]);
+        assert_eq!(names(&format!("\u{feff}# x\r\n1 {pose} a.png\r\n\r\n2 {pose} b.png\r\n")), ["a.png", "b.png"]);
+        let bad = images_text(format!("1 {pose} a.png\n1.5 2\n").as_bytes(), Path::new("images.txt")).err().unwrap();
+        assert!(bad.to_string().contains("line 2"), "{bad}");
     }
 
     #[test]
@@ -475,10 +587,11 @@ mod tests {
             ("points3D.txt", points_text.as_bytes()),
         ]);
         for (root, result) in [binary, text] {
-            let (shots, points) = result.unwrap();
+            let Listed { shots, points, .. } = result.unwrap();
             assert_eq!(shots.len(), 2);
             assert_eq!(shots[0].name, "sub dir/a b.jpg");
-            assert_eq!(shots[0].path, root.path().join("images").join("sub dir/a b.jpg"));
+            assert_eq!(shots[0].expected, root.path().join("images").join("sub dir/a b.jpg"));
+            assert_eq!(shots[0].path, None);
             // The quaternion (½, −½, ½, ½) takes x to −z, y to −x and z to y.
             let turned = shots[0].rotation * DVec3::new(1.0, 2.0, 3.0);
             assert!((turned - DVec3::new(-2.0, 3.0, -1.0)).length() < 1e-12, "{turned}");
@@ -489,7 +602,12 @@ mod tests {
             assert_eq!(points.colors, [[0, 20, 30], [1, 20, 30]]);
         }
         let (_root, result) = model(&[("cameras.bin", &cameras), ("images.bin", &images)]);
-        assert_eq!(result.unwrap().1, None);
+        assert_eq!(result.unwrap().points, None);
+        let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
+        let (_root, result) =
+            model(&[("cameras.bin", &cameras), ("images.bin", &images), ("points3D.ply", cloud.as_bytes())]);
+        let listed = result.unwrap();
+        assert_eq!((listed.points.unwrap().positions, listed.sources.len()), (vec![[1.0, 2.0, 3.0]], 3));
     }
 
     #[test]
@@ -505,7 +623,6 @@ mod tests {
         let with = |cameras: &[u8], images: &[u8], parts: &[&str]| {
             expect(&[("cameras.bin", cameras), ("images.bin", images)], parts);
         };
-        with(&cameras_bin(&[(7, 5, &OPENCV)]), &image, &["a.jpg", "camera 7", "OPENCV_FISHEYE", "images.bin"]);
         with(&cameras_bin(&[(7, 99, &OPENCV)]), &image, &["cameras.bin", "camera 0", "model number 99"]);
         with(&cameras_bin(&[(7, 4, &OPENCV), (7, 4, &OPENCV)]), &image, &["camera 7", "twice"]);
         with(&cameras_bin(&[(7, 1, &[f64::NAN, 1.0, 1.0, 1.0])]), &image, &["cameras.bin", "focal lengths"]);
@@ -532,6 +649,7 @@ mod tests {
                 .contains("line 2: `wide` is not sound for height")
         );
         assert!(text(cameras_text(b"1 PINHOLE", path)).contains("ends before width"));
+        assert!(text(cameras_text(b"1 WIDE 64 48 1 1 1 1", path)).contains("line 1: model WIDE is unknown"));
         let images = images_text(b"1 0.5 0.5 0.5 0.5 1 2\n\n", path).err().unwrap().to_string();
         assert!(images.contains("line 1: ends before ty"), "{images}");
     }
@@ -543,7 +661,7 @@ mod tests {
             ("images.bin", &images_bin(&[("a", 7, QUAT, [0.0; 3])], 0)),
         ]);
         let folder = root.path().join("sparse").join("0");
-        let message = read(&folder, &find(&folder).unwrap()).err().unwrap().to_string();
+        let message = read_at(&folder).err().unwrap().to_string();
         assert!(message.contains("the folder that holds `images`"), "{message}");
     }
 

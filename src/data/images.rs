@@ -1,12 +1,17 @@
-//! Photos as files: sizes, decoding, alpha, and their way to the size and pinhole camera that training sees.
+//! Photos as files: sizes, decoding, alpha and masks, and their way to the size and pinhole camera that training sees.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{
+    DynamicImage, GrayImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage, Rgba32FImage,
+    RgbaImage,
+};
 
-use super::distortion::Lens;
+use super::dataset::{Alpha, ImageFile};
+use super::lens::Lens;
+use super::reduce::Reducer;
 use crate::{Error, Result};
 
 /// Beyond this side a float32 pixel coordinate has fewer than 8 fractional bits.
@@ -14,11 +19,14 @@ const MAX_SIDE: u32 = 1 << 15;
 /// 268 megapixels, more than any camera's sensor; 16-bit RGBA of that size decodes to 2 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
 /// No file holds more pixels than this in each of its bytes, so a header that says so is wrong, and is refused before memory is
-/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each.
+/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each. TIFF's and BMP's own
+/// codes repeat less. WebP has codes of no bits at all: nothing is known of it.
 const PNG_PIXELS_PER_BYTE: u64 = 1032 * 8;
 /// JPEG: at least a bit for each block of 8 × 8. The most pixels for a block are in a unit of 32 × 32 with two components of
 /// 4 × 1 and 1 × 4 blocks.
 const JPEG_PIXELS_PER_BYTE: u64 = 8 * 32 * 32 / (4 + 4);
+/// Of a mean of zeros and ones in float32, so much is one.
+const WHOLE: f32 = 0.999;
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,74 +34,153 @@ pub struct Image {
     pub width: u32,
     pub height: u32,
     pub rgb: Vec<u8>,
+    /// By pixel, `false` where it says nothing of the scene and is left out of losses and metrics; all count where there is no
+    /// mask.
+    pub mask: Option<Vec<bool>>,
 }
 
-/// The same in floats, 0 to 1, between decoding and quantisation.
-pub(super) struct Pixels {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) rgb: Vec<[f32; 3]>,
+impl Image {
+    /// The pixels as the device has them: R in the low byte, and in the high one 255 where the pixel counts, else 0.
+    pub fn packed(&self) -> Vec<u32> {
+        let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);
+        let pixels = self.rgb.chunks_exact(3).enumerate();
+        pixels.map(|(i, p)| u32::from_le_bytes([p[0], p[1], p[2], if counts(i) { 255 } else { 0 }])).collect()
+    }
 }
 
-impl Pixels {
-    /// Bilinear value at a position in pixels (centres at +0.5), clamped to the edge; not-a-number reads the first pixel.
-    pub(super) fn sample(&self, x: f64, y: f64) -> [f32; 3] {
-        let split = |at: f64, size: u32| {
-            let last = size as usize - 1;
+/// What a header says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Header {
+    pub(super) size: [u32; 2],
+    /// As it is decoded.
+    pub(super) bytes_per_pixel: u8,
+    pub(super) has_alpha: bool,
+}
+
+/// A decoded file.
+struct Source<'a> {
+    pixels: Buffer,
+    mask: Option<GrayImage>,
+    alpha: Alpha,
+    background: [f32; 3],
+    lens: Option<&'a Lens>,
+}
+
+/// Pixels as they came, so that no copy in floats is held beside them.
+enum Buffer {
+    Rgb(RgbImage),
+    Rgba(RgbaImage),
+    Wide(ImageBuffer<image::Rgba<u16>, Vec<u16>>),
+    Float(Rgba32FImage),
+}
+
+impl Buffer {
+    fn new(image: DynamicImage) -> Buffer {
+        match image {
+            DynamicImage::ImageRgb8(_) | DynamicImage::ImageLuma8(_) => Buffer::Rgb(image.into_rgb8()),
+            DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => Buffer::Rgba(image.into_rgba8()),
+            DynamicImage::ImageLuma16(_)
+            | DynamicImage::ImageLumaA16(_)
+            | DynamicImage::ImageRgb16(_)
+            | DynamicImage::ImageRgba16(_) => Buffer::Wide(image.into_rgba16()),
+            image => Buffer::Float(image.into_rgba32f()),
+        }
+    }
+
+    fn at(&self, x: u32, y: u32) -> [f32; 4] {
+        let unit = |byte: u8| f32::from(byte) / 255.0;
+        match self {
+            Buffer::Rgb(image) => {
+                let [r, g, b] = image.get_pixel(x, y).0;
+                [unit(r), unit(g), unit(b), 1.0]
+            }
+            Buffer::Rgba(image) => image.get_pixel(x, y).0.map(unit),
+            Buffer::Wide(image) => image.get_pixel(x, y).0.map(|word| f32::from(word) / 65535.0),
+            Buffer::Float(image) => image.get_pixel(x, y).0,
+        }
+    }
+
+    fn size(&self) -> [u32; 2] {
+        let (width, height) = match self {
+            Buffer::Rgb(image) => image.dimensions(),
+            Buffer::Rgba(image) => image.dimensions(),
+            Buffer::Wide(image) => image.dimensions(),
+            Buffer::Float(image) => image.dimensions(),
+        };
+        [width, height]
+    }
+}
+
+impl Source<'_> {
+    /// Colour of a pixel of the file, and 1 where it counts or 0 where it does not.
+    fn at(&self, x: u32, y: u32) -> [f32; 4] {
+        let [r, g, b, a] = self.pixels.at(x, y);
+        let counts = self.mask.as_ref().is_none_or(|mask| {
+            // A mask may be smaller than its photo, or larger.
+            let ([w, h], (mw, mh)) = (self.pixels.size(), mask.dimensions());
+            let along = |at: u32, of: u32, to: u32| ((2 * at as u64 + 1) * to as u64 / (2 * of as u64)) as u32;
+            mask.get_pixel(along(x, w, mw), along(y, h, mh)).0[0] != 0
+        });
+        match self.alpha {
+            Alpha::Mask => [r, g, b, f32::from(u8::from(counts && a >= 0.5))],
+            Alpha::Background if a == 1.0 => [r, g, b, f32::from(u8::from(counts))],
+            Alpha::Background => {
+                let [br, bg, bb] = self.background;
+                let over = |front: f32, back: f32| front * a + back * (1.0 - a);
+                [over(r, br), over(g, bg), over(b, bb), f32::from(u8::from(counts))]
+            }
+        }
+    }
+
+    /// The bilinear value at a position in pixels (centres at +0.5), clamped to the edge; round the back of a sphere.
+    fn sample(&self, x: f64, y: f64, wraps: bool) -> [f32; 4] {
+        let [width, height] = self.pixels.size();
+        let clamped = |at: f64, size: u32| {
+            let last = size - 1;
             let at = (at - 0.5).max(0.0).min(last as f64);
-            let low = at as usize;
+            let low = at as u32;
             (low, (low + 1).min(last), (at - low as f64) as f32)
         };
-        let ((x0, x1, tx), (y0, y1, ty)) = (split(x, self.width), split(y, self.height));
-        let at = |x: usize, y: usize| self.rgb[y * self.width as usize + x];
-        let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
+        let around = |at: f64, size: u32| {
+            let low = (at - 0.5).floor();
+            let index = |at: f64| at.rem_euclid(size as f64) as u32 % size;
+            (index(low), index(low + 1.0), (at - 0.5 - low) as f32)
+        };
+        let (x0, x1, tx) = if wraps { around(x, width) } else { clamped(x, width) };
+        let (y0, y1, ty) = clamped(y, height);
+        let (a, b, c, d) = (self.at(x0, y0), self.at(x1, y0), self.at(x0, y1), self.at(x1, y1));
         std::array::from_fn(|i| {
             let (top, bottom) = (a[i] + (b[i] - a[i]) * tx, c[i] + (d[i] - c[i]) * tx);
             top + (bottom - top) * ty
         })
     }
 
-    /// The mean over the area of each output pixel, as a sensor with fewer, larger cells would see it. Not for enlarging.
-    fn shrink(&self, width: u32, height: u32) -> Pixels {
-        let (columns, rows) = (coverage(self.width, width), coverage(self.height, height));
-        let mut narrow = Vec::with_capacity(width as usize * self.height as usize);
-        for row in self.rgb.chunks_exact(self.width as usize) {
-            narrow.extend(columns.iter().map(|(first, weights)| mean(weights, |i| row[first + i])));
+    /// The picture that a pinhole camera would have taken, reduced to the size `to`, row by row.
+    fn prepare(&self, to: [u32; 2]) -> Image {
+        let [width, height] = self.lens.map_or(self.pixels.size(), |lens| [lens.view.width, lens.view.height]);
+        let wraps = self.lens.is_some_and(|lens| lens.distortion == super::Distortion::Equirectangular);
+        let mut reducer = Reducer::new([width, height], to);
+        let mut row = vec![[0.0; 4]; width as usize];
+        for y in 0..height {
+            for (pixel, x) in row.iter_mut().zip(0..) {
+                *pixel = match self.lens {
+                    None => self.at(x, y),
+                    Some(lens) => {
+                        let (at, inside) = lens.source(x as f64 + 0.5, y as f64 + 0.5);
+                        let [r, g, b, counts] = self.sample(at.x, at.y, wraps);
+                        [r, g, b, if inside { counts } else { 0.0 }]
+                    }
+                };
+            }
+            reducer.feed(&row);
         }
-        let mut rgb = Vec::with_capacity(width as usize * height as usize);
-        for (first, weights) in &rows {
-            rgb.extend((0..width as usize).map(|x| mean(weights, |i| narrow[(first + i) * width as usize + x])));
-        }
-        Pixels { width, height, rgb }
+        let pixels = reducer.finish();
+        let rgb = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(super::write::to_byte)).collect();
+        // A reduced pixel counts where all that it is made of does.
+        let mask: Vec<bool> = pixels.iter().map(|pixel| pixel[3] > WHOLE).collect();
+        let mask = mask.contains(&false).then_some(mask);
+        Image { width: to[0], height: to[1], rgb, mask }
     }
-
-    fn quantise(&self) -> Image {
-        let rgb = self.rgb.iter().flatten().map(|&v| super::write::to_byte(v)).collect();
-        Image { width: self.width, height: self.height, rgb }
-    }
-}
-
-fn mean(weights: &[f32], value: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
-    let mut sum = [0.0; 3];
-    for (i, weight) in weights.iter().enumerate() {
-        let value = value(i);
-        (0..3).for_each(|c| sum[c] += weight * value[c]);
-    }
-    sum
-}
-
-/// For each of `to` cells laid over `from` pixels: the first pixel it touches and the shares, summing to 1, of each.
-fn coverage(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
-    let cell = from as f64 / to as f64;
-    let span = |i: u32| {
-        let (begin, end) = (i as f64 * cell, ((i + 1) as f64 * cell).min(from as f64));
-        let first = begin as usize;
-        // A sliver that is only rounding error gets a weight of its size.
-        let pixels = first..(end.ceil() as usize).clamp(first + 1, from as usize);
-        let share = |p: usize| (end.min((p + 1) as f64) - begin.max(p as f64)).max(0.0) / (end - begin);
-        (first, pixels.map(|p| share(p) as f32).collect())
-    };
-    (0..to).map(span).collect()
 }
 
 /// `path` is only named in errors, here and below.
@@ -113,24 +200,31 @@ fn decode_error(path: &Path, error: image::ImageError) -> Error {
         image::ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             Error::io(path, source)
         }
-        image::ImageError::Unsupported(_) => Error::input(path, format!("is not a PNG or JPEG image: {text}")),
+        image::ImageError::Unsupported(_) => {
+            Error::input(path, format!("is not a PNG, JPEG, WebP, TIFF or BMP image: {text}"))
+        }
         _ => Error::input(path, format!("cannot be decoded: {text}")),
     }
 }
 
-/// Width and height from the file's header.
-pub(super) fn size(path: &Path) -> Result<[u32; 2]> {
+/// What the file's header says.
+pub(super) fn open(path: &Path) -> Result<Header> {
     let at = |source| Error::io(path, source);
     let file = File::open(path).map_err(at)?;
     let length = file.metadata().map_err(at)?.len();
     header(BufReader::new(file), length, path)
 }
 
-/// Width and height from the header of an image of `length` bytes.
-fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 2]> {
+/// What the header of an image of `length` bytes says.
+fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<Header> {
     let reader = reader(input, path)?;
-    let densest = if reader.format() == Some(ImageFormat::Jpeg) { JPEG_PIXELS_PER_BYTE } else { PNG_PIXELS_PER_BYTE };
-    let (width, height) = reader.into_dimensions().map_err(|error| decode_error(path, error))?;
+    let densest = match reader.format() {
+        Some(ImageFormat::Jpeg) => JPEG_PIXELS_PER_BYTE,
+        Some(ImageFormat::WebP) => u64::MAX,
+        _ => PNG_PIXELS_PER_BYTE,
+    };
+    let decoder = reader.into_decoder().map_err(|error| decode_error(path, error))?;
+    let (width, height) = decoder.dimensions();
     let pixels = width as u64 * height as u64;
     // guard: images: sizes
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
@@ -142,7 +236,8 @@ fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<[u32; 
         let what = format!("says that it is {width} × {height}, more than {length} bytes can hold");
         return Err(Error::input(path, what));
     }
-    Ok([width, height])
+    let color = decoder.color_type();
+    Ok(Header { size: [width, height], bytes_per_pixel: color.bytes_per_pixel(), has_alpha: color.has_alpha() })
 }
 
 /// The size with the longer side at most `max_size`, never enlarged, each side at least 1.
@@ -156,40 +251,70 @@ pub(super) fn fit([width, height]: [u32; 2], max_size: Option<u32>) -> [u32; 2] 
     }
 }
 
-/// Decodes, puts alpha over `background` (sRGB values, as NeRF does), takes out the lens and shrinks, in this order.
-/// Orientation tags are ignored, as structure-from-motion tools ignore them.
-pub(super) fn load(
-    path: &Path,
-    expected: [u32; 2],
-    lens: Option<&Lens>,
-    to: [u32; 2],
-    background: [f32; 3],
-) -> Result<Image> {
+/// Bytes of memory that [`load`] takes at most, but for the file's own.
+pub(super) fn bytes_to_load(file: &ImageFile, to: [u32; 2]) -> u64 {
+    let pixels = |[width, height]: [u32; 2]| width as u64 * height as u64;
+    // Twice, since what is decoded may be converted, and a decoder holds something beside it; and the mask. What is made: four
+    // floats, and the bytes in the end.
+    (2 * u64::from(file.bytes_per_pixel) + 1) * pixels(file.size) + (16 + 4) * pixels(to)
+}
+
+/// Decodes, puts alpha over `background` (sRGB values, as NeRF does) or takes it for a mask, takes out the lens and shrinks,
+/// in this order. Orientation tags are ignored, as structure-from-motion tools ignore them.
+pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Result<Image> {
+    let path = &file.path;
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
-    let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?;
+    let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
     // guard: images: the size they had
-    if found != expected {
-        let [[w, h], [ew, eh]] = [found, expected];
+    if found != file.size {
+        let [[w, h], [ew, eh]] = [found, file.size];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
     }
-    decode(&bytes, path, expected, lens, to, background)
+    let decoded = decode(&bytes, path, found)?;
+    drop(bytes);
+    let mask = file.mask.as_deref().map(|path| read_mask(path, found)).transpose()?;
+    Ok(prepare(decoded, mask, file.lens.as_ref(), file.alpha, background, to))
+}
+
+fn prepare(
+    decoded: DynamicImage,
+    mask: Option<GrayImage>,
+    lens: Option<&Lens>,
+    alpha: Alpha,
+    background: [f32; 3],
+    to: [u32; 2],
+) -> Image {
+    let [width, height] = to;
+    let same_size = [decoded.width(), decoded.height()] == to;
+    if lens.is_none() && mask.is_none() && same_size && !decoded.color().has_alpha() {
+        return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
+    }
+    Source { pixels: Buffer::new(decoded), mask, alpha, background, lens }.prepare(to)
+}
+
+/// The mask of a photo of this size, which may be a reduced copy of what the mask was made for.
+fn read_mask(path: &Path, [width, height]: [u32; 2]) -> Result<GrayImage> {
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let size = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
+    let [w, h] = size.map(f64::from);
+    // As of intrinsics: a reduced side is rounded to a whole pixel.
+    let (scale_x, scale_y) = (f64::from(width) / w, f64::from(height) / h);
+    if (f64::from(width) - w * scale_y).abs() > 1.0 && (f64::from(height) - h * scale_x).abs() > 1.0 {
+        let what = format!("the mask is {w} × {h}, but its photo is {width} × {height}, of another aspect");
+        return Err(Error::input(path, what));
+    }
+    Ok(decode(&bytes, path, size)?.into_luma8())
 }
 
 /// Decodes `bytes` as [`load`] does, in the size they say.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
-    let size = header(Cursor::new(bytes), bytes.len() as u64, path)?;
-    decode(bytes, path, size, None, size, [0.0; 3]).map(drop)
+    let size = header(Cursor::new(bytes), bytes.len() as u64, path)?.size;
+    prepare(decode(bytes, path, size)?, None, None, Alpha::Background, [0.0; 3], size);
+    Ok(())
 }
 
-fn decode(
-    bytes: &[u8],
-    path: &Path,
-    expected: [u32; 2],
-    lens: Option<&Lens>,
-    to: [u32; 2],
-    background: [f32; 3],
-) -> Result<Image> {
+fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage> {
     // guard: images: ends
     if jpeg_is_cut(bytes) {
         return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
@@ -200,21 +325,10 @@ fn decode(
     let decoded = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| reader.decode()))
         .map_err(|_| Error::input(path, "cannot be decoded: the image is damaged"))?
         .map_err(|error| decode_error(path, error))?;
-    let [width, height] = expected;
     if [decoded.width(), decoded.height()] != expected {
         return Err(Error::input(path, "its pixels have another size than its header says"));
     }
-    if lens.is_none() && to == expected && !decoded.color().has_alpha() {
-        return Ok(Image { width, height, rgb: decoded.into_rgb8().into_raw() });
-    }
-    let mut pixels = Pixels { width, height, rgb: composite(decoded, background) };
-    if let Some(lens) = lens {
-        pixels = lens.undistort(&pixels);
-    }
-    if to != expected {
-        pixels = pixels.shrink(to[0], to[1]);
-    }
-    Ok(pixels.quantise())
+    Ok(decoded)
 }
 
 /// Whether `bytes` begin a JPEG image (ITU T.81, annex B) that never ends. The decoder fills what is missing with grey and says
@@ -243,75 +357,114 @@ fn jpeg_is_cut(bytes: &[u8]) -> bool {
     true
 }
 
-fn composite(image: DynamicImage, background: [f32; 3]) -> Vec<[f32; 3]> {
-    if !image.color().has_alpha() {
-        return image.into_rgb32f().pixels().map(|p| p.0).collect();
-    }
-    let over = |[r, g, b, a]: [f32; 4]| [r, g, b].map(|v| v * a).into_iter().zip(background.map(|v| v * (1.0 - a)));
-    let blend = |p: [f32; 4]| {
-        let mut out = [0.0; 3];
-        out.iter_mut().zip(over(p)).for_each(|(out, (front, back))| *out = front + back);
-        out
-    };
-    image.into_rgba32f().pixels().map(|p| blend(p.0)).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
+    use super::super::lens::{Distortion, Frame};
     use super::*;
 
+    fn source(image: DynamicImage, alpha: Alpha, background: [f32; 3]) -> Source<'static> {
+        Source { pixels: Buffer::new(image), mask: None, alpha, background, lens: None }
+    }
+
+    fn two(left: [u8; 4], right: [u8; 4]) -> DynamicImage {
+        DynamicImage::ImageRgba8(RgbaImage::from_vec(2, 1, [left, right].concat()).unwrap())
+    }
+
     #[test]
-    fn shrinking_keeps_the_mean_whatever_the_sizes() {
-        let (width, height) = (37, 23);
-        let rgb: Vec<[f32; 3]> =
-            (0..width * height).map(|i| [(i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0, 0.25]).collect();
-        let image = Pixels { width, height, rgb };
-        let mean = |p: &Pixels, c: usize| p.rgb.iter().map(|v| v[c] as f64).sum::<f64>() / p.rgb.len() as f64;
-        for (w, h) in [(36, 22), (18, 11), (10, 7), (1, 1), (37, 3)] {
-            let small = image.shrink(w, h);
-            assert_eq!(small.rgb.len(), (w * h) as usize);
-            for c in 0..3 {
-                // Float32 weights: 1e-7 each.
-                assert!((mean(&small, c) - mean(&image, c)).abs() < 1e-6, "{w} × {h}");
-            }
+    fn sampling_is_exact_at_centres_clamped_outside_and_goes_round_a_sphere() {
+        let grey = DynamicImage::ImageLuma8(GrayImage::from_vec(2, 2, vec![0, 51, 102, 204]).unwrap());
+        let image = source(grey, Alpha::Background, [0.0; 3]);
+        let at = |x, y, wraps| (image.sample(x, y, wraps)[0] * 255.0 * 1e3).round() / 1e3;
+        assert_eq!(at(1.5, 0.5, false), 51.0);
+        assert_eq!(at(1.0, 1.0, false), 89.25);
+        assert_eq!(at(-9.0, 1e9, false), 102.0);
+        assert_eq!(at(f64::NAN, f64::INFINITY, false), 102.0);
+        assert_eq!([at(0.0, 0.5, false), at(2.0, 0.5, false)], [0.0, 51.0]);
+        assert_eq!([at(0.0, 0.5, true), at(2.0, 0.5, true), at(0.5, 0.5, true)], [25.5, 25.5, 0.0]);
+    }
+
+    #[test]
+    fn alpha_is_composited_on_srgb_values_or_is_a_mask() {
+        let image = || two([200, 100, 0, 51], [9, 8, 7, 0]);
+        let out = source(image(), Alpha::Background, [1.0, 0.0, 0.5]);
+        let expected = [[0.2 * 200.0 / 255.0 + 0.8, 0.2 * 100.0 / 255.0, 0.4, 1.0], [1.0, 0.0, 0.5, 1.0]];
+        for (x, expected) in expected.iter().enumerate() {
+            assert!(out.at(x as u32, 0).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6));
+        }
+        assert_eq!(out.prepare([2, 1]).mask, None);
+        let out = source(two([200, 100, 0, 128], [9, 8, 7, 127]), Alpha::Mask, [1.0; 3]).prepare([2, 1]);
+        assert_eq!(out, Image { width: 2, height: 1, rgb: vec![200, 100, 0, 9, 8, 7], mask: Some(vec![true, false]) });
+        assert_eq!(out.packed(), [0xff00_64c8, 0x0007_0809]);
+    }
+
+    #[test]
+    fn sixteen_bits_and_floats_become_the_same_bytes() {
+        let wide = DynamicImage::ImageRgb16(ImageBuffer::from_vec(1, 1, vec![65535, 32896, 257]).unwrap());
+        let float =
+            DynamicImage::ImageRgb32F(ImageBuffer::from_vec(1, 1, vec![1.5, 128.0 / 255.0, 1.0 / 255.0]).unwrap());
+        for image in [wide, float] {
+            assert_eq!(source(image, Alpha::Background, [0.0; 3]).prepare([1, 1]).rgb, [255, 128, 1]);
         }
     }
 
     #[test]
-    fn halving_is_the_mean_of_four() {
-        let rgb = (0..16).map(|i| [i as f32; 3]).collect();
-        let small = Pixels { width: 4, height: 4, rgb }.shrink(2, 2);
-        assert_eq!(small.rgb, [[2.5; 3], [4.5; 3], [10.5; 3], [12.5; 3]]);
+    fn a_reduced_pixel_counts_where_all_it_is_made_of_does() {
+        let white = DynamicImage::ImageRgb8(RgbImage::from_pixel(6, 2, image::Rgb([255; 3])));
+        let mut all = source(white, Alpha::Background, [0.0; 3]);
+        // Of half the size: each of its pixels is two of the photo's.
+        all.mask = Some(GrayImage::from_vec(3, 1, vec![255, 1, 0]).unwrap());
+        assert_eq!(all.prepare([6, 2]).mask.unwrap(), [true, true, true, true, false, false].repeat(2));
+        assert_eq!(all.prepare([3, 1]).mask.unwrap(), [true, true, false]);
+        assert_eq!(all.prepare([2, 1]).mask.unwrap(), [true, false]);
+        all.mask = Some(GrayImage::from_vec(1, 1, vec![3]).unwrap());
+        assert_eq!(all.prepare([2, 1]).mask, None);
     }
 
+    /// What a lens does not show is masked, not smeared.
     #[test]
-    fn coverage_touches_every_pixel_once() {
-        for (from, to) in [(5, 3), (100, 99), (3, 1), (4946, 1237), (7, 7), (32768, 32767)] {
-            let mut total = vec![0.0f64; from as usize];
-            for (first, weights) in coverage(from, to) {
-                assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
-                weights.iter().enumerate().for_each(|(i, &w)| total[first + i] += w as f64 * from as f64 / to as f64);
+    fn a_distorted_picture_of_a_smooth_function_becomes_the_function() {
+        let file = Frame { width: 64, height: 48, fx: 60.0, fy: 62.0, cx: 33.0, cy: 23.5 };
+        let f = |x: f64, y: f64| {
+            [0.5 + 0.4 * (2.0 * x).sin(), 0.5 + 0.4 * (1.5 * y).cos(), 0.5 + 0.3 * x * y].map(|v| v as f32)
+        };
+        for distortion in [
+            Distortion::opencv(-0.15, 0.04, 0.004, -0.003),
+            Distortion::opencv(0.3, 0.0, 0.0, 0.0),
+            Distortion::fisheye([0.02, -0.01, 0.0, 0.0]),
+            Distortion::Unified { alpha: 0.6, beta: 1.1 },
+        ] {
+            let lens = Lens::new(file, distortion);
+            let rgb = (0..64 * 48).map(|i| {
+                let target = ((i % 64) as f64 + 0.5, (i / 64) as f64 + 0.5);
+                // The inverse by fixed-point iteration, in pixels of the view.
+                let (mut x, mut y) = target;
+                for _ in 0..200 {
+                    let to = lens.source(x, y).0;
+                    (x, y) = (x + 0.7 * (target.0 - to.x), y + 0.7 * (target.1 - to.y));
+                }
+                f((x - file.cx) / file.fx, (y - file.cy) / file.fy)
+            });
+            let pixels = Buffer::Float(
+                ImageBuffer::from_vec(64, 48, rgb.flat_map(|[r, g, b]| [r, g, b, 1.0]).collect()).unwrap(),
+            );
+            let all = Source { pixels, mask: None, alpha: Alpha::Background, background: [0.0; 3], lens: Some(&lens) };
+            let out = all.prepare([64, 48]);
+            let mut worst = 0.0f32;
+            for (i, got) in out.rgb.chunks_exact(3).enumerate() {
+                let (x, y) = ((i % 64) as f64 + 0.5, (i / 64) as f64 + 0.5);
+                let inside = lens.source(x, y).1;
+                assert_eq!(inside, out.mask.as_ref().is_none_or(|mask| mask[i]), "{distortion:?} at {x}, {y}");
+                if inside {
+                    let truth = f((x - file.cx) / file.fx, (y - file.cy) / file.fy);
+                    let error = (0..3).map(|c| (f32::from(got[c]) / 255.0 - truth[c]).abs());
+                    worst = error.fold(worst, f32::max);
+                }
             }
-            assert!(total.iter().all(|t| (t - 1.0).abs() < 1e-4), "{from} to {to}");
-        }
-    }
-
-    #[test]
-    fn sampling_is_exact_at_centres_and_clamped_outside() {
-        let image = Pixels { width: 2, height: 2, rgb: vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]] };
-        assert_eq!(image.sample(1.5, 0.5), [1.0; 3]);
-        assert_eq!(image.sample(1.0, 1.0), [1.5; 3]);
-        assert_eq!(image.sample(-9.0, 1e9), [2.0; 3]);
-        assert_eq!(image.sample(f64::NAN, f64::INFINITY), [2.0; 3]);
-    }
-
-    #[test]
-    fn alpha_is_composited_on_srgb_values() {
-        let pixels = image::RgbaImage::from_vec(2, 1, vec![200, 100, 0, 51, 9, 9, 9, 0]).unwrap();
-        let out = composite(DynamicImage::ImageRgba8(pixels), [1.0, 0.0, 0.5]);
-        let expected = [[0.2 * 200.0 / 255.0 + 0.8, 0.2 * 100.0 / 255.0, 0.4], [1.0, 0.0, 0.5]];
-        for (a, b) in out.iter().flatten().zip(expected.iter().flatten()) {
-            assert!((a - b).abs() < 1e-6);
+            // Bilinear error is h²/8 · f'' = (1/60)²/8 · 1.6 = 6e-5 and rounding to bytes 2e-3; half a pixel of edge clamping adds
+            // at most 0.8/120 = 7e-3.
+            assert!(worst < 9e-3, "{distortion:?}: {worst}");
         }
     }
 
@@ -323,45 +476,108 @@ mod tests {
         assert_eq!(fit([1, 3000], Some(10)), [1, 10]);
     }
 
+    fn file(path: &Path) -> Result<ImageFile> {
+        let Header { size, bytes_per_pixel, .. } = open(path)?;
+        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, lens: None, mask: None, alpha: Alpha::Background })
+    }
+
+    #[test]
+    fn every_format_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]));
+        for ending in ["png", "webp", "tif", "bmp"] {
+            let path = folder.path().join(format!("a.{ending}"));
+            picture.save(&path).unwrap();
+            let found = file(&path).unwrap();
+            assert_eq!((found.size, found.bytes_per_pixel), ([9, 7], 3), "{ending}");
+            assert_eq!(load(&found, [9, 7], [0.0; 3]).unwrap().rgb, *picture.as_raw(), "{ending}");
+            // 7 bytes for each pixel of the file, 20 for each of the result.
+            assert_eq!(bytes_to_load(&found, [3, 2]), 7 * 63 + 20 * 6);
+        }
+    }
+
     #[test]
     fn what_is_no_image_is_named_and_damage_never_panics() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
+        let read = || file(&path).and_then(|file| load(&file, file.size, [0.0; 3]));
         let fails = |bytes: &[u8]| {
             std::fs::write(&path, bytes).unwrap();
-            size(&path).and_then(|s| load(&path, s, None, s, [0.0; 3])).unwrap_err().to_string()
+            read().unwrap_err().to_string()
         };
         assert!(fails(b"").contains("a.png"));
-        assert!(fails(b"GIF89a").contains("a.png"));
-        let mut png = std::io::Cursor::new(Vec::new());
-        let mut jpeg = std::io::Cursor::new(Vec::new());
-        let image = image::RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]));
-        image.write_to(&mut png, image::ImageFormat::Png).unwrap();
-        image.write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+        assert!(fails(b"GIF89a").contains("PNG, JPEG, WebP, TIFF or BMP"));
+        let picture = RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]));
+        let formats = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff, ImageFormat::Bmp];
+        let [png, jpeg, webp, tiff, bmp] = formats.map(|format| {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            bytes.into_inner()
+        });
         // The width in a PNG's header, and its checksum.
-        let mut huge = png.get_ref().clone();
+        let mut huge = png.clone();
         huge[16..20].copy_from_slice(&70000u32.to_be_bytes());
         let checksum = crc(&huge[12..29]).to_be_bytes();
         huge[29..33].copy_from_slice(&checksum);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
-        let cut = &jpeg.get_ref()[..jpeg.get_ref().len() - 2];
+        let cut = &jpeg[..jpeg.len() - 2];
         assert!(fails(cut).contains("without its end"), "{}", fails(cut));
-        for whole in [png.into_inner(), jpeg.into_inner()] {
+        for whole in [png, jpeg, webp, tiff, bmp] {
             for at in 0..whole.len() {
                 let mut bytes = whole.clone();
                 bytes[at] ^= 0x55;
                 std::fs::write(&path, &bytes).unwrap();
-                let _ = size(&path).and_then(|s| load(&path, s, None, s, [0.0; 3]));
+                let _ = read();
                 std::fs::write(&path, &whole[..at]).unwrap();
-                let _ = size(&path).and_then(|s| load(&path, s, None, s, [0.0; 3]));
+                let _ = read();
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1500))]
+        #[test]
+        fn no_damage_makes_the_reader_panic(which in 0..5usize, cut in 0.0..2.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..6)) {
+            let formats = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff, ImageFormat::Bmp];
+            let mut bytes = Cursor::new(Vec::new());
+            RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]))
+                .write_to(&mut bytes, formats[which])
+                .unwrap();
+            let mut bytes = bytes.into_inner();
+            for (at, value) in flips {
+                let at = (at * bytes.len() as f64) as usize;
+                bytes[at] ^= value;
+            }
+            bytes.truncate((cut * bytes.len() as f64) as usize);
+            if let Err(error) = check(&bytes, Path::new("a.png")) {
+                prop_assert!(error.to_string().starts_with("a.png: "));
             }
         }
     }
 
     #[test]
+    fn masks_of_another_aspect_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (photo, mask) = (folder.path().join("a.png"), folder.path().join("m.png"));
+        RgbImage::new(8, 6).save(&photo).unwrap();
+        let with = |width, height| {
+            GrayImage::from_fn(width, height, |x, _| image::Luma([u8::from(x < width / 2)])).save(&mask).unwrap();
+            load(&ImageFile { mask: Some(mask.clone()), ..file(&photo).unwrap() }, [8, 6], [0.0; 3])
+        };
+        for (width, height) in [(8, 6), (4, 3), (80, 60)] {
+            assert_eq!(
+                with(width, height).unwrap().mask.unwrap()[..8],
+                [true, true, true, true, false, false, false, false]
+            );
+        }
+        let message = with(6, 8).unwrap_err().to_string();
+        assert!(message.contains("m.png") && message.contains("6 × 8") && message.contains("8 × 6"), "{message}");
+    }
+
+    #[test]
     fn more_pixels_than_the_bytes_can_hold_are_refused() {
         let mut png = Cursor::new(Vec::new());
-        image::RgbImage::new(9, 7).write_to(&mut png, image::ImageFormat::Png).unwrap();
+        RgbImage::new(9, 7).write_to(&mut png, ImageFormat::Png).unwrap();
         let mut bytes = png.into_inner();
         bytes[16..20].copy_from_slice(&8000u32.to_be_bytes());
         bytes[20..24].copy_from_slice(&8000u32.to_be_bytes());

@@ -1,24 +1,39 @@
 //! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
 
+mod assemble;
 mod atomic;
 pub mod builtin;
 mod check;
 mod colmap;
 mod dataset;
-mod distortion;
 mod images;
+mod kind;
+mod lens;
+mod lists;
+mod names;
+mod places;
 pub mod ply;
 mod ply_format;
+mod reduce;
 mod region;
+mod shot;
+mod sound;
 pub mod tensors;
 mod transforms;
 mod write;
 
+pub use atomic::sweep;
 pub use check::FileKind;
-pub use dataset::{Dataset, DatasetKind, DatasetOptions, ImageFile, Photo, PixelSource, Split};
-pub use distortion::{Distortion, Lens};
+pub use dataset::{
+    Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split, load_photos,
+};
 pub use images::Image;
-pub use ply::{PointCloud, read_points, read_scene, write_scene};
-pub use region::Focus;
+pub use kind::Kind;
+pub use lens::{Distortion, Frame, Lens, Polynomial};
+pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_scene};
+pub use region::{Focus, NEAR};
+pub use sound::Dropped;
 pub use tensors::{read_tensors, write_tensors};
-pub use write::{to_byte, write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb, write_text};
+pub use write::{
+    to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,
+};

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use super::atomic::write_whole;
 use super::ply_format::{Element, Ply};
+use super::sound::{self, Dropped};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -21,18 +22,15 @@ pub struct PointCloud {
     pub colors: Vec<[u8; 3]>,
 }
 
-const BASE: &str = "vertex";
-const SUPPLEMENT: &str = "augmented";
-const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
+pub(super) const BASE: &str = "vertex";
+pub(super) const SUPPLEMENT: &str = "augmented";
+pub(super) const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
 
 /// Everything but f_rest, in the order of [`Columns::fixed`].
-const FIXED: [&str; 14] = [
+pub(super) const FIXED: [&str; 14] = [
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
     "rot_3",
 ];
-
-/// Lobe widths T are kept in this range by the method (section 1).
-const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
 /// Reads a 3DGS scene, with its supplement if it has one. Properties may have any order and any numeric type; those that are
 /// not known, and unknown elements, are skipped. Numbers must be finite in 32 bits and rotations not zero.
@@ -42,18 +40,24 @@ pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
     parse_scene(&bytes, path)
 }
 
+/// Reads what is sound of a 3DGS scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
+/// [`read_scene`] refuses; here they are dropped and counted.
+pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
+    let path = path.as_ref();
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let mut scene = parse_rows(&bytes, path)?;
+    let dropped = sound::drop_faults(&mut scene);
+    Ok((scene, dropped))
+}
+
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) as a second element.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     let path = path.as_ref();
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
-    check_gaussians(BASE, &scene.base).map_err(refuse)?;
-    if let Some(supplement) = &scene.supplement {
-        check_gaussians(SUPPLEMENT, &supplement.gaussians).map_err(refuse)?;
-        check_lobes(supplement).map_err(refuse)?;
-        if supplement.gaussians.sh_degree != scene.base.sh_degree {
-            return Err(refuse("the supplement has another SH degree than the base".into()));
-        }
+    sound::check(scene).map_err(refuse)?;
+    if scene.supplement.as_ref().is_some_and(|s| s.gaussians.sh_degree != scene.base.sh_degree) {
+        return Err(refuse("the supplement has another SH degree than the base".into()));
     }
     write_whole(path, |file| {
         let rest = 3 * (scene.base.sh_coefficients() - 1);
@@ -74,6 +78,13 @@ pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
         write_rows(file, &scene.base, None)?;
         supplement.map_or(Ok(()), |s| write_rows(file, &s.gaussians, Some(&s.lobes)))
     })
+}
+
+/// Bytes of the file that [`write_scene`] makes of so many base and supplementary Gaussians, but for its header of 2 KB.
+pub fn scene_bytes(base: u64, supplementary: u64, sh_degree: u32) -> u64 {
+    // Normals are written too; the constant band is among the fixed.
+    let row = FIXED.len() as u64 + 3 + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1);
+    4 * (base * row + supplementary * (row + LOBE.len() as u64))
 }
 
 fn write_rows(file: &mut impl Write, gaussians: &Gaussians, lobes: Option<&Lobes>) -> std::io::Result<()> {
@@ -103,8 +114,8 @@ fn write_rows(file: &mut impl Write, gaussians: &Gaussians, lobes: Option<&Lobes
     Ok(())
 }
 
-/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue (integers 0 to 255).
-/// Points without colour are mid grey.
+/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
+/// if none is larger. Points without colour are mid grey.
 pub fn read_points(path: impl AsRef<Path>) -> Result<PointCloud> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
@@ -122,10 +133,9 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         [None, None, None] => None,
         _ => return Err(fail(format!("element `{BASE}` has only some of `red`, `green`, `blue`"))),
     };
-    if let Some(float) = rgb.iter().flatten().map(|&p| &element.properties[p]).find(|p| !p.number.is_integer()) {
-        return Err(fail(format!("property `{}` must be an integer type, 0 to 255", float.name)));
-    }
+    let floats = rgb.iter().flatten().any(|&p| !element.properties[p].number.is_integer());
     let mut cloud = PointCloud::default();
+    let (mut colors, mut largest) = (Vec::new(), 0.0f64);
     ply.for_each_row(|element, row, values| {
         if element.name != BASE {
             return Ok(());
@@ -141,9 +151,13 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
             return Err(fail(format!("row {row} of element `{BASE}`: colour value {bad} is not in 0 to 255")));
         }
         cloud.positions.push(position);
-        cloud.colors.push(color.map(|v| v as u8));
+        // Every value up to 255 is held by a float32 closely enough to become its byte.
+        colors.push(color.map(|v| v as f32));
+        largest = color.iter().copied().fold(largest, f64::max);
         Ok(())
     })?;
+    let unit = if floats && largest <= 1.0 { 255.0 } else { 1.0 };
+    cloud.colors = colors.into_iter().map(|color| color.map(|v| (v * unit).round() as u8)).collect();
     Ok(cloud)
 }
 
@@ -226,6 +240,13 @@ impl Columns {
 
 /// `path` is only named in errors.
 pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let scene = parse_rows(bytes, path)?;
+    sound::check(&scene).map_err(|what| Error::input(path, what))?;
+    Ok(scene)
+}
+
+/// The scene, whatever its numbers are.
+fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     if let Some(kind) = describe_non_splats(&ply) {
@@ -251,13 +272,7 @@ pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
         }
         Ok(())
     })?;
-    check_gaussians(BASE, &base).map_err(fail)?;
-    let supplement = extra_columns.map(|_| Supplement { gaussians: extra, lobes });
-    if let Some(supplement) = &supplement {
-        check_gaussians(SUPPLEMENT, &supplement.gaussians).map_err(fail)?;
-        check_lobes(supplement).map_err(fail)?;
-    }
-    Ok(Scene { base, supplement })
+    Ok(Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -271,75 +286,6 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
         return None;
     }
     Some(if ply.element("face").is_some() { "a mesh" } else { "a point cloud" })
-}
-
-/// Lengths, finiteness and rotations; what is wrong names element, row and property.
-fn check_gaussians(element: &str, gaussians: &Gaussians) -> Result<(), String> {
-    if gaussians.sh_degree > 3 {
-        return Err(format!("`{element}` has SH degree {}; 0 to 3 are known", gaussians.sh_degree));
-    }
-    let (n, k) = (gaussians.len(), gaussians.sh_coefficients());
-    let lengths =
-        [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len(), gaussians.sh.len() / k];
-    if lengths != [n; 4] || gaussians.sh.len() != n * k {
-        return Err(format!("`{element}` has {n} means but other numbers of scales, rotations, opacities or SH"));
-    }
-    let bad = |row: usize, name: &str| format!("row {row} of element `{element}`: `{name}` is not a finite number");
-    // guard: PLY: numbers
-    let vector = |row: usize, values: &[f32], names: &[&str]| match values.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(bad(row, names[i])),
-        None => Ok(()),
-    };
-    for i in 0..n {
-        vector(i, &gaussians.means[i], &FIXED[..3])?;
-        vector(i, &gaussians.sh[i * k], &FIXED[3..6])?;
-        vector(i, &[gaussians.opacities[i]], &FIXED[6..7])?;
-        vector(i, &gaussians.log_scales[i], &FIXED[7..10])?;
-        let quat = gaussians.quats[i];
-        vector(i, &quat, &FIXED[10..])?;
-        // guard: PLY: rotations
-        if !has_direction(&quat) {
-            return Err(format!("row {i} of element `{element}`: the rotation `rot_0..3` = {quat:?} has no direction"));
-        }
-        for (coefficient, rgb) in gaussians.sh[i * k + 1..(i + 1) * k].iter().enumerate() {
-            // guard: PLY: SH
-            if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
-                return Err(bad(i, &format!("f_rest_{}", channel * (k - 1) + coefficient)));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
-fn has_direction(finite: &[f32]) -> bool {
-    finite.iter().any(|v| v.is_normal())
-}
-
-fn check_lobes(supplement: &Supplement) -> Result<(), String> {
-    let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
-    if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
-        return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
-    }
-    for i in 0..n {
-        let place = |what: String| Err(format!("row {i} of element `{SUPPLEMENT}`: {what}"));
-        let [x, y, z] = lobes.directions[i];
-        for (value, name) in [x, y, z, lobes.widths[i], lobes.sharpness[i]].into_iter().zip(LOBE) {
-            // guard: PLY: lobes
-            if !value.is_finite() {
-                return place(format!("`{name}` is not a finite number"));
-            }
-        }
-        // guard: PLY: directions
-        if !has_direction(&[x, y, z]) {
-            return place(format!("the lobe direction {:?} has no direction", [x, y, z]));
-        }
-        // guard: PLY: widths
-        if !LOBE_WIDTHS.contains(&lobes.widths[i]) {
-            return place(format!("`lobe_width` is {}, expected 0.01 to 1", lobes.widths[i]));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -383,7 +329,12 @@ mod tests {
         let path = folder.path().join("scene.ply");
         write_scene(&path, scene).unwrap();
         assert_eq!(&read_scene(&path).unwrap(), scene);
-        fs::read(&path).unwrap()
+        let bytes = fs::read(&path).unwrap();
+        let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let extra = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+        let expected = scene_bytes(scene.base.len() as u64, extra as u64, scene.base.sh_degree);
+        assert_eq!((bytes.len() - header) as u64, expected);
+        bytes
     }
 
     fn error(bytes: &[u8]) -> String {
@@ -498,9 +449,9 @@ mod tests {
     #[test]
     fn what_is_no_3dgs_ply_is_called_what_it_is() {
         expect(b"", &["empty"]);
-        expect(b"solid cube", &["does not begin with a line `ply`"]);
+        expect(b"solid cube", &["nothing that glint knows", "not a PLY"]);
         expect(b"NGSP\x04", &["SPZ"]);
-        expect(b"\x1f\x8b\x08", &["SPZ"]);
+        expect(b"\x1f\x8b\x08", &["gzip", "SPZ"]);
         let head = "ply\nformat ascii 1.0\nelement vertex 0\n";
         let xyz = "property float x\nproperty float y\nproperty float z\n";
         expect(format!("{head}{xyz}end_header\n").as_bytes(), &["point cloud", "3DGS"]);
@@ -625,6 +576,52 @@ mod tests {
         expect(text.replacen("-70000", "ten", 1).as_bytes(), &["row 0", "`ten` is not a number"]);
     }
 
+    /// Real exports have infinite opacities here and there.
+    #[test]
+    fn a_lenient_reader_drops_and_counts_what_is_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ply");
+        let read = |edit: &dyn Fn(&mut Scene)| {
+            let sound = scene(1, true);
+            let mut edited = sound.clone();
+            edit(&mut edited);
+            let mut bytes = written(&sound);
+            let rows = scene_bytes(3, 2, 1) as usize;
+            bytes.truncate(bytes.len() - rows);
+            write_rows(&mut bytes, &edited.base, None).unwrap();
+            let supplement = edited.supplement.unwrap();
+            write_rows(&mut bytes, &supplement.gaussians, Some(&supplement.lobes)).unwrap();
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(read_scene(&path).is_ok(), read_scene_leniently(&path).unwrap().1.first.is_none());
+            let (found, dropped) = read_scene_leniently(&path).unwrap();
+            let left = (found.base.means.clone(), found.supplement.clone().unwrap().lobes.widths);
+            sound::check(&found).unwrap();
+            (left, dropped)
+        };
+        let all = scene(1, true);
+        let (means, widths) = (all.base.means.clone(), all.supplement.unwrap().lobes.widths);
+        let (left, dropped) = read(&|_| ());
+        assert_eq!((left, dropped), ((means.clone(), widths.clone()), Dropped::default()));
+        let (left, dropped) = read(&|s| s.base.opacities[1] = f32::INFINITY);
+        assert_eq!(left, (vec![means[0], means[2]], widths.clone()));
+        assert_eq!((dropped.base, dropped.supplementary), (1, 0));
+        assert!(dropped.first.unwrap().contains("row 1 of element `vertex`: `opacity`"));
+        let (left, dropped) = read(&|s| {
+            s.base.log_scales[0][2] = f32::NEG_INFINITY;
+            s.base.quats[2] = [0.0; 4];
+            s.supplement.as_mut().unwrap().lobes.widths[1] = 2.0;
+        });
+        assert_eq!((left, dropped.base, dropped.supplementary), ((vec![means[1]], vec![widths[0]]), 2, 1));
+        let (left, dropped) = read(&|s| {
+            s.base.sh.iter_mut().for_each(|rgb| rgb[1] = f32::NAN);
+            s.supplement.as_mut().unwrap().gaussians.means[0][1] = f32::NAN;
+        });
+        assert_eq!((left, dropped.base, dropped.supplementary), ((Vec::new(), vec![widths[1]]), 3, 1));
+        // A file that is no scene is none for this reader either.
+        fs::write(&path, "solid cube").unwrap();
+        assert!(read_scene_leniently(&path).is_err());
+    }
+
     #[test]
     fn point_clouds_are_read_with_and_without_colour() {
         let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty float y\nproperty float z\n";
@@ -637,7 +634,12 @@ mod tests {
         assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
         let error = |text: String| parse_points(text.as_bytes(), Path::new("p.ply")).unwrap_err().to_string();
         assert!(error(format!("{head}{rgb}1 2 3 0 9 256\n4 5 6 7 8 9\n")).contains("256"));
-        assert!(error(format!("{head}{}1 2 3 0 9 1\n4 5 6 7 8 9\n", rgb.replace("uchar", "float"))).contains("`red`"));
+        let floats = rgb.replace("uchar", "float");
+        let colors =
+            |rows: &str| parse_points(format!("{head}{floats}{rows}").as_bytes(), Path::new("p.ply")).unwrap().colors;
+        assert_eq!(colors("1 2 3 0 0.2 1\n4 5 6 0.5 0.001 1.0\n"), [[0, 51, 255], [128, 0, 255]]);
+        assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
+        assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
         assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
         assert!(error(format!("{head}end_header\n1 inf 3\n4 5 6\n")).contains("row 0"));
     }

@@ -6,6 +6,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use super::kind::Kind;
 use crate::{Error, Result};
 
 /// A header longer than this is not one: splats of SH degree 3 need 1.6 KB.
@@ -142,8 +143,8 @@ impl<'a> Ply<'a> {
     /// `path` is only named in errors.
     pub(super) fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Ply<'a>> {
         let fail = |what: String| Error::input(path, what);
-        if !bytes.starts_with(b"ply\n") && !bytes.starts_with(b"ply\r\n") {
-            return Err(fail(describe_foreign(bytes)));
+        if Kind::of(bytes, path) != Kind::Ply {
+            return Err(fail(format!("is {}, not a PLY", Kind::of(bytes, path))));
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
@@ -374,18 +375,4 @@ impl<'a> Ply<'a> {
         let what = format!("row {row} of element `{}`: the list `{}` has no valid length", element.name, property.name);
         Error::input(self.path, what)
     }
-}
-
-/// What a file that is not PLY seems to be.
-fn describe_foreign(bytes: &[u8]) -> String {
-    let kind = match bytes {
-        [] => "is empty, not a PLY",
-        [0x1f, 0x8b, ..] => "is gzip data (an SPZ scene is), not a PLY",
-        [b'N', b'G', b'S', b'P', ..] => "is an SPZ scene, not a PLY",
-        [b'P', b'K', 3, 4, ..] => "is a ZIP archive (an SOG scene is), not a PLY",
-        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, ..] => "is an image, not a PLY",
-        [b'g', b'l', b'T', b'F', ..] => "is a glTF model, not a PLY",
-        _ => "does not begin with a line `ply`, so it is not a PLY",
-    };
-    kind.to_owned()
 }

@@ -3,15 +3,19 @@
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
-use super::dataset::{Dataset, DatasetKind, Split};
+use super::dataset::{Dataset, DatasetKind, Photo, Split};
 use super::ply::PointCloud;
 use crate::scene::Camera;
 
 /// Half the side of the cube that NeRF Synthetic scenes lie in (3DGS draws its first points there).
 const BLENDER_HALF: f64 = 1.3;
-/// What is nearer is not rendered (method, section 1).
-const NEAR: f64 = 0.2;
+/// What is nearer is not rendered (method, section 1), scene units.
+pub const NEAR: f64 = 0.2;
+/// Farther from it than this many half sides, cameras with the lens of those scenes (fov 40°) would have the cube in a third of
+/// their pictures at most.
+const BLENDER_REACH: f64 = 8.0;
 /// Training cameras that must see a random point: two give depth, the third tells a coincidence from a surface.
 const WITNESSES: usize = 3;
 
@@ -69,6 +73,21 @@ impl Dataset {
         let mut distances: Vec<f64> = cameras.iter().map(|c| c.eye().distance(center)).collect();
         distances.sort_by(f64::total_cmp);
         Some(Focus { center, radius: distances[distances.len() / 2] })
+    }
+
+    /// Whether the training cameras look at the cube of NeRF Synthetic scenes from around it.
+    pub(super) fn surrounds_the_blender_cube(&self) -> bool {
+        self.focus().is_some_and(|Focus { center, radius }| {
+            center.abs().max_element() <= BLENDER_HALF
+                && (BLENDER_HALF..=BLENDER_REACH * BLENDER_HALF).contains(&radius)
+        })
+    }
+
+    /// How many of the training photos see at least one of `points`: before the near plane and within the picture.
+    pub fn seeing(&self, points: &[[f32; 3]]) -> usize {
+        let sees_one = |photo: &Photo| points.iter().any(|&p| sees(&photo.camera, DVec3::from_array(p.map(f64::from))));
+        let photos: Vec<&Photo> = self.split(Split::Train).map(|(_, photo)| photo).collect();
+        photos.par_iter().filter(|photo| sees_one(photo)).count()
     }
 
     /// `n` mid-grey random points to begin with; the same for the same seed, on every machine. For NeRF Synthetic they are
@@ -139,7 +158,7 @@ fn sees(camera: &Camera, world: DVec3) -> bool {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::dataset::{Photo, PixelSource};
+    use super::super::dataset::PixelSource;
     use super::super::images::Image;
     use super::*;
 
@@ -160,7 +179,7 @@ mod tests {
     }
 
     fn dataset(cameras: Vec<Camera>) -> Dataset {
-        let image = Arc::new(Image { width: 40, height: 30, rgb: vec![0; 3600] });
+        let image = Arc::new(Image { width: 40, height: 30, rgb: vec![0; 3600], mask: None });
         let photos = cameras.into_iter().enumerate().map(|(i, camera)| Photo {
             name: i.to_string(),
             camera,
@@ -168,7 +187,16 @@ mod tests {
             pixels: PixelSource::Memory(image.clone()),
         });
         let (kind, points, background) = (DatasetKind::Memory, None, [0.0; 3]);
-        Dataset { kind, photos: photos.collect(), points, background, undistorted: false, outside: 0.0 }
+        Dataset {
+            kind,
+            photos: photos.collect(),
+            points,
+            background,
+            undistorted: false,
+            outside: 0.0,
+            sources: Vec::new(),
+            notes: Vec::new(),
+        }
     }
 
     fn witnesses(data: &Dataset, p: [f32; 3]) -> usize {
@@ -197,6 +225,33 @@ mod tests {
         assert!(cloud.positions.iter().all(|&p| witnesses(&data, p) >= 3));
         assert_eq!(cloud, data.random_points(2000, 1));
         assert_ne!(cloud, data.random_points(2000, 2));
+    }
+
+    #[test]
+    fn only_cameras_around_the_cube_are_blenders() {
+        let around = |center, radius| {
+            dataset(ring(center, radius).into_iter().map(|eye| look(eye, center)).collect())
+                .surrounds_the_blender_cube()
+        };
+        assert!(around(DVec3::ZERO, 4.03) && around(DVec3::new(1.0, -1.0, 0.5), 2.0));
+        assert!(!around(DVec3::ZERO, 1.0) && !around(DVec3::ZERO, 4.03e-4) && !around(DVec3::ZERO, 40.0));
+        assert!(!around(DVec3::new(2.0, 0.0, 0.0), 4.0));
+        assert!(!dataset(Vec::new()).surrounds_the_blender_cube());
+    }
+
+    #[test]
+    fn photos_that_see_nothing_are_counted() {
+        let data = dataset(ring(DVec3::ZERO, 4.0).into_iter().map(|eye| look(eye, DVec3::ZERO)).collect());
+        assert_eq!(data.seeing(&[[0.0; 3]]), 24);
+        assert_eq!(data.seeing(&[[0.0, 90.0, 0.0], [0.0; 3]]), 24);
+        assert_eq!(data.seeing(&[[0.0, 90.0, 0.0]]), 0);
+        assert_eq!(data.seeing(&[]), 0);
+        // Between a camera and the near plane, and a little beyond; cameras across see it too.
+        let at = |distance: f32| data.seeing(&[[4.0 - distance, 0.0, 0.0]]);
+        assert_eq!((at(0.19), at(0.21)), (at(0.21) - 1, 3 + at(0.21) - 3));
+        let near = ring(DVec3::ZERO, 4.0).into_iter().map(|eye| look(1e-4 * eye, DVec3::ZERO));
+        let near = dataset(near.collect());
+        assert_eq!(near.seeing(&[[0.0; 3]]), 0);
     }
 
     #[test]

@@ -8,13 +8,18 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
-use super::dataset::{Focal, Shot, SourceCamera, Split};
-use super::distortion::Distortion;
-use super::ply::{self, PointCloud};
+use super::assemble::{Listed, unused_masks};
+use super::dataset::{DatasetOptions, Holdout, Split};
+use super::lens::{Distortion, Polynomial};
+use super::lists::Lists;
+use super::names::{self, Finder};
+use super::shot::{Focal, Shot, SourceCamera};
+use super::{places, ply};
 use crate::{Error, Result};
 
-const TRAIN: &str = "transforms_train.json";
+pub(super) const TRAIN: &str = "transforms_train.json";
 const TEST: &str = "transforms_test.json";
+const VALIDATION: &str = "transforms_val.json";
 const PLAIN: &str = "transforms.json";
 
 /// The largest entry by which RᵀR may differ from a multiple of the identity. Matrices written in float32 differ by 1e-6, those
@@ -27,11 +32,15 @@ struct File {
     camera: Camera,
     frames: Vec<Frame>,
     ply_file_path: Option<String>,
+    train_filenames: Option<Vec<String>>,
+    val_filenames: Option<Vec<String>>,
+    test_filenames: Option<Vec<String>>,
 }
 
 #[derive(Deserialize)]
 struct Frame {
     file_path: String,
+    mask_path: Option<String>,
     transform_matrix: Vec<Vec<f64>>,
     #[serde(flatten)]
     camera: Camera,
@@ -54,49 +63,72 @@ struct Camera {
     k2: Option<f64>,
     k3: Option<f64>,
     k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
 }
 
-/// What was read: `blender` when the focal length is given as an angle only.
-pub(super) struct Transforms {
-    pub(super) shots: Vec<Shot>,
-    pub(super) points: Option<PointCloud>,
-    pub(super) blender: bool,
-}
-
-/// The file to begin with if `path` is a transforms file or a folder with one.
-pub(super) fn find(path: &Path) -> Option<PathBuf> {
-    if path.is_file() {
-        return path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")).then(|| path.to_owned());
-    }
-    [TRAIN, PLAIN].into_iter().map(|name| path.join(name)).find(|path| path.is_file())
+/// The file to begin with in a folder, if it has one.
+pub(super) fn find(folder: &Path) -> Option<PathBuf> {
+    [TRAIN, PLAIN].into_iter().map(|name| folder.join(name)).find(|path| path.is_file())
 }
 
 /// Reads `path`. In a folder, transforms_train.json comes with transforms_test.json beside it; a file that was named itself comes
 /// alone.
-pub(super) fn read(path: &Path, named_itself: bool) -> Result<Transforms> {
+pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) -> Result<Listed> {
     let test = path.with_file_name(TEST);
     let is_train = path.file_name().is_some_and(|name| name == TRAIN);
-    if named_itself || !is_train || !test.is_file() {
-        return read_file(path, None);
+    if named_itself || !is_train {
+        return read_file(path, None, options);
     }
-    let mut all = read_file(path, Some(Split::Train))?;
-    let test = read_file(&test, Some(Split::Test))?;
-    all.shots.extend(test.shots);
+    let mut all = read_file(path, test.is_file().then_some(Split::Train), options)?;
+    if test.is_file() {
+        let test = read_file(&test, Some(Split::Test), options)?;
+        all.shots.extend(test.shots);
+        all.sources.extend(test.sources);
+        // Both files may say the same.
+        all.notes.extend(test.notes);
+        all.notes.dedup();
+    }
+    let others = [VALIDATION, PLAIN].into_iter().filter(|name| path.with_file_name(name).is_file());
+    all.notes.extend(others.map(|name| format!("{name} is not used")));
     Ok(all)
 }
 
-fn read_file(path: &Path, split: Option<Split>) -> Result<Transforms> {
+fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<Listed> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let file = parse(&bytes, path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    let asked = options.images.as_ref().map(|images| places::asked_folder(folder, images)).transpose()?;
+    let finder = Finder::new(folder);
+    let elsewhere = asked.as_ref().map(Finder::new);
+    let masks = places::masks(asked.as_deref().unwrap_or(&folder.join("images")));
     let mut shots = Vec::with_capacity(file.frames.len());
     for (i, frame) in file.frames.iter().enumerate() {
         let (camera, rotation, translation) = file.view(i, path)?;
+        let name = names::slashes(&frame.file_path);
+        // Another folder holds what is in `images` by the same names.
+        let (found, expected) = match &elsewhere {
+            None => (finder.find(&frame.file_path), finder.expected(&frame.file_path)),
+            Some(elsewhere) => (
+                tails(&name).find_map(|tail| elsewhere.find(tail)),
+                elsewhere.expected(tails(&name).last().unwrap_or("")),
+            ),
+        };
+        let mask = match &frame.mask_path {
+            Some(mask) => {
+                let missing = || frame.fault(i, path, &format!("no mask {}", finder.expected(mask).display()));
+                Some(finder.find(mask).ok_or_else(missing)?.0)
+            }
+            None => masks.as_ref().and_then(|masks| tails(&name).find_map(|tail| masks.find_mask(tail))),
+        };
         shots.push(Shot {
-            name: frame.file_path.clone(),
-            path: find_image(folder, &frame.file_path).map_err(|what| frame.fault(i, path, &what))?,
+            name,
+            expected,
+            respelled: found.as_ref().is_some_and(|found| found.1),
+            path: found.map(|found| found.0),
+            mask,
             listed_in: path.to_owned(),
             camera,
             rotation,
@@ -104,9 +136,27 @@ fn read_file(path: &Path, split: Option<Split>) -> Result<Transforms> {
             split,
         });
     }
-    let points = file.ply_file_path.map(|name| ply::read_points(folder.join(name))).transpose()?;
-    let blender = shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
-    Ok(Transforms { shots, points: points.filter(|p| !p.positions.is_empty()), blender })
+    let cloud = file.ply_file_path.map(|name| folder.join(names::slashes(&name)));
+    let points = cloud.as_ref().map(ply::read_points).transpose()?.filter(|p| !p.positions.is_empty());
+    let sources = std::iter::once(path.to_owned()).chain(cloud).collect();
+    let notes = Vec::from_iter(unused_masks(masks.is_some(), &shots));
+    let mut listed = Listed { shots, points, sources, notes };
+    let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
+    let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
+    if options.holdout == Holdout::Dataset
+        && split.is_none()
+        && (train.is_some() || validation.is_some() || test.is_some())
+    {
+        // What is there to choose settings by has the place of what is there to be judged by, if that is not there.
+        let names = ["train_filenames", if test.is_some() { "test_filenames" } else { "val_filenames" }];
+        Lists { train, test: test.or(validation), from: names.join(" and ") }.apply(&mut listed);
+    }
+    Ok(listed)
+}
+
+/// `name`, and what is left of it without its first folder, and so on.
+fn tails(name: &str) -> impl Iterator<Item = &str> {
+    std::iter::successors(Some(name), |name| name.split_once('/').map(|(_, tail)| tail))
 }
 
 impl Frame {
@@ -132,6 +182,7 @@ pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
 }
 
 fn parse(bytes: &[u8], path: &Path) -> Result<File> {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let file: File = serde_json::from_slice(bytes)
         .map_err(|error| Error::input(path, format!("is not a sound transforms file: {error}")))?;
     if file.frames.is_empty() {
@@ -140,53 +191,55 @@ fn parse(bytes: &[u8], path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// NeRF Synthetic leaves endings out.
-fn find_image(folder: &Path, name: &str) -> Result<PathBuf, String> {
-    let endings = ["", ".png", ".jpg", ".jpeg"];
-    let paths = endings.iter().map(|ending| folder.join(format!("{name}{ending}")));
-    let missing = || format!("no image `{}` there, nor with .png, .jpg or .jpeg", folder.join(name).display());
-    paths.into_iter().find(|path| path.is_file()).ok_or_else(missing)
-}
-
 fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     macro_rules! given {
         ($field:ident) => {
             frame.$field.or(all.$field)
         };
     }
-    let model = frame.camera_model.as_deref().or(all.camera_model.as_deref()).unwrap_or("OPENCV");
-    if !["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"].contains(&model) {
-        return Err(format!("camera_model {model} is not read; OPENCV and the models it contains are"));
-    }
-    if given!(is_fisheye) == Some(true) {
-        return Err("`is_fisheye` is set; fisheye cameras are not read".into());
-    }
-    // k1, k2, k3 mean the same to all writers. k4 does not: OpenCV divides by it, nerfstudio multiplies.
-    if let Some(k4) = given!(k4).filter(|&k4| k4 != 0.0) {
-        return Err(format!("`k4` is {k4}; only k1, k2, k3, p1 and p2 are read"));
-    }
-    let focal = match (given!(fl_x), given!(camera_angle_x)) {
-        (Some(x), _) => Focal::Pixels([x, given!(fl_y).unwrap_or(x)]),
-        (None, Some(x)) => Focal::Angles { x, y: given!(camera_angle_y) },
-        (None, None) => return Err("has neither `fl_x` nor `camera_angle_x`".into()),
+    let model = frame.camera_model.as_deref().or(all.camera_model.as_deref()).unwrap_or("OPENCV").to_uppercase();
+    let fisheye = match &model[..] {
+        "OPENCV" if given!(is_fisheye) == Some(true) => true,
+        "OPENCV_FISHEYE" => true,
+        "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "EQUIRECTANGULAR" => {
+            false
+        }
+        _ => {
+            return Err(format!(
+                "camera_model {model} is not read; OPENCV, OPENCV_FISHEYE, FULL_OPENCV, EQUIRECTANGULAR are"
+            ));
+        }
     };
     let pair = |a: Option<f64>, b: Option<f64>, names: &str| match (a, b) {
         (Some(a), Some(b)) => Ok(Some([a, b])),
         (None, None) => Ok(None),
         _ => Err(format!("has only one of {names}")),
     };
-    let camera = SourceCamera {
-        size: pair(given!(w), given!(h), "`w` and `h`")?,
-        focal,
-        center: pair(given!(cx), given!(cy), "`cx` and `cy`")?,
-        distortion: Distortion {
-            k1: given!(k1).unwrap_or(0.0),
-            k2: given!(k2).unwrap_or(0.0),
-            k3: given!(k3).unwrap_or(0.0),
-            p1: given!(p1).unwrap_or(0.0),
-            p2: given!(p2).unwrap_or(0.0),
-        },
+    let size = pair(given!(w), given!(h), "`w` and `h`")?;
+    if model == "EQUIRECTANGULAR" {
+        // Focal length and principal point mean nothing here, whatever a writer has put there.
+        let camera = SourceCamera { size, focal: Focal::Sphere, center: None, distortion: Distortion::Equirectangular };
+        return camera.check().map(|()| camera);
+    }
+    let focal = match (given!(fl_x), given!(camera_angle_x)) {
+        (Some(x), _) => Focal::Pixels([x, given!(fl_y).unwrap_or(x)]),
+        (None, Some(x)) => Focal::Angles { x, y: given!(camera_angle_y) },
+        (None, None) => return Err("has neither `fl_x` nor `camera_angle_x`".into()),
     };
+    let k = [given!(k1), given!(k2), given!(k3), given!(k4), given!(k5), given!(k6)].map(|k| k.unwrap_or(0.0));
+    let tangential = [given!(p1), given!(p2)].map(|p| p.unwrap_or(0.0));
+    let [k1, k2, k3, k4, k5, k6] = k;
+    let plain = Polynomial { tangential, ..Default::default() };
+    let distortion = Distortion::Polynomial(if fisheye {
+        Polynomial { fisheye, radial: [k1, k2, k3, k4, 0.0, 0.0], ..Default::default() }
+    } else if model == "FULL_OPENCV" || k5 != 0.0 || k6 != 0.0 {
+        // OpenCV divides by k4 and on.
+        Polynomial { radial: [k1, k2, k3, 0.0, 0.0, 0.0], divisor: [k4, k5, k6], ..plain }
+    } else {
+        // nerfstudio, whose format this is, has k4 for one more power.
+        Polynomial { radial: [k1, k2, k3, k4, 0.0, 0.0], ..plain }
+    });
+    let camera = SourceCamera { size, focal, center: pair(given!(cx), given!(cy), "`cx` and `cy`")?, distortion };
     camera.check()?;
     Ok(camera)
 }
@@ -266,7 +319,7 @@ mod tests {
         merge(&mut file, &all);
         merge(&mut file["frames"][0], &frame);
         let folder = folder(&[("transforms.json", &file.to_string()), ("a.png", ""), ("b.jpeg", "")]);
-        Ok(read(&find(folder.path()).unwrap(), false)?.shots.remove(0))
+        Ok(read(&find(folder.path()).unwrap(), false, &DatasetOptions::default())?.shots.remove(0))
     }
 
     #[track_caller]
@@ -327,7 +380,10 @@ mod tests {
     fn intrinsics_stand_in_the_file_or_in_the_frame_which_counts_first() {
         let all = json!({"fl_x": 100, "fl_y": 90.5, "cx": 30, "cy": 20, "w": 64, "h": 48.0, "k1": 0.1, "k3": 0.01, "p2": 1e-3});
         let camera = one(all.clone(), json!({"fl_x": 110.0, "k1": 0.2})).unwrap().camera;
-        let distortion = Distortion { k1: 0.2, k2: 0.0, k3: 0.01, p1: 0.0, p2: 1e-3 };
+        let polynomial = |radial: [f64; 6], divisor, tangential| {
+            Distortion::Polynomial(Polynomial { radial, divisor, tangential, ..Default::default() })
+        };
+        let distortion = polynomial([0.2, 0.0, 0.01, 0.0, 0.0, 0.0], [0.0; 3], [0.0, 1e-3]);
         let (size, center) = (Some([64.0, 48.0]), Some([30.0, 20.0]));
         assert_eq!(camera, SourceCamera { size, focal: Focal::Pixels([110.0, 90.5]), center, distortion });
         let camera = one(json!({"fl_x": 100}), json!({})).unwrap().camera;
@@ -336,22 +392,42 @@ mod tests {
         let camera = one(json!({"camera_angle_x": 0.7, "camera_model": "PINHOLE"}), json!({})).unwrap().camera;
         assert_eq!(camera.focal, Focal::Angles { x: 0.7, y: None });
         // Endings that were left out are found.
-        assert!(one(all, json!({"file_path": "./b"})).unwrap().path.ends_with("b.jpeg"));
+        assert!(one(all, json!({"file_path": "./b"})).unwrap().path.unwrap().ends_with("b.jpeg"));
+        let lens = |all: Value| one(all, json!({"fl_x": 100})).unwrap().camera;
+        let k = json!({"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "camera_model": "opencv"});
+        assert_eq!(lens(k.clone()).distortion, polynomial([0.1, 0.2, 0.3, 0.4, 0.0, 0.0], [0.0; 3], [0.0; 2]));
+        let with = |key: &str, value: Value| {
+            let mut all = k.clone();
+            all[key] = value;
+            lens(all).distortion
+        };
+        let full = [0.1, 0.2, 0.3, 0.0, 0.0, 0.0];
+        assert_eq!(with("k5", json!(0.5)), polynomial(full, [0.4, 0.5, 0.0], [0.0; 2]));
+        assert_eq!(with("k6", json!(0.6)), polynomial(full, [0.4, 0.0, 0.6], [0.0; 2]));
+        assert_eq!(with("camera_model", json!("FULL_OPENCV")), polynomial(full, [0.4, 0.0, 0.0], [0.0; 2]));
+        let fisheye = Distortion::fisheye([0.1, 0.2, 0.3, 0.4]);
+        assert_eq!([with("camera_model", json!("OpenCV_Fisheye")), with("is_fisheye", json!(true))], [fisheye; 2]);
+        let sphere = lens(json!({"camera_model": "EQUIRECTANGULAR", "cx": 1, "w": 64, "h": 32, "k1": 7}));
+        let expected = SourceCamera {
+            size: Some([64.0, 32.0]),
+            focal: Focal::Sphere,
+            center: None,
+            distortion: Distortion::Equirectangular,
+        };
+        assert_eq!(sphere, expected);
     }
 
     #[test]
     fn cameras_that_are_not_read_are_named() {
         let with = |all: Value, parts: &[&str]| expect(all, json!({}), parts);
         with(json!({}), &["frame 0", "fl_x", "camera_angle_x"]);
-        with(json!({"fl_x": 1.0, "camera_model": "OPENCV_FISHEYE"}), &["OPENCV_FISHEYE"]);
-        with(json!({"fl_x": 1.0, "is_fisheye": true}), &["is_fisheye"]);
-        with(json!({"fl_x": 1.0, "k4": 0.1}), &["k4"]);
+        with(json!({"fl_x": 1.0, "camera_model": "VR180_L"}), &["VR180_L", "OPENCV_FISHEYE"]);
         with(json!({"fl_x": -1.0}), &["focal lengths"]);
         with(json!({"camera_angle_x": 3.2}), &["field of view"]);
         with(json!({"fl_x": 1.0, "w": 64}), &["only one of `w` and `h`"]);
         with(json!({"fl_x": 1.0, "w": 0, "h": 5}), &["size"]);
         with(json!({"fl_x": "wide"}), &["not a sound transforms file"]);
-        expect(json!({"fl_x": 1.0}), json!({"file_path": "none"}), &["frame 0", "none", ".png, .jpg or .jpeg"]);
+        expect(json!({"fl_x": 1.0}), json!({"mask_path": "none.png"}), &["frame 0", "mask", "none.png"]);
         assert!(
             parse(b"{\"frames\": []}", Path::new("t.json")).err().unwrap().to_string().contains("`frames` is empty")
         );
@@ -365,20 +441,85 @@ mod tests {
             json!({"camera_angle_x": 0.7, "frames": [frame]}).to_string()
         };
         let (train, test) = (file("./train/r_0"), file("./test/r_0"));
+        let files =
+            [(TRAIN, &train[..]), (TEST, &test), (VALIDATION, "{"), ("train/r_0.png", ""), ("test/r_0.png", "")];
+        let folder = folder(&files);
+        let options = DatasetOptions::default();
+        let both = read(&find(folder.path()).unwrap(), false, &options).unwrap();
+        let splits: Vec<_> = both.shots.iter().map(|shot| (&shot.name[..], shot.split)).collect();
+        assert_eq!(splits, [("train/r_0", Some(Split::Train)), ("test/r_0", Some(Split::Test))]);
+        assert_eq!(both.notes, ["transforms_val.json is not used"]);
+        assert_eq!(both.sources, [folder.path().join(TRAIN), folder.path().join(TEST)]);
+        let alone = read(&folder.path().join(TRAIN), true, &options).unwrap();
+        assert_eq!((alone.shots.len(), alone.shots[0].split, alone.notes.len()), (1, None, 0));
+        fs::remove_file(folder.path().join(TEST)).unwrap();
+        assert_eq!(read(&folder.path().join(TRAIN), false, &options).unwrap().shots[0].split, None);
+    }
+
+    #[test]
+    fn nerfstudios_lists_say_what_is_for_what() {
+        let frames =
+            ["a", "b", "c", "d"].map(|n| json!({"file_path": format!("images/{n}.png"), "transform_matrix": UPRIGHT}));
+        let read = |lists: Value, holdout| {
+            let mut file = json!({"fl_x": 9.0, "frames": frames});
+            file.as_object_mut().unwrap().extend(lists.as_object().unwrap().clone());
+            let folder = folder(&[(PLAIN, &file.to_string())]);
+            let listed =
+                super::read(&folder.path().join(PLAIN), false, &DatasetOptions { holdout, ..Default::default() })
+                    .unwrap();
+            let letter = |split| match split {
+                Some(Split::Train) => 'r',
+                Some(Split::Test) => 't',
+                None => '-',
+            };
+            (listed.shots.iter().map(|shot| letter(shot.split)).collect::<String>(), listed.notes)
+        };
+        let name = |n: &str| format!("images/{n}.png");
+        let all = json!({
+            "train_filenames": [name("a"), name("b")], "val_filenames": [name("c")],
+            "test_filenames": [".\\images\\d.png", name("x")],
+        });
+        let (splits, notes) = read(all.clone(), Holdout::Dataset);
+        assert_eq!(splits, "rrt");
+        assert!(notes[0].contains("1 photo for testing") && notes[0].contains("test_filenames"), "{notes:?}");
+        assert!(notes[1].contains("1 photo left out") && notes[2].contains("`images/x`"), "{notes:?}");
+        assert_eq!(read(all, Holdout::Every(2)), ("----".into(), Vec::new()));
+        let validation =
+            json!({"train_filenames": [name("a"), name("b"), name("c")], "val_filenames": [name("c"), name("d")]});
+        let (splits, notes) = read(validation, Holdout::Dataset);
+        assert!(splits == "rrtt" && notes[0].contains("val_filenames"), "{splits} {notes:?}");
+        assert_eq!(read(json!({"train_filenames": [name("a")], "test_filenames": []}), Holdout::Dataset).0, "rttt");
+        assert_eq!(read(json!({"test_filenames": [name("a")]}), Holdout::Dataset).0, "trrr");
+        assert_eq!(read(json!({"train_filenames": []}), Holdout::Dataset).0, "----");
+    }
+
+    #[test]
+    fn photos_of_another_folder_and_masks_are_found_by_name() {
+        let frame = |name: &str| json!({"file_path": name, "transform_matrix": UPRIGHT});
+        let mut masked = frame("images/b.png");
+        masked["mask_path"] = json!("outlines\\b.png");
+        let file = json!({"fl_x": 9.0, "frames": [frame("images/sub/a.png"), masked]}).to_string();
         let files = [
-            (TRAIN, &train[..]),
-            (TEST, &test),
-            ("transforms_val.json", "{"),
-            ("train/r_0.png", ""),
-            ("test/r_0.png", ""),
+            (PLAIN, &file[..]),
+            ("images/sub/a.png", ""),
+            ("images/b.png", ""),
+            ("images_2/sub/a.png", ""),
+            ("masks/sub/a.png", ""),
+            ("outlines/b.png", ""),
         ];
         let folder = folder(&files);
-        let both = read(&find(folder.path()).unwrap(), false).unwrap();
-        assert!(both.blender);
-        let splits: Vec<_> = both.shots.iter().map(|shot| (&shot.name[..], shot.split)).collect();
-        assert_eq!(splits, [("./train/r_0", Some(Split::Train)), ("./test/r_0", Some(Split::Test))]);
-        let alone = read(&find(&folder.path().join(TRAIN)).unwrap(), true).unwrap();
-        assert_eq!((alone.shots.len(), alone.shots[0].split), (1, None));
+        let read = |images: Option<&str>| {
+            let options = DatasetOptions { images: images.map(PathBuf::from), ..Default::default() };
+            let shots = read(&folder.path().join(PLAIN), false, &options).unwrap().shots;
+            let relative = |path: &Option<PathBuf>| {
+                path.as_ref().map(|path| path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
+            };
+            shots.iter().map(|shot| (relative(&shot.path), relative(&shot.mask))).collect::<Vec<_>>()
+        };
+        let some = |path: &str| Some(path.to_owned());
+        let (a, b) = (some("masks/sub/a.png"), some("outlines/b.png"));
+        assert_eq!(read(None), [(some("images/sub/a.png"), a.clone()), (some("images/b.png"), b.clone())]);
+        assert_eq!(read(Some("images_2")), [(some("images_2/sub/a.png"), a), (None, b)]);
     }
 
     #[test]
@@ -389,7 +530,8 @@ mod tests {
         let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
         let with = |json: &str, name: &str| {
             let folder = folder(&[(PLAIN, json), ("a.png", ""), (name, ply)]);
-            read(&folder.path().join(PLAIN), false).map(|read| read.points.map(|p| p.positions))
+            read(&folder.path().join(PLAIN), false, &DatasetOptions::default())
+                .map(|read| read.points.map(|p| p.positions))
         };
         assert_eq!(with(&plain, "points.ply").unwrap(), None);
         assert_eq!(with(&named, "points.ply").unwrap(), Some(vec![[1.0, 2.0, 3.0]]));

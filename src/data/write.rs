@@ -39,14 +39,21 @@ fn write_exr<const N: usize>(path: &Path, width: u32, height: u32, planes: [(&st
         planes.into_iter().map(|(name, plane)| AnyChannel::new(name, FlatSamples::F32(plane))).collect();
     let size = (width as usize, height as usize);
     let image = exr::prelude::Image::from_channels(size, AnyChannels::sort(channels));
-    // The encoder seeks, so the bytes are made in memory first.
+    // The encoder seeks, so the bytes are made in memory first. In parallel, chunks would lie in the file in the order in which
+    // threads finish them.
     let mut bytes = io::Cursor::new(Vec::new());
-    image.write().to_buffered(&mut bytes).map_err(|error| Error::io(path, io::Error::other(error)))?;
+    image.write().non_parallel().to_buffered(&mut bytes).map_err(|error| Error::io(path, io::Error::other(error)))?;
     write_whole(path, |file| file.write_all(bytes.get_ref()))
 }
 
 /// Writes 8-bit RGB from floats in 0 to 1, interleaved, rows from the top; see [`to_byte`].
 pub fn write_png_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
+    let bytes: Vec<u8> = rgb.iter().map(|&v| to_byte(v)).collect();
+    write_png_bytes(path, width, height, &bytes)
+}
+
+/// Writes 8-bit RGB as it is, interleaved, rows from the top.
+pub fn write_png_bytes(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<()> {
     check(path.as_ref(), width, height, 3, rgb.len())?;
     write_png(path.as_ref(), width, height, rgb, ExtendedColorType::Rgb8)
 }
@@ -54,12 +61,12 @@ pub fn write_png_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32
 /// Writes 8-bit grey from floats in 0 to 1, one per pixel, rows from the top; see [`to_byte`].
 pub fn write_png_gray(path: impl AsRef<Path>, width: u32, height: u32, values: &[f32]) -> Result<()> {
     check(path.as_ref(), width, height, 1, values.len())?;
-    write_png(path.as_ref(), width, height, values, ExtendedColorType::L8)
+    let bytes: Vec<u8> = values.iter().map(|&v| to_byte(v)).collect();
+    write_png(path.as_ref(), width, height, &bytes, ExtendedColorType::L8)
 }
 
-fn write_png(path: &Path, width: u32, height: u32, values: &[f32], color: ExtendedColorType) -> Result<()> {
-    let bytes: Vec<u8> = values.iter().map(|&v| to_byte(v)).collect();
-    write_whole(path, |file| PngEncoder::new(file).write_image(&bytes, width, height, color).map_err(io::Error::other))
+fn write_png(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<()> {
+    write_whole(path, |file| PngEncoder::new(file).write_image(bytes, width, height, color).map_err(io::Error::other))
 }
 
 fn check(path: &Path, width: u32, height: u32, channels: u64, values: usize) -> Result<()> {
@@ -107,6 +114,28 @@ mod tests {
         assert_eq!(read("Z"), depth);
     }
 
+    /// Large enough for several chunks, which threads would finish in any order.
+    #[test]
+    fn an_exr_has_the_same_bytes_every_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let values: Vec<f32> = (0..200 * 150).map(|i| (i as f32).sin()).collect();
+        let bytes = || {
+            write_exr_channel(&path, 200, 150, "Z", &values).unwrap();
+            std::fs::read(&path).unwrap()
+        };
+        let first = bytes();
+        (0..20).for_each(|_| assert!(bytes() == first));
+    }
+
+    #[test]
+    fn text_is_in_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        write_text(&path, "äb\n").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "äb\n");
+    }
+
     #[test]
     fn png_comes_back() {
         let folder = tempfile::tempdir().unwrap();
@@ -117,11 +146,15 @@ mod tests {
         assert_eq!(read.as_rgb8().unwrap().as_raw(), &values.iter().map(|&v| to_byte(v)).collect::<Vec<_>>());
         write_png_gray(&path, 3, 6, &values).unwrap();
         assert_eq!(image::open(&path).unwrap().as_luma8().unwrap().dimensions(), (3, 6));
+        let bytes: Vec<u8> = (0..18).collect();
+        write_png_bytes(&path, 2, 3, &bytes).unwrap();
+        assert_eq!(image::open(&path).unwrap().as_rgb8().unwrap().as_raw(), &bytes);
     }
 
     #[test]
     fn wrong_lengths_are_refused() {
-        for result in [write_exr_rgb("a.exr", 2, 2, &[0.0; 11]), write_png_gray("a.png", 0, 2, &[])] {
+        let short = write_exr_rgb("a.exr", 2, 2, &[0.0; 11]);
+        for result in [short, write_png_gray("a.png", 0, 2, &[]), write_png_bytes("a.png", 1, 1, &[0; 4])] {
             assert!(matches!(result, Err(crate::Error::Usage(_))));
         }
     }

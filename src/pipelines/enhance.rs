@@ -233,6 +233,16 @@ impl Enhancer {
         Ok(())
     }
 
+    /// Ends the joint phase that [`Event::Join`] told of before its last step: what it has learned is in the scene. Waits.
+    pub fn stop(&mut self) -> Result<()> {
+        let Next::Join(trainer) = &mut self.next else {
+            return Err(Error::Usage("only the joint phase can be ended early".into()));
+        };
+        self.join = Some(trainer.stop()?);
+        self.next = Next::Done;
+        Ok(())
+    }
+
     /// The batch that [`Event::Lifted`] told of: its 2D Gaussians, still on the device, and what they were lifted to.
     pub fn lifted(&self) -> Option<(&Refiner, &Lifted)> {
         self.refiner.as_ref().zip(self.lifted.as_ref())

@@ -2,14 +2,17 @@
 
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
-use super::views::{Views, origin_for, pack};
+use super::views::{Views, origin_for};
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, PointCloud, Split},
+    data::{Dataset, Photo, PointCloud, Split, load_photos},
     gpu::Context,
     scene::Camera,
+    stages::{
+        ssim::{partials_len, tiles_for},
+        types::Frame,
+    },
 };
 
 /// Random points at most: 3DGS's number.
@@ -19,30 +22,53 @@ pub const MAX_RANDOM_POINTS: usize = 100_000;
 /// than one, at a fourth of the speed; in runs of 20 s they lose 0.7 dB to one for each pixel.
 pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
-/// Cameras of `photos`, and their photographs as targets. Photographs are decoded a few at a time, so that the host never
-/// holds them all. `background` is what transparent pixels are put over; `progress` hears the number of photos done.
+/// Cameras of `photos`, and their photographs as targets; a pixel that does not count has alpha 0. Photographs are decoded a
+/// few at a time, so that the host never holds them all. `background` is what transparent pixels are put over; `progress`
+/// hears of every photo that is done: how many are, and its pixels as the device has them.
 ///
 /// # Errors
-/// Those of the files, and where the device's memory does not suffice.
+/// Those of the files, and [`Error::Usage`] where a photograph is more than the device can learn from at once.
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
-    mut progress: impl FnMut(usize),
+    mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
+    if let Some(error) = photos.iter().find_map(|photo| too_large(photo, context.info().max_storage_bytes)) {
+        return Err(error);
+    }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let views = Views::without_photographs(context, origin_for(&cameras), &cameras, true)?;
     let mut done = 0;
-    for some in photos.chunks(rayon::current_num_threads()) {
-        // Collected first, so that of several faults the first by name is told.
-        let images: Vec<_> = some.par_iter().map(|photo| photo.load(background)).collect();
-        for image in images {
-            views.upload_photograph(done, &pack(&image?.rgb))?;
-            done += 1;
-        }
-        progress(done);
-    }
+    load_photos(photos, background, |image| {
+        let packed = image.packed();
+        views.upload_photograph(done, &packed)?;
+        done += 1;
+        progress(done, &packed);
+        Ok(())
+    })?;
     Ok(views)
+}
+
+/// What to do about a photo that cannot be learned from on a device that binds `limit` bytes at once. Of all that a pixel takes
+/// the derivatives of its loss are the most.
+fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
+    let Camera { width, height, .. } = photo.camera;
+    let frame = Frame { image_first: 0, target_first: 0, width, height };
+    let bytes = (partials_len(tiles_for(&frame)) * size_of::<f32>()) as u64;
+    if bytes <= limit {
+        return None;
+    }
+    // A little less, since tiles are whole.
+    let fits = (0.95 * (limit as f64 / bytes as f64).sqrt() * f64::from(width.max(height))) as u32;
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    Some(Error::Usage(format!(
+        "the photo {} is {width} × {height}; to learn from it takes {:.0} MB at once, and the device binds {:.0} MB: \
+         --max-size {fits} fits",
+        photo.name,
+        megabytes(bytes),
+        megabytes(limit)
+    )))
 }
 
 /// Points that a first scene is made of.
@@ -125,7 +151,12 @@ mod tests {
                 translation: DVec3::Z,
             },
             split,
-            pixels: PixelSource::Memory(Arc::new(Image { width, height: 4, rgb: vec![0; 12 * width as usize] })),
+            pixels: PixelSource::Memory(Arc::new(Image {
+                width,
+                height: 4,
+                rgb: vec![0; 12 * width as usize],
+                mask: None,
+            })),
         };
         Dataset {
             kind: DatasetKind::Memory,
@@ -137,7 +168,22 @@ mod tests {
             background: [0.0; 3],
             undistorted: false,
             outside: 0.0,
+            sources: Vec::new(),
+            notes: Vec::new(),
         }
+    }
+
+    /// It was "buffer targets needs 168820736 bytes".
+    #[test]
+    fn a_photo_that_does_not_fit_is_told_what_would() {
+        let mut photo = dataset(None).photos.swap_remove(0);
+        let limit = 128 << 20;
+        (photo.camera.width, photo.camera.height) = (4000, 3000);
+        let message = too_large(&photo, limit).unwrap().to_string();
+        assert!(message.contains(&photo.name) && message.contains("4000 × 3000"), "{message}");
+        let fits: u32 = message.split("--max-size ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        (photo.camera.width, photo.camera.height) = (fits, fits * 3 / 4);
+        assert!(too_large(&photo, limit).is_none() && fits > 1900, "{fits}");
     }
 
     #[test]

@@ -135,6 +135,15 @@ impl Steps {
         Ok(Some(found.steps()))
     }
 
+    /// Ends the loop before its last step, once what is on its way is done: how many steps were.
+    pub fn stop(&mut self) -> Result<u32> {
+        for (submission, _) in mem::take(&mut self.run.in_flight) {
+            self.run.report.stages.extend(submission.wait()?);
+        }
+        self.run.next = self.run.total;
+        Ok(Status::read(&self.status.download()?).steps())
+    }
+
     /// What the loop did so far; the next begins anew.
     pub fn report(&mut self) -> StepReport {
         mem::take(&mut self.run.report)

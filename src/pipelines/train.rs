@@ -137,6 +137,14 @@ impl Trainer {
         TrainReport { steps: self.steps.report(), losses }
     }
 
+    /// Ends the loop before its last step, and tells of the steps that were done. Waits.
+    pub fn stop(&mut self) -> Result<TrainReport> {
+        let done = self.steps.stop()?;
+        let mut report = self.report();
+        report.losses.truncate((done * self.work.views_per_step) as usize);
+        Ok(report)
+    }
+
     /// All steps; `progress` hears of finished ones.
     pub fn run(
         &mut self,
@@ -264,15 +272,8 @@ impl BaseOptions {
     }
 }
 
-/// Trains all plain Gaussians of `model` on all of `views`, which have photographs.
-pub fn train_base(
-    session: &Session,
-    model: &Model,
-    views: &Views,
-    options: &BaseOptions,
-    timed: bool,
-    progress: impl FnMut(u32),
-) -> Result<TrainReport> {
+/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs.
+pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
     let lesson = Lesson {
         segment: Segment::Base,
         opacity_only: false,
@@ -283,5 +284,17 @@ pub fn train_base(
     let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
     let (extent, options) = (session.extent, *options);
     let plan = move |step| options.plan(extent, step);
-    Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?.run(model, views, timed, progress)
+    Trainer::new(session, model, views, &[lesson], schedule, 1, plan)
+}
+
+/// The whole of [`base_trainer`]; `progress` hears of finished steps.
+pub fn train_base(
+    session: &Session,
+    model: &Model,
+    views: &Views,
+    options: &BaseOptions,
+    timed: bool,
+    progress: impl FnMut(u32),
+) -> Result<TrainReport> {
+    base_trainer(session, model, views, options)?.run(model, views, timed, progress)
 }

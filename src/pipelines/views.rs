@@ -103,7 +103,7 @@ impl Views {
         })
     }
 
-    /// Brings the photograph of view `v`, packed by [`pack`]. Waits.
+    /// Brings the photograph of view `v`, packed by [`pack`], with A 0 where a pixel does not count. Waits.
     pub fn upload_photograph(&self, v: usize, packed: &[u32]) -> Result<()> {
         Ok(self.targets[self.target_pages[v]].upload(self.frame_list[v].target_first as usize, packed)?)
     }

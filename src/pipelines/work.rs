@@ -2,13 +2,16 @@
 //! safetensors, the base's render and depth as EXR.
 //!
 //! Means count from where the run's coordinates begin: the world's origin unless the scene is far from it (`views::origin_for`).
-//! `settings.json` holds everything that the results depend on. A folder of other settings is refused, not mixed.
+//! `settings.json` holds everything that the results depend on. A folder of other settings is refused, not mixed. A file that is
+//! damaged is made again.
 
 use std::{
     fs,
     ops::Range,
     path::{Path, PathBuf},
 };
+
+use serde_json::Value;
 
 use super::{
     lift::Lifted,
@@ -25,6 +28,10 @@ use crate::{
     stages::types::Lift,
 };
 
+const SETTINGS: &str = "settings.json";
+/// What ends the name of a view's last file: a view without it is done again.
+const LIFTS: &str = "lifted.safetensors";
+
 /// A folder of intermediate results.
 pub struct WorkDir {
     folder: PathBuf,
@@ -33,23 +40,37 @@ pub struct WorkDir {
 }
 
 impl WorkDir {
-    /// Makes the folder, or takes up one of the same `settings` (a JSON text). `names` are the views' file names without
-    /// extension, each once.
+    /// Makes the folder, or takes up one of the same `settings`, a JSON object of everything that the results depend on. `names`
+    /// are the views' file names without extension, each once.
     ///
     /// # Errors
-    /// [`Error::Input`] where the folder holds results of other settings.
-    pub fn open(folder: &Path, settings: &str, names: Vec<String>) -> Result<Self> {
+    /// [`Error::Input`] where the folder holds results of other settings, whose first difference is named, or of settings that
+    /// are not known.
+    pub fn open(folder: &Path, settings: &Value, names: Vec<String>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let file = folder.join("settings.json");
+        let file = folder.join(SETTINGS);
+        let another = "expected the same ones to go on from, or another --work folder";
         match fs::read_to_string(&file) {
-            Ok(found) if found == settings => {}
-            Ok(_) => {
-                let what = "these are the settings of another run (or base, or dataset); expected the same ones to go on \
-                            from, or another --work folder";
-                return Err(Error::input(&file, what));
+            Ok(text) => {
+                let found: Value = serde_json::from_str(&text).map_err(|e| {
+                    Error::input(&file, format!("is damaged ({e}), so what was made is not known; {another}"))
+                })?;
+                // As it is read back, since a number may differ in its last digit from what was written.
+                let now = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
+                if let Some(what) = difference(&found, &now, "") {
+                    return Err(Error::input(
+                        &file,
+                        format!("these are the settings of another run: {what}; {another}"),
+                    ));
+                }
             }
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                crate::data::write_text(&file, settings)?;
+                let work = WorkDir { folder: folder.to_owned(), names: names.clone() };
+                if let Some(left) = (0..names.len()).map(|view| work.file(view, LIFTS)).find(|file| file.exists()) {
+                    let what = format!("was made with settings that are not known: there is no {SETTINGS}; {another}");
+                    return Err(Error::input(left, what));
+                }
+                crate::data::write_text(&file, &format!("{settings:#}\n"))?;
             }
             Err(e) => return Err(Error::io(&file, e)),
         }
@@ -60,17 +81,25 @@ impl WorkDir {
         self.folder.join(format!("{}.{kind}", self.names[view]))
     }
 
-    /// The lifts of a batch if all of its views were kept, else `None`.
-    pub fn resume(&self, views: Range<usize>) -> Result<Option<Vec<Lift>>> {
-        let files: Vec<PathBuf> = views.map(|v| self.file(v, "lifted.safetensors")).collect();
+    /// The lifts of a batch if all of its views were kept, else `None`. Files that are damaged count as not kept; `damage`
+    /// hears of each.
+    pub fn resume(&self, views: Range<usize>, mut damage: impl FnMut(&Error)) -> Result<Option<Vec<Lift>>> {
+        let files: Vec<PathBuf> = views.map(|v| self.file(v, LIFTS)).collect();
         if files.iter().any(|f| !f.exists()) {
             return Ok(None);
         }
-        let mut lifts = Vec::new();
+        let mut lifts = Some(Vec::new());
         for file in files {
-            lifts.extend(read_lifts(&file)?);
+            match read_lifts(&file) {
+                Ok(found) => lifts.iter_mut().for_each(|lifts| lifts.extend(&found)),
+                Err(error @ Error::Input { .. }) => {
+                    damage(&error);
+                    lifts = None;
+                }
+                Err(error) => return Err(error),
+            }
         }
-        Ok(Some(lifts))
+        Ok(lifts)
     }
 
     /// Writes what the batch left. The lifts come last: a view without them is done again.
@@ -101,10 +130,23 @@ impl WorkDir {
             write_exr_channel(self.file(view, "depth.exr"), camera.width, camera.height, "Z", &depths)?;
 
             let lifts: Vec<(Lift, f32)> = mine().map(|&(place, _)| (lifted.lifts[place], lifted.taus[place])).collect();
-            write_lifts(&self.file(view, "lifted.safetensors"), &lifts)?;
+            write_lifts(&self.file(view, LIFTS), &lifts)?;
         }
         Ok(())
     }
+}
+
+/// The first place where two JSON values differ, and what is there.
+fn difference(found: &Value, now: &Value, place: &str) -> Option<String> {
+    if let (Value::Object(a), Value::Object(b)) = (found, now) {
+        let inside = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
+        let all = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+        return all.into_iter().find_map(|key| {
+            let [a, b] = [a, b].map(|map| map.get(key).unwrap_or(&Value::Null));
+            difference(a, b, &inside(key))
+        });
+    }
+    (found != now).then(|| format!("`{place}` was {found} and is {now}"))
 }
 
 fn write_lifts(path: &Path, lifts: &[(Lift, f32)]) -> Result<()> {
@@ -170,18 +212,80 @@ fn read_lifts(path: &Path) -> Result<Vec<Lift>> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
+
+    fn work(folder: &Path) -> WorkDir {
+        WorkDir::open(folder, &json!({}), vec!["a".into(), "b".into()]).unwrap()
+    }
+
+    const LIFT: Lift = Lift {
+        mean: [1.0; 3],
+        log_scale: [0.0; 3],
+        quat: [1.0, 0.0, 0.0, 0.0],
+        dc: [0.0; 3],
+        opacity: 0.0,
+        lobe_dir: [0.0; 3],
+        lobe_width: 0.0,
+        theta_bar: 0.0,
+        cluster_size: 4,
+    };
 
     #[test]
     fn lifts_that_are_nan_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
-        let work = WorkDir::open(folder.path(), "{}", vec!["a".into()]).unwrap();
-        let lift = Lift { mean: [1.0; 3], quat: [1.0, 0.0, 0.0, 0.0], cluster_size: 4, ..Default::default() };
+        let work = work(folder.path());
         let file = folder.path().join("a.lifted.safetensors");
-        write_lifts(&file, &[(lift, 0.5)]).unwrap();
-        assert_eq!(work.resume(0..1).unwrap().unwrap(), [lift]);
-        write_lifts(&file, &[(lift, 0.5), (Lift { dc: [0.0, f32::NAN, 0.0], ..lift }, 0.5)]).unwrap();
-        let refused = work.resume(0..1).unwrap_err().to_string();
-        assert!(refused.contains("a.lifted.safetensors") && refused.contains("`dc`"), "{refused}");
+        write_lifts(&file, &[(LIFT, 0.5)]).unwrap();
+        let resume = |views| {
+            let mut damage = Vec::new();
+            let lifts = work.resume(views, |error| damage.push(error.to_string())).unwrap();
+            (lifts, damage)
+        };
+        assert_eq!(resume(0..1), (Some(vec![LIFT]), vec![]));
+        // The second view was not kept.
+        assert_eq!(resume(0..2), (None, vec![]));
+        write_lifts(&folder.path().join("b.lifted.safetensors"), &[(LIFT, 0.5), (LIFT, 0.5)]).unwrap();
+        assert_eq!(resume(0..2).0.unwrap().len(), 3);
+        write_lifts(&file, &[(LIFT, 0.5), (Lift { dc: [0.0, f32::NAN, 0.0], ..LIFT }, 0.5)]).unwrap();
+        let (lifts, damage) = resume(0..2);
+        assert!(lifts.is_none() && damage.len() == 1);
+        assert!(damage[0].contains("a.lifted.safetensors") && damage[0].contains("`dc`"), "{damage:?}");
+        // Half a file, as a full disk leaves it.
+        let whole = fs::read(&file).unwrap();
+        fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+        let (lifts, damage) = resume(0..1);
+        assert!(lifts.is_none() && damage[0].contains("a.lifted.safetensors"), "{damage:?}");
+    }
+
+    #[test]
+    fn what_differs_between_two_runs_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = |settings: Value| WorkDir::open(folder.path(), &settings, vec!["a".into()]).map(drop);
+        let settings = json!({"version": "1", "photos": {"a.png": 7, "b.png": 8}, "options": {"seed": 0}});
+        open(settings.clone()).unwrap();
+        open(settings.clone()).unwrap();
+        let differs = |change: &dyn Fn(&mut Value), part: &str| {
+            let mut other = settings.clone();
+            change(&mut other);
+            let message = open(other).unwrap_err().to_string();
+            assert!(message.contains(part) && message.contains("another --work"), "{message}");
+        };
+        differs(&|s| s["options"]["seed"] = json!(5), "`options.seed` was 0 and is 5");
+        differs(&|s| s["photos"]["b.png"] = json!(9), "`photos.b.png` was 8 and is 9");
+        differs(&|s| s["options"]["new"] = json!(true), "`options.new` was null and is true");
+        differs(&|s| drop(s["photos"].as_object_mut().unwrap().remove("a.png")), "`photos.a.png` was 7 and is null");
+        let file = folder.path().join(SETTINGS);
+        fs::write(&file, "{").unwrap();
+        assert!(open(settings.clone()).unwrap_err().to_string().contains("damaged"));
+        // Without settings an empty folder is a new one, and lifts are nobody's.
+        fs::remove_file(&file).unwrap();
+        open(settings.clone()).unwrap();
+        fs::remove_file(&file).unwrap();
+        write_lifts(&folder.path().join("a.lifted.safetensors"), &[(LIFT, 0.5)]).unwrap();
+        let message = open(settings).unwrap_err().to_string();
+        assert!(message.contains("a.lifted.safetensors") && message.contains("not known"), "{message}");
+        assert!(!file.exists());
     }
 }

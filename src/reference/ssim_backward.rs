@@ -1,6 +1,6 @@
 //! Twin of `ssim_backward.comp`.
 
-use super::ssim_forward::{MIDDLE, SSIM_WEIGHT, filter, target_channel};
+use super::ssim_forward::{MIDDLE, SSIM_WEIGHT, counts, filter, target_channel};
 
 /// ∂loss/∂RGB per pixel, row by row, from the partials of [`super::ssim_forward::ssim_forward`].
 pub fn ssim_backward(
@@ -15,6 +15,9 @@ pub fn ssim_backward(
     (0..width * height)
         .map(|i| {
             std::array::from_fn(|c| {
+                if !counts(targets[i]) {
+                    return 0.0;
+                }
                 let (x, y) = (image[i][c], target_channel(targets[i], c));
                 let [p0, p1, p2] = blurred[i][c];
                 let ssim = p0 + 2.0 * (x - MIDDLE) * p1 + (y - MIDDLE) * p2;
@@ -68,9 +71,48 @@ mod tests {
         }
     }
 
+    /// With a mask the loss is one of the pixels that count alone: what the others show changes nothing, and what is left has the
+    /// gradient of central differences.
+    #[test]
+    fn pixels_that_do_not_count_have_no_loss_and_no_gradient() {
+        for (width, height) in SIZES {
+            let (mut image, mut targets) = pictures(width, height);
+            let masked = |i: usize| (i % width + 3 * (i / width)) % 7 < 3;
+            (0..width * height).filter(|&i| masked(i)).for_each(|i| targets[i] &= 0x00FF_FFFF);
+            let forward = ssim_forward(width, height, &image, &targets);
+            let gradient = ssim_backward(width, height, &image, &targets, &forward.partials);
+            let mut other = image.clone();
+            (0..width * height).filter(|&i| masked(i)).for_each(|i| other[i] = [0.9, 7.0, -1.0, 0.0]);
+            let again = ssim_forward(width, height, &other, &targets);
+            assert_eq!(forward.sums, again.sums);
+            for i in (0..width * height).step_by(if width > 20 { 41 } else { 1 }) {
+                if masked(i) {
+                    assert_eq!((gradient[i], forward.loss_map[i]), ([0.0; 3], 0.0));
+                    continue;
+                }
+                for c in 0..3 {
+                    let (x, step) = (image[i][c], 1e-5);
+                    let mut loss_at = |value| {
+                        image[i][c] = value;
+                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[2]
+                    };
+                    let difference = (loss_at(x + step) - loss_at(x - step)) / (2.0 * step);
+                    loss_at(x);
+                    // As of the test above.
+                    let error = (difference - gradient[i][c]).abs() * (width * height) as f64;
+                    assert!(
+                        error < 1e-5,
+                        "{width}x{height}, pixel {i}, channel {c}: {difference} for {}",
+                        gradient[i][c]
+                    );
+                }
+            }
+        }
+    }
+
     #[test]
     fn equal_pictures_have_no_gradient() {
-        let targets = [0x0020_4060; 12];
+        let targets = [0xFF20_4060; 12];
         let image = [[f64::from(0x60) / 255.0, f64::from(0x40) / 255.0, f64::from(0x20) / 255.0, 1.0]; 12];
         let partials = ssim_forward(4, 3, &image, &targets).partials;
         let gradient = ssim_backward(4, 3, &image, &targets, &partials);

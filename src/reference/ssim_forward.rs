@@ -24,13 +24,24 @@ pub fn target_channel(packed: u32, channel: usize) -> f64 {
     f64::from(packed >> (8 * channel) & 0xFF) / 255.0
 }
 
-/// `image` is RGB and transmittance, `targets` RGBA8 with R in the low byte, both `width` × `height` pixels.
+/// Whether a packed pixel counts: its alpha is 0 where a mask leaves it out.
+pub fn counts(packed: u32) -> bool {
+    packed >> 24 != 0
+}
+
+/// `image` is RGB and transmittance, `targets` RGBA8 with R in the low byte, both `width` × `height` pixels. Where a
+/// target does not count, the image is taken to equal it, and the map is 0.
 pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[u32]) -> SsimForward {
     let pixels = width * height;
+    let pair = |i: usize, c: usize| {
+        let y = target_channel(targets[i], c);
+        (if counts(targets[i]) { image[i][c] } else { y }, y)
+    };
     let moments: Vec<[[f64; 4]; 3]> = (0..pixels)
         .map(|i| {
             std::array::from_fn(|c| {
-                let (x, y) = (image[i][c] - MIDDLE, target_channel(targets[i], c) - MIDDLE);
+                let (x, y) = pair(i, c);
+                let (x, y) = (x - MIDDLE, y - MIDDLE);
                 [x, y, x * x + y * y, x * y]
             })
         })
@@ -40,8 +51,7 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
     let mut forward =
         SsimForward { partials: vec![[[0.0; 3]; 3]; pixels], sums: [0.0; 2], loss_map: vec![0.0; pixels] };
     for i in 0..pixels {
-        for c in 0..3 {
-            let [x, y, squares, product] = moments[i][c];
+        for (c, &[x, y, squares, product]) in moments[i].iter().enumerate() {
             let (mx, my) = (x + MIDDLE, y + MIDDLE);
             let a1 = 2.0 * mx * my + C1;
             let a2 = 2.0 * (product - x * y) + C2;
@@ -51,11 +61,14 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
             let p1 = -s / b2;
             let p2 = 2.0 * a1 / (b1 * b2);
             let p0 = 2.0 * (my * a2 / b2 - mx * s) / b1 - 2.0 * x * p1 - y * p2;
-            let l1 = (image[i][c] - target_channel(targets[i], c)).abs();
+            let (x, y) = pair(i, c);
+            let l1 = (x - y).abs();
             forward.partials[i][c] = [p0, p1, p2];
             forward.sums[0] += l1;
             forward.sums[1] += s;
-            forward.loss_map[i] += ((1.0 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1.0 - s)) / 3.0;
+            if counts(targets[i]) {
+                forward.loss_map[i] += ((1.0 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1.0 - s)) / 3.0;
+            }
         }
     }
     forward
@@ -136,7 +149,7 @@ pub(super) mod tests {
 
     #[test]
     fn an_image_equal_to_its_target_has_no_loss() {
-        let targets: Vec<u32> = (0..300).map(|i| i * 40_503).collect();
+        let targets: Vec<u32> = (0..300).map(|i| (i * 40_503) | 0xFF00_0000).collect();
         let image: Vec<[f64; 4]> =
             targets.iter().map(|&t| std::array::from_fn(|c| if c < 3 { target_channel(t, c) } else { 0.0 })).collect();
         let forward = ssim_forward(20, 15, &image, &targets);

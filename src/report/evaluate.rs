@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::metrics::{Pair, Quality, qualities};
 use crate::{
     Error, Result,
-    data::Photo,
+    data::{Image, Photo},
     gpu::Context,
     pipelines::{
         layers::{Layer, Layers},
-        render::RenderOptions,
+        render::{RenderOptions, Rendered},
     },
     scene::Scene,
 };
@@ -33,17 +33,27 @@ pub struct Evaluation {
     pub views: Vec<ViewQuality>,
 }
 
+/// A photograph beside what was rendered of it.
+pub struct Compared<'a> {
+    pub photo: &'a Photo,
+    pub truth: &'a Image,
+    pub base: &'a Rendered,
+    /// The same as `base` where there is no supplement.
+    pub whole: &'a Rendered,
+    pub quality: &'a ViewQuality,
+}
+
 /// Compares renders of `scene`, unquantised and clamped, with `photos`, which are the dataset's with its background. One view
-/// is held at a time. `progress` hears the number of finished views.
+/// is held at a time, and shown to `each`.
 ///
 /// # Errors
-/// [`Error::Usage`] where there are no photos, those of the files and of the device.
+/// [`Error::Usage`] where there are no photos, or one of which no pixel counts; those of the files, of the device and of `each`.
 pub fn evaluate(
     context: &Context,
     scene: &Scene,
     photos: &[&Photo],
     background: [f32; 3],
-    mut progress: impl FnMut(usize),
+    mut each: impl FnMut(&Compared<'_>) -> Result<()>,
 ) -> Result<Evaluation> {
     let augmented = scene.supplement.is_some();
     let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), RenderOptions::default())?;
@@ -52,12 +62,15 @@ pub fn evaluate(
         let truth = photo.load(background)?;
         let base = layers.render(Layer::Base, &photo.camera, background)?;
         let whole = if augmented { Some(layers.render(Layer::Whole, &photo.camera, background)?) } else { None };
-        let pair = |color| Pair { image: color, reference: &truth.rgb, width: truth.width, height: truth.height };
+        let (width, height, mask) = (truth.width, truth.height, truth.mask.as_deref());
+        let pair = |image| Pair { image, reference: &truth.rgb, width, height, mask };
         let pairs: Vec<Pair> = [Some(&base), whole.as_ref()].into_iter().flatten().map(|r| pair(&r.color)).collect();
-        let found = qualities(&pairs)?;
-        let base = found[0];
-        views.push(ViewQuality { name: photo.name.clone(), base, augmented: found.get(1).copied().unwrap_or(base) });
-        progress(views.len());
+        let found = qualities(&pairs).map_err(|error| Error::Usage(format!("photo `{}`: {error}", photo.name)))?;
+        let augmented = found.get(1).copied().unwrap_or(found[0]);
+        let quality = ViewQuality { name: photo.name.clone(), base: found[0], augmented };
+        let whole = whole.as_ref().unwrap_or(&base);
+        each(&Compared { photo, truth: &truth, base: &base, whole, quality: &quality })?;
+        views.push(quality);
     }
     let mean = |of: fn(&ViewQuality) -> Quality| Quality::mean(&views.iter().map(of).collect::<Vec<_>>());
     let none = || Error::Usage("there are no photos to compare with".into());

@@ -1,7 +1,8 @@
 //! PSNR and SSIM in f64 of unquantised renders against 8-bit photographs.
 //!
 //! Images are sRGB values, interleaved `[height · width · 3]`, rows from the top. Renders are clamped to [0, 1] here;
-//! photographs are bytes, value / 255.
+//! photographs are bytes, value / 255. Pixels that a mask leaves out are in no mean; to windows that reach over them the render
+//! looks like the photograph there, as it does to the loss.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -23,6 +24,8 @@ pub struct Pair<'a> {
     /// Pixels.
     pub width: u32,
     pub height: u32,
+    /// By pixel, `false` where it does not count; all do where there is no mask.
+    pub mask: Option<&'a [bool]>,
 }
 
 /// How near a render is to its photograph.
@@ -52,30 +55,32 @@ pub fn qualities(pairs: &[Pair]) -> Result<Vec<Quality>> {
 
 /// Peak signal-to-noise ratio in dB, 10 log₁₀(1 / mean squared error over pixels and channels); infinite if they are equal.
 pub fn psnr(pair: &Pair) -> Result<f64> {
-    pair.check()?;
-    let square = |(a, b): (&f32, &u8)| (value(*a) - *b as f64 / 255.0).powi(2);
-    let error = pair.image.iter().zip(pair.reference).map(square).sum::<f64>() / pair.image.len() as f64;
+    let counted = pair.check()?;
+    let square = |i: usize| (value(pair.image[i]) - pair.reference[i] as f64 / 255.0).powi(2);
+    let error = (0..pair.image.len()).filter(|i| pair.counts(i / 3)).map(square).sum::<f64>() / (3 * counted) as f64;
     Ok(10.0 * error.recip().log10())
 }
 
 /// Mean structural similarity over pixels and channels.
 pub fn ssim(pair: &Pair) -> Result<f64> {
-    pair.check()?;
+    let counted = pair.check()?;
     let (width, height) = (pair.width as usize, pair.height as usize);
     let weights = weights();
     let mut sum = 0.0;
     for channel in 0..3 {
-        let x: Vec<f64> = pair.image[channel..].iter().step_by(3).map(|v| value(*v)).collect();
         let y: Vec<f64> = pair.reference[channel..].iter().step_by(3).map(|v| *v as f64 / 255.0).collect();
+        let image = pair.image[channel..].iter().step_by(3).enumerate();
+        let x: Vec<f64> = image.map(|(i, &v)| if pair.counts(i) { value(v) } else { y[i] }).collect();
         let blurred = |f: &dyn Fn(f64, f64) -> f64| {
             let product: Vec<f64> = x.iter().zip(&y).map(|(x, y)| f(*x, *y)).collect();
             blur(&product, width, height, &weights)
         };
         let (mx, my) = (blurred(&|x, _| x), blurred(&|_, y| y));
         let (xx, yy, xy) = (blurred(&|x, _| x * x), blurred(&|_, y| y * y), blurred(&|x, y| x * y));
-        sum += (0..width * height).map(|i| similarity(mx[i], my[i], xx[i], yy[i], xy[i])).sum::<f64>();
+        let of = |i: usize| similarity(mx[i], my[i], xx[i], yy[i], xy[i]);
+        sum += (0..width * height).filter(|&i| pair.counts(i)).map(of).sum::<f64>();
     }
-    Ok(sum / (3 * width * height) as f64)
+    Ok(sum / (3 * counted) as f64)
 }
 
 /// SSIM from the windowed means of x, y, x², y², xy.
@@ -120,8 +125,13 @@ fn value(v: f32) -> f64 {
 }
 
 impl Pair<'_> {
-    /// A metric of nothing, of images of different sizes or of NaN would be a number without meaning.
-    fn check(&self) -> Result<()> {
+    fn counts(&self, pixel: usize) -> bool {
+        self.mask.is_none_or(|mask| mask[pixel])
+    }
+
+    /// The number of pixels that count. A metric of nothing, of images of different sizes or of NaN would be a number without
+    /// meaning.
+    fn check(&self) -> Result<usize> {
         let expected = (self.width as u64 * self.height as u64).saturating_mul(3);
         let (image, reference) = (self.image.len() as u64, self.reference.len() as u64);
         if expected == 0 || image != expected || reference != expected {
@@ -131,11 +141,19 @@ impl Pair<'_> {
                 self.width, self.height
             )));
         }
+        let pixels = self.image.len() / 3;
+        if let Some(mask) = self.mask.filter(|mask| mask.len() != pixels) {
+            return Err(Error::Usage(format!("the mask has {} values for {pixels} pixels", mask.len())));
+        }
+        let counted = (0..pixels).filter(|&i| self.counts(i)).count();
+        if counted == 0 {
+            return Err(Error::Usage("its mask leaves out every pixel, so there is nothing to compare".into()));
+        }
         if let Some(i) = self.image.iter().position(|v| v.is_nan()) {
             let (x, y) = (i / 3 % self.width as usize, i / 3 / self.width as usize);
             return Err(Error::Usage(format!("the image to compare is not a number at pixel ({x}, {y})")));
         }
-        Ok(())
+        Ok(counted)
     }
 }
 
@@ -192,7 +210,7 @@ mod tests {
                 (Just(w), Just(h), image, prop::collection::vec(any::<u8>(), n))
             })
         ) {
-            let pair = Pair { image: &image, reference: &reference, width, height };
+            let pair = Pair { image: &image, reference: &reference, width, height, mask: None };
             // f64 sums of 121 products in another order.
             prop_assert!((ssim(&pair).unwrap() - ssim_by_definition(&pair)).abs() < 1e-12);
         }
@@ -202,13 +220,13 @@ mod tests {
     fn identical_images_have_ssim_1_and_infinite_psnr() {
         let reference: Vec<u8> = (0..20 * 13 * 3).map(|i| (i * 37 % 256) as u8).collect();
         let image: Vec<f32> = reference.iter().map(|b| *b as f32 / 255.0).collect();
-        let pair = Pair { image: &image, reference: &reference, width: 20, height: 13 };
+        let pair = Pair { image: &image, reference: &reference, width: 20, height: 13, mask: None };
         assert!((ssim(&pair).unwrap() - 1.0).abs() < 1e-6);
         // b / 255 in f32 is not b / 255 in f64, except at the ends.
         assert!(psnr(&pair).unwrap() > 140.0);
         let ends: Vec<u8> = reference.iter().map(|b| if *b > 127 { 255 } else { 0 }).collect();
         let image: Vec<f32> = ends.iter().map(|b| *b as f32 / 255.0).collect();
-        let pair = Pair { image: &image, reference: &ends, width: 20, height: 13 };
+        let pair = Pair { image: &image, reference: &ends, width: 20, height: 13, mask: None };
         assert_eq!(psnr(&pair).unwrap(), f64::INFINITY);
         assert_eq!(ssim(&pair).unwrap(), 1.0);
     }
@@ -218,7 +236,8 @@ mod tests {
         let (width, height) = (31usize, 17usize);
         let (a, b) = (0.5f64, 51.0 / 255.0);
         let (image, reference) = (vec![a as f32; width * height * 3], vec![51u8; width * height * 3]);
-        let pair = Pair { image: &image, reference: &reference, width: width as u32, height: height as u32 };
+        let pair =
+            Pair { image: &image, reference: &reference, width: width as u32, height: height as u32, mask: None };
         // Error 0.3 everywhere: −20 log₁₀ 0.3.
         assert!((psnr(&pair).unwrap() - 10.457574905606752).abs() < 1e-9);
         // With s the window's mass inside the image, means are s·a and s·b, second moments s·a² and so on.
@@ -238,7 +257,8 @@ mod tests {
 
     #[test]
     fn values_beyond_white_and_black_are_clamped() {
-        let pair = Pair { image: &[1.5, -3.0, f32::INFINITY], reference: &[255, 0, 255], width: 1, height: 1 };
+        let pair =
+            Pair { image: &[1.5, -3.0, f32::INFINITY], reference: &[255, 0, 255], width: 1, height: 1, mask: None };
         assert_eq!(psnr(&pair).unwrap(), f64::INFINITY);
     }
 
@@ -246,14 +266,50 @@ mod tests {
     fn sizes_that_do_not_fit_and_nan_are_errors() {
         let message = |p: Pair| qualities(&[p]).unwrap_err().to_string();
         let (image, reference) = ([0.0f32; 12], [0u8; 12]);
-        let good = Pair { image: &image, reference: &reference, width: 2, height: 2 };
+        let good = Pair { image: &image, reference: &reference, width: 2, height: 2, mask: None };
         assert!(qualities(&[good]).is_ok());
         assert!(message(Pair { reference: &reference[..9], ..good }).contains("the reference 9"));
         assert!(message(Pair { width: u32::MAX, height: u32::MAX, ..good }).contains("values each"));
-        assert!(message(Pair { image: &[], reference: &[], width: 0, height: 2 }).contains("at least one pixel"));
+        assert!(
+            message(Pair { image: &[], reference: &[], width: 0, height: 2, mask: None })
+                .contains("at least one pixel")
+        );
         let mut image = image;
         image[10] = f32::NAN;
         assert!(message(Pair { image: &image, ..good }).contains("pixel (1, 1)"));
+    }
+
+    #[test]
+    fn masked_pixels_are_in_no_mean() {
+        let (width, height) = (13u32, 9u32);
+        let n = (width * height) as usize;
+        let mut image: Vec<f32> = (0..3 * n).map(|i| (0.3 * i as f32).sin().abs()).collect();
+        let reference: Vec<u8> = (0..3 * n).map(|i| (i * 37 % 256) as u8).collect();
+        let mask: Vec<bool> = (0..n).map(|i| i % 5 != 2).collect();
+        let of = |image: &[f32], mask: Option<&[bool]>| {
+            let pair = Pair { image, reference: &reference, width, height, mask };
+            (psnr(&pair).unwrap(), ssim(&pair).unwrap())
+        };
+        let all = vec![true; n];
+        assert_eq!(of(&image, Some(&all)), of(&image, None));
+        let masked = of(&image, Some(&mask));
+        // What is rendered at such a pixel is of no account: neither for itself nor for the windows around it.
+        (0..3 * n).filter(|i| !mask[i / 3]).for_each(|i| image[i] = 1.0 - image[i]);
+        assert_eq!(of(&image, Some(&mask)), masked);
+        // By definition: the sums over the others of the picture that equals the photograph where it does not count.
+        (0..3 * n).filter(|i| !mask[i / 3]).for_each(|i| image[i] = f32::from(reference[i]) / 255.0);
+        let counted = mask.iter().filter(|&&counts| counts).count() as f64;
+        let error = 10f64.powf(-of(&image, None).0 / 10.0) * n as f64 / counted;
+        assert!((masked.0 + 10.0 * error.log10()).abs() < 1e-6);
+        // One pixel far from the others: its SSIM is its own.
+        let single: Vec<bool> = (0..n).map(|i| i == 0).collect();
+        let alone = of(&image, Some(&single));
+        assert!(alone.1 < 1.0 && alone.0.is_finite());
+        let message = |mask: &[bool]| {
+            let pair = Pair { image: &image, reference: &reference, width, height, mask: Some(mask) };
+            qualities(&[pair]).unwrap_err().to_string()
+        };
+        assert!(message(&vec![false; n]).contains("every pixel") && message(&all[1..]).contains("116 values"));
     }
 
     #[test]

@@ -3,6 +3,8 @@
 pub mod decompose;
 pub mod evaluate;
 pub mod metrics;
+#[cfg(feature = "cli")]
+pub mod page;
 pub mod sidebyside;
 pub mod summary;
 pub mod table;

@@ -9,10 +9,7 @@
 //! |error|       |error|       colour bar
 //! ```
 
-use std::io::{BufWriter, Write};
-use std::path::Path;
-
-use image::{ImageEncoder, Rgb, RgbImage, codecs::png::PngEncoder};
+use image::{Rgb, RgbImage};
 
 use crate::{Error, Result};
 
@@ -191,34 +188,6 @@ pub fn color_of(t: f32) -> [u8; 3] {
         let v = if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
         (v * 255.0).round() as u8
     })
-}
-
-/// Writes a PNG whole: to a temporary file in the same directory, then renamed.
-pub fn write_png(path: impl AsRef<Path>, image: &RgbImage) -> Result<()> {
-    let path = path.as_ref();
-    let fail = |e: std::io::Error| Error::io(path, e);
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".glint-").suffix(".png");
-    // Temporary files are private by default; this one is to have what a file created in place would.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(fail)?;
-    {
-        let mut out = BufWriter::new(file.as_file_mut());
-        PngEncoder::new(&mut out)
-            .write_image(image.as_raw(), image.width(), image.height(), image::ExtendedColorType::Rgb8)
-            .map_err(|e| match e {
-                image::ImageError::IoError(e) => fail(e),
-                e => fail(std::io::Error::other(e)),
-            })?;
-        out.flush().map_err(fail)?;
-    }
-    file.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
 }
 
 // The painters below stay inside the paper: compose() has made room, and put() drops what is outside.
@@ -433,18 +402,5 @@ mod tests {
         glyphs.sort();
         glyphs.dedup();
         assert_eq!(glyphs.len(), letters.len());
-    }
-
-    #[test]
-    fn pngs_appear_whole_and_read_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("figure.png");
-        let picture = RgbImage::from_fn(7, 5, |x, y| Rgb([x as u8, y as u8, 9]));
-        std::fs::write(&path, "old").unwrap();
-        write_png(&path, &picture).unwrap();
-        assert_eq!(image::open(&path).unwrap().to_rgb8(), picture);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        let error = write_png(folder.path().join("missing").join("figure.png"), &picture).unwrap_err();
-        assert!(error.to_string().contains("figure.png") && error.exit_code() == 2);
     }
 }

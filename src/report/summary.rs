@@ -126,8 +126,10 @@ pub struct DatasetSummary {
     pub reduced: usize,
     /// Photos whose lens distortion is taken out.
     pub undistorted: usize,
-    /// The largest part of such a photo, 0 to 1, that its file does not show.
+    /// The largest part of such a photo, 0 to 1, that its file does not show and that does not count.
     pub outside: f64,
+    /// Photos with a mask file.
+    pub masked: usize,
     /// Sparse points; `None` where there are none.
     pub points: Option<usize>,
     /// 1.1 × the largest distance of a training camera from their mean, scene units.
@@ -168,6 +170,7 @@ impl DatasetSummary {
             reduced: files().filter(|(photo, file)| file.size != [photo.camera.width, photo.camera.height]).count(),
             undistorted: files().filter(|(_, file)| file.lens.is_some()).count(),
             outside: dataset.outside,
+            masked: files().filter(|(_, file)| file.mask.is_some()).count(),
             points: dataset.points.as_ref().map(|points| points.positions.len()),
             extent: dataset.extent(),
             focus_center: focus.map(|f| f.center.to_array()),

@@ -57,3 +57,14 @@ pub struct Scene {
     pub base: Gaussians,
     pub supplement: Option<Supplement>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_of_one_is_not_empty() {
+        assert!(Gaussians::default().is_empty());
+        assert!(!Gaussians { means: vec![[0.0; 3]], ..Default::default() }.is_empty());
+    }
+}

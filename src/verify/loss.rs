@@ -18,35 +18,25 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     // (Scratch is as large for each frame as for the largest: four of these are a third of what llvmpipe binds.)
     let first = if quick { (101, 75) } else { (800, 533) };
     let sizes = &[first, (64, 48), (5, 70), (1, 1)];
-    let batch = Batch::new(sizes);
+    let (batch, masked) = (Batch::new(sizes), Batch::masked(sizes));
     // Each pixel and channel: five moments forward and three partials backward, filtered by eleven taps in each direction.
     let channels = 3.0 * batch.image.len() as f64;
     let pixels = batch.image.len() as f64;
-    let twins: Vec<(Twin, Vec<[f64; 3]>)> = batch
-        .frames
-        .iter()
-        .map(|frame| {
-            let (width, height) = (frame.width as usize, frame.height as usize);
-            let (image, targets) = batch.pixels(frame);
-            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
-            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
-            (forward, backward)
-        })
-        .collect();
-    for tiles in [Tiles::All, Tiles::Map, Tiles::Listed] {
-        let there = There::new(bench, &batch)?;
+    let (all, counting) = (batch.twins(), masked.twins());
+    // Masks are in the targets, so every variant has them; they are looked at together with the map, which has them too.
+    let cases =
+        [(Tiles::All, ""), (Tiles::Map, "loss map"), (Tiles::Listed, "tile list"), (Tiles::Map, "loss map, masked")];
+    for (tiles, name) in cases {
+        let has_mask = name.ends_with("masked");
+        let (batch, twins) = if has_mask { (&masked, &counting) } else { (&batch, &all) };
+        let there = There::new(bench, batch)?;
         let times = bench.time(|recorder| there.record(recorder, tiles))?;
         let (gradient, map) = (there.image_grad.download()?, there.loss.loss_map().download()?);
         let losses = there.loss.losses.mapped();
 
-        let name = match tiles {
-            Tiles::All => "",
-            Tiles::Map => "loss map",
-            Tiles::Listed => "tile list",
-        };
         let (mut forward, mut backward) = (bench.row("ssim_forward", name), bench.row("ssim_backward", name));
         let mut sum = bench.row("loss_sum", name);
-        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(&twins).enumerate() {
+        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(twins).enumerate() {
             let range = frame.image_first as usize..(frame.image_first + frame.width * frame.height) as usize;
             if tiles == Tiles::Listed && !listed(f) {
                 // Tiles that are not listed keep what they had.
@@ -68,10 +58,16 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             }
             let want = twin_gradient.iter().flatten().copied();
             backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
+            if has_mask {
+                // To the bit: where nothing counts nothing is drawn and nothing is learned.
+                let left_out: Vec<usize> = range.filter(|&i| !batch.counts(frame, i)).collect();
+                forward.unequal(left_out.iter().filter(|&&i| map[i] != 0.0).count() as u64);
+                backward.unequal(left_out.iter().filter(|&&i| gradient[3 * i..3 * i + 3] != [0.0; 3]).count() as u64);
+            }
         }
         // Training has all tiles, the screen phase a list, and a loss map where it draws.
         backward.chosen = tiles != Tiles::Map;
-        let share = if tiles == Tiles::Listed { listed_share(&batch) } else { 1.0 };
+        let share = if tiles == Tiles::Listed { listed_share(batch) } else { 1.0 };
         let partials = 9.0 * 4.0 * pixels;
         let map_bytes = if tiles == Tiles::Map { 4.0 * pixels } else { 0.0 };
         forward.work =
@@ -134,6 +130,39 @@ impl Batch {
             }
         }
         batch
+    }
+
+    /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts. What is rendered
+    /// there is far from the photograph, so that it shows wherever it is looked at.
+    pub fn masked(sizes: &[(u32, u32)]) -> Self {
+        let mut batch = Self::new(sizes);
+        for (f, frame) in batch.frames.iter().enumerate() {
+            for i in 0..frame.width * frame.height {
+                let (x, y) = (i % frame.width, i / frame.width);
+                let patch = (x / 13 + y / 9).is_multiple_of(3) || noise(i + 7).is_multiple_of(31);
+                if patch || f == 1 {
+                    batch.targets[(frame.target_first + i) as usize] &= 0x00FF_FFFF;
+                    batch.image[(frame.image_first + i) as usize] = [7.0, -3.0, 5.0, 0.5];
+                }
+            }
+        }
+        batch
+    }
+
+    /// Whether the pixel at `i` of the images, one of `frame`'s, counts.
+    fn counts(&self, frame: &Frame, i: usize) -> bool {
+        reference::ssim_forward::counts(self.targets[frame.target_first as usize + i - frame.image_first as usize])
+    }
+
+    fn twins(&self) -> Vec<(Twin, Vec<[f64; 3]>)> {
+        let twin = |frame: &Frame| {
+            let (width, height) = (frame.width as usize, frame.height as usize);
+            let (image, targets) = self.pixels(frame);
+            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
+            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
+            (forward, backward)
+        };
+        self.frames.iter().map(twin).collect()
     }
 
     /// What the twins read of a frame.

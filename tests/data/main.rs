@@ -1,21 +1,20 @@
 //! Real datasets and scenes, read where `../shared/data` is there and skipped with a message where not.
 
-use std::path::PathBuf;
+#[path = "../common/mod.rs"]
+mod common;
+mod lenses;
+#[path = "../common/shared.rs"]
+mod shared;
+mod upload;
+mod variants;
+mod wild;
 
 use glam::DVec3;
 use glint::data::{Dataset, DatasetKind, DatasetOptions, Split, read_points, read_scene, write_scene};
-
-fn real(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    if !path.exists() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
+use shared::shared;
 
 fn open(name: &str) -> Option<Dataset> {
-    Some(Dataset::open(real(name)?, &DatasetOptions::default()).unwrap())
+    Some(Dataset::open(shared(name)?, &DatasetOptions::default()).unwrap())
 }
 
 fn count(data: &Dataset, split: Split) -> usize {
@@ -56,15 +55,15 @@ fn nerf_synthetic_loads_as_published() {
     assert!(cloud.positions.iter().flatten().all(|v| v.abs() <= 1.3));
     let middle = data.photos.iter().filter(|photo| sees(&photo.camera, [0.0; 3])).count();
     assert_eq!(middle, 125);
-    let white = DatasetOptions { background: [1.0; 3], max_size: Some(100) };
-    let white = Dataset::open(real("small/lego").unwrap(), &white).unwrap();
+    let white = DatasetOptions { background: [1.0; 3], max_size: Some(100), ..Default::default() };
+    let white = Dataset::open(shared("small/lego").unwrap(), &white).unwrap();
     let image = white.photos[0].load(white.background).unwrap();
     assert_eq!((image.width, image.height, &image.rgb[..3]), (100, 100, &[255; 3][..]));
 }
 
 #[test]
 fn a_transforms_file_that_is_named_comes_alone() {
-    let Some(path) = real("small/lego/transforms_train.json") else { return };
+    let Some(path) = shared("small/lego/transforms_train.json") else { return };
     let data = Dataset::open(path, &DatasetOptions::default()).unwrap();
     assert_eq!((count(&data, Split::Train), count(&data, Split::Test)), (87, 13));
 }
@@ -154,7 +153,7 @@ fn the_focus_is_where_the_sparse_points_are() {
 
 #[test]
 fn the_reference_trainers_scene_comes_back_bit_for_bit() {
-    let Some(path) = real("splats/inria_sh3_9k.ply") else { return };
+    let Some(path) = shared("splats/inria_sh3_9k.ply") else { return };
     let scene = read_scene(&path).unwrap();
     assert_eq!((scene.base.len(), scene.base.sh_degree, scene.supplement.is_none()), (9_080, 3, true));
     let folder = tempfile::tempdir().unwrap();
@@ -174,24 +173,24 @@ fn files_of_other_kinds_are_told_what_they_are() {
             &["100 rows", "248 bytes each", "24800 bytes", "38829", "14029 bytes too many", "156 whole rows"][..],
         ),
         ("splats/biker.compressed.ply", &["compressed PLY", "not a 3DGS PLY"]),
-        ("splats/biker_v4.spz", &["SPZ"]),
-        ("splats/truck.splat", &["not a PLY"]),
+        ("splats/biker_v4.spz", &["SPZ", "not a PLY"]),
+        ("splats/truck.splat", &[".splat", "not a PLY"]),
         ("full/garden/sparse/0/points3D.ply", &["point cloud", "not a 3DGS PLY"]),
     ] {
-        let Some(path) = real(name) else { continue };
+        let Some(path) = shared(name) else { continue };
         let message = read_scene(&path).unwrap_err().to_string();
         eprintln!("{message}");
         for part in parts {
             assert!(message.contains(part), "`{part}` is not in: {message}");
         }
     }
-    let Some(path) = real("full/garden/sparse/0/points3D.ply") else { return };
+    let Some(path) = shared("full/garden/sparse/0/points3D.ply") else { return };
     assert_eq!(read_points(path).unwrap().positions.len(), 138_766);
 }
 
 #[test]
 fn full_scenes_can_be_reduced_while_reading() {
-    let Some(path) = real("full/bonsai") else { return };
+    let Some(path) = shared("full/bonsai") else { return };
     let data = Dataset::open(path, &DatasetOptions { max_size: Some(256), ..Default::default() }).unwrap();
     let camera = data.photos[0].camera;
     assert_eq!((camera.width, camera.height), (256, 171));

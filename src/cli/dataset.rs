@@ -1,0 +1,169 @@
+//! The options of every command that reads a dataset.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::progress::note;
+use crate::{
+    Error, Result,
+    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Split},
+    report::summary::DatasetSummary,
+};
+
+/// What of a dataset is read.
+#[derive(Debug, Args)]
+pub(super) struct DatasetArgs {
+    /// Folder of the photos, in the dataset or a path of its own [default: where the dataset has them; images, input, images_2,
+    /// images_4 or images_8]
+    #[arg(long, value_name = "DIR", help_heading = "Dataset")]
+    images: Option<PathBuf>,
+    /// Folder of the COLMAP model, in the dataset or a path of its own [default: the first of sparse/0, sparse, the dataset,
+    /// sparse/1 and on, colmap/sparse/0 and the like]
+    #[arg(long, value_name = "DIR", help_heading = "Dataset")]
+    model: Option<PathBuf>,
+    /// Every N-th photo by name is for testing, from the first, or none is [default: what the dataset says, else 8]
+    #[arg(long, value_name = "N|none", value_parser = parse_holdout, help_heading = "Dataset")]
+    test_every: Option<Holdout>,
+    /// What transparency means
+    #[arg(long, value_enum, default_value_t = AlphaArg::Background, help_heading = "Dataset")]
+    alpha: AlphaArg,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum AlphaArg {
+    /// The background shines through
+    Background,
+    /// Pixels of less than a half do not count
+    Mask,
+}
+
+impl DatasetArgs {
+    /// Reads the dataset and tells what its user would not expect.
+    pub(super) fn open(&self, path: &Path, max_size: Option<u32>, background: [f32; 3]) -> Result<Dataset> {
+        let options = DatasetOptions {
+            max_size,
+            background,
+            images: self.images.clone(),
+            model: self.model.clone(),
+            holdout: self.test_every.unwrap_or_default(),
+            alpha: match self.alpha {
+                AlphaArg::Background => Alpha::Background,
+                AlphaArg::Mask => Alpha::Mask,
+            },
+        };
+        let dataset = Dataset::open(path, &options)?;
+        let found = DatasetSummary::of(&dataset);
+        for size in &found.sizes {
+            tracing::info!("{} photos of {} × {}", size.photos, size.width, size.height);
+        }
+        let (points, extent) = (found.points.unwrap_or(0), found.extent);
+        tracing::info!("{} dataset: {} train, {} test, {points} points", found.format, found.train, found.test);
+        tracing::info!("cameras within {:.4} scene units of their middle", extent / 1.1);
+        if let (Some(center), Some(radius)) = (found.focus_center, found.focus_radius) {
+            tracing::info!("they look at {center:.3?} from {radius:.3} away");
+        }
+        dataset.notes.iter().for_each(|text| note(text.as_str()));
+        Ok(dataset)
+    }
+}
+
+/// Fails where no training photo sees any of these Gaussians, upon which nothing would be learned in hours; tells where some
+/// photos see none.
+pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<()> {
+    let (seeing, all) = (dataset.seeing(gaussians), dataset.split(Split::Train).count());
+    if seeing == 0 && !gaussians.is_empty() {
+        return Err(Error::Usage(format!(
+            "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \
+             {NEAR} scene units (the cameras stand within {:.3e} of their middle); is the dataset scaled, or the scene another's?",
+            gaussians.len(),
+            dataset.extent() / 1.1
+        )));
+    }
+    if seeing < all {
+        note(format!("{} of {all} training photos see no Gaussian", all - seeing));
+    }
+    Ok(())
+}
+
+fn parse_holdout(text: &str) -> Result<Holdout, String> {
+    match text {
+        "none" => Ok(Holdout::Nothing),
+        _ => match text.parse() {
+            Ok(n) if n >= 2 => Ok(Holdout::Every(n)),
+            _ => Err("expected none or a number from 2".into()),
+        },
+    }
+}
+
+/// How photos are prepared.
+#[derive(Debug, Args)]
+pub(super) struct PhotoArgs {
+    #[command(flatten)]
+    dataset: DatasetArgs,
+    /// Reduce photos whose longer side has more pixels than this; nothing is ever enlarged [default: 1600, as 3DGS]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
+    max_size: Option<u32>,
+    /// What is behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
+    pub(super) background: [f32; 3],
+}
+
+/// 3DGS trains on photos of at most this width.
+const DEFAULT_MAX_SIZE: u32 = 1600;
+
+impl PhotoArgs {
+    /// Reads the dataset and tells what its user would not expect.
+    pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
+        let max_size = self.max_size.unwrap_or(DEFAULT_MAX_SIZE);
+        let dataset = self.dataset.open(path, Some(max_size), self.background)?;
+        let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
+            PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
+            PixelSource::Memory(_) => false,
+        });
+        if self.max_size.is_none() && reduced.clone().next().is_some() {
+            note(format!(
+                "{} of {} photos are reduced to {max_size} pixels on the longer side; --max-size sets another limit",
+                reduced.count(),
+                dataset.photos.len()
+            ));
+        }
+        Ok(dataset)
+    }
+}
+
+fn parse_background(text: &str) -> Result<[f32; 3], String> {
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    let values: Option<Vec<f32>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
+    let color = values.and_then(|v| <[f32; 3]>::try_from(v).ok());
+    color
+        .filter(|color| color.iter().all(|v| (0.0..=1.0).contains(v)))
+        .ok_or_else(|| "expected black, white or three numbers from 0 to 1 such as 0.2,0.2,0.2".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_are_names_or_three_numbers() {
+        assert_eq!(parse_background("white"), Ok([1.0; 3]));
+        assert_eq!(parse_background("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for bad in ["", "grey", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"] {
+            assert!(parse_background(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_holdout_is_none_or_a_number() {
+        assert_eq!(parse_holdout("none"), Ok(Holdout::Nothing));
+        assert_eq!(parse_holdout("2"), Ok(Holdout::Every(2)));
+        for bad in ["", "0", "1", "-3", "2.5", "all"] {
+            assert!(parse_holdout(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Where results go: never over what the command reads, over other files only with `--force`, under a name that says what
+//! they are, and only where there is room.
+
+use std::{
+    collections::HashSet,
+    fs,
+    io::{Error as IoError, ErrorKind},
+    path::{Path, PathBuf},
+};
+
+use super::progress::note;
+use crate::{
+    Error, Result,
+    data::{Dataset, sweep},
+};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct OutputArgs {
+    /// Replace files that are there already; what the command itself reads is never replaced
+    #[arg(long)]
+    force: bool,
+}
+
+/// A file by what it is, whatever it is called.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Identity {
+    #[cfg(unix)]
+    Inode(u64, u64),
+    #[cfg(not(unix))]
+    Path(PathBuf),
+}
+
+impl Identity {
+    /// None where there is no such file.
+    #[cfg(unix)]
+    fn of(path: &Path) -> Option<Identity> {
+        use std::os::unix::fs::MetadataExt;
+        fs::metadata(path).ok().map(|found| Identity::Inode(found.dev(), found.ino()))
+    }
+
+    #[cfg(not(unix))]
+    fn of(path: &Path) -> Option<Identity> {
+        fs::canonicalize(path).ok().map(Identity::Path)
+    }
+}
+
+/// What a command reads.
+#[derive(Debug, Default)]
+pub(super) struct Inputs {
+    files: HashSet<Identity>,
+    /// Folders with photos: a dataset is read by names, so a new file there may become a part of it.
+    folders: HashSet<Identity>,
+}
+
+impl Inputs {
+    pub(super) fn scene(mut self, path: &Path) -> Inputs {
+        self.files.extend(Identity::of(path));
+        self
+    }
+
+    pub(super) fn dataset(mut self, dataset: &Dataset) -> Inputs {
+        let photos = dataset.photo_files();
+        self.folders.extend(photos.iter().filter_map(|path| Identity::of(path.parent()?)));
+        let files = photos.into_iter().chain(dataset.sources.iter().map(PathBuf::as_path));
+        self.files.extend(files.filter_map(Identity::of));
+        self
+    }
+}
+
+impl OutputArgs {
+    /// Fails now if a file at `path` could not be written after hours of work, or should not be. Leaves nothing behind.
+    /// `extension` is what a file of its kind is called, `what` the kind.
+    pub(super) fn check_file(&self, path: &Path, extension: &str, what: &str, inputs: &Inputs) -> Result<()> {
+        if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
+            return Err(Error::input(path, "exists and is not a file, expected the name of a file to write"));
+        }
+        if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
+            let name = path.with_extension(extension);
+            let name = name.file_name().unwrap_or_default().to_string_lossy();
+            return Err(Error::input(path, format!("{what} is written here, expected a name such as {name}")));
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        writable(folder)
+            .map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", folder.display())))?;
+        self.check_replaced(path, inputs)?;
+        clear(folder);
+        Ok(())
+    }
+
+    /// Makes the folder that files go to, and fails if they cannot, or should not.
+    pub(super) fn make_folder(&self, path: &Path, inputs: &Inputs) -> Result<()> {
+        if fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
+            return Err(Error::input(path, "exists and is not a folder, expected a folder to write to"));
+        }
+        if Identity::of(path).is_some_and(|folder| inputs.folders.contains(&folder)) {
+            return Err(Error::input(
+                path,
+                "is a folder that the dataset's photos are read from, expected another one",
+            ));
+        }
+        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be made: {error}")))?;
+        writable(path).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))?;
+        clear(path);
+        Ok(())
+    }
+
+    /// Fails if one of `names` in `folder` is there already and may not be replaced.
+    pub(super) fn check_files<'a>(
+        &self,
+        folder: &Path,
+        names: impl IntoIterator<Item = &'a str>,
+        inputs: &Inputs,
+    ) -> Result<()> {
+        names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
+    }
+
+    fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
+        match Identity::of(path) {
+            Some(file) if inputs.files.contains(&file) => {
+                Err(Error::input(path, "is what this command reads, so it is not written over; expected another name"))
+            }
+            Some(_) if !self.force => Err(Error::input(path, "is there already; --force replaces it")),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn writable(folder: &Path) -> std::io::Result<()> {
+    tempfile::tempfile_in(folder).map(drop)
+}
+
+/// Removes what killed runs left.
+fn clear(folder: &Path) {
+    let gone = sweep(folder);
+    if !gone.is_empty() {
+        note(format!("{}: unfinished files of killed runs removed: {}", folder.display(), gone.len()));
+    }
+}
+
+/// Fails if `bytes` do not fit onto the disk of `path`. Where that cannot be known it is left to the writing.
+pub(super) fn check_room(path: &Path, bytes: u64) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match fs4::available_space(folder) {
+        Ok(free) if free < bytes => {
+            let megabytes = |bytes: u64| bytes as f64 / 1e6;
+            let (need, have) = (megabytes(bytes), megabytes(free));
+            let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
+            Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_known_by_any_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("base.ply"), "base").unwrap();
+        fs::create_dir(at("sub")).unwrap();
+        let inputs = Inputs::default().scene(&at("base.ply"));
+        let mut names = vec![at("base.ply"), at("sub/../base.ply")];
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("base.ply"), at("link.ply")).unwrap();
+            fs::hard_link(at("base.ply"), at("hard.ply")).unwrap();
+            names.extend([at("link.ply"), at("hard.ply")]);
+        }
+        for name in names {
+            for force in [false, true] {
+                let refused = OutputArgs { force }.check_file(&name, "ply", "a scene", &inputs).unwrap_err();
+                assert!(refused.to_string().contains("this command reads"), "{refused}");
+            }
+        }
+        fs::write(at("other.ply"), "other").unwrap();
+        let check = |force| OutputArgs { force }.check_file(&at("other.ply"), "ply", "a scene", &inputs);
+        assert!(check(false).unwrap_err().to_string().contains("--force"));
+        check(true).unwrap();
+    }
+
+    #[test]
+    fn what_does_not_fit_the_disk_is_said_before_it_is_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.ply");
+        check_room(&path, 1).unwrap();
+        let full = check_room(&path, u64::MAX).unwrap_err();
+        assert!(full.to_string().contains("out.ply") && full.to_string().contains("MB left"), "{full}");
+        assert_eq!(full.exit_code(), 1);
+        check_room(Path::new("nowhere/out.ply"), u64::MAX).unwrap();
+    }
+}

@@ -1,0 +1,234 @@
+//! From what a dataset's files list to photos: which are there, which are for testing, what each goes through, and what of
+//! all this is worth telling.
+
+use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
+use super::images;
+use super::lens::{Distortion, Lens};
+use super::ply::PointCloud;
+use super::shot::{Focal, Shot};
+use super::{names, transforms};
+use crate::scene::Camera;
+use crate::{Error, Result};
+
+/// Of the photos sorted by name, the first and every 8th after it are for testing (Mip-NeRF 360, 3DGS).
+const TEST_EVERY: u32 = 8;
+/// A part of a photo that its file does not show is told from here on.
+const TOLD_OUTSIDE: f64 = 0.01;
+
+/// What is to be told of a folder of masks that is there for nothing.
+pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
+    let unused = there && shots.iter().all(|shot| shot.mask.is_none());
+    unused.then(|| "there is a folder of masks, but no file in it is named after a photo".into())
+}
+
+/// What a dataset's files say.
+pub(super) struct Listed {
+    pub(super) shots: Vec<Shot>,
+    pub(super) points: Option<PointCloud>,
+    /// The files that were read.
+    pub(super) sources: Vec<PathBuf>,
+    pub(super) notes: Vec<String>,
+}
+
+/// "1 photo", "2 photos".
+pub(super) fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// `kind` is [`DatasetKind::Transforms`] also for what may turn out to be NeRF Synthetic.
+pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptions) -> Result<Dataset> {
+    let Listed { mut shots, points, sources, mut notes } = listed;
+    one_split_each(&mut shots, &mut notes);
+    let mut seen = HashSet::new();
+    for shot in &mut shots {
+        shot.name = names::clean(&shot.name);
+        if shot.name.is_empty() || !seen.insert(shot.name.clone()) {
+            let what = format!("the image name `{}` is empty or appears twice", shot.name);
+            return Err(Error::input(&shot.listed_in, what));
+        }
+    }
+    shots.sort_by(|a, b| a.name.cmp(&b.name));
+    split(&mut shots, options.holdout);
+    // NeRF Synthetic has angles, and its photos in files for training and for testing.
+    let blender = sources.first().is_some_and(|path| path.ends_with(transforms::TRAIN))
+        && shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
+    let shots = present(shots, &mut notes)?;
+    let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
+    if masked > 0 {
+        let what = "with a mask, whose black pixels do not count";
+        notes.push(format!("{} of {} {what}", count(masked, "photo"), shots.len()));
+    }
+
+    let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();
+    // Collected first, so that of several faults the first by name is told.
+    let prepared = results.into_iter().collect::<Result<Vec<_>>>()?;
+    let transparent = prepared.iter().filter(|photo| photo.has_alpha).count();
+    tell(&prepared, &mut notes);
+    let outside = prepared.iter().fold(0.0, |worst: f64, photo| worst.max(photo.outside));
+    let photos: Vec<Photo> = prepared.into_iter().flat_map(|prepared| prepared.photos).collect();
+    let mut names = HashSet::new();
+    if let Some(double) = photos.iter().find(|photo| !names.insert(&photo.name)) {
+        let what = format!("the image name `{}` is that of a panorama's face as well", double.name);
+        return Err(Error::Usage(what));
+    }
+    let lens = |photo: &Photo| matches!(&photo.pixels, PixelSource::File(file) if file.lens.is_some());
+    let undistorted = photos.iter().any(lens);
+    let background = options.background;
+    let mut dataset = Dataset { kind, photos, points, background, undistorted, outside, sources, notes };
+    if blender && dataset.surrounds_the_blender_cube() {
+        dataset.kind = DatasetKind::Blender;
+    } else if blender && dataset.points.is_none() {
+        let what =
+            "the cameras do not stand around the cube of NeRF Synthetic scenes: random points lie where they look";
+        dataset.notes.push(what.into());
+    }
+    if transparent > 0 && dataset.kind != DatasetKind::Blender && options.alpha == Alpha::Background {
+        let what =
+            "an alpha channel, through which the background shines; it can be taken for a mask instead (--alpha mask)";
+        dataset.notes.push(format!("{} with {what}", count(transparent, "photo")));
+    }
+    Ok(dataset)
+}
+
+/// A photo that stands in both splits is for testing alone: to train on it would be to know the answer.
+fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
+    let tests: HashSet<PathBuf> =
+        shots.iter().filter(|shot| shot.split == Some(Split::Test)).filter_map(|shot| shot.path.clone()).collect();
+    let before = shots.len();
+    let trains = |shot: &Shot| shot.split == Some(Split::Train);
+    shots.retain(|shot| !(trains(shot) && shot.path.as_ref().is_some_and(|path| tests.contains(path))));
+    if shots.len() < before {
+        let both = count(before - shots.len(), "photo");
+        notes.push(format!("{both} for training and for testing: used for testing only"));
+    }
+}
+
+/// Splits photos that are sorted by name. Those that are not there have their place in the order, so that a missing one moves
+/// no other.
+fn split(shots: &mut [Shot], holdout: Holdout) {
+    let every = |n: u32, i: usize| if i.is_multiple_of(n as usize) { Split::Test } else { Split::Train };
+    for (i, shot) in shots.iter_mut().enumerate() {
+        shot.split = Some(match holdout {
+            Holdout::Dataset => shot.split.unwrap_or(every(TEST_EVERY, i)),
+            Holdout::Every(n) => every(n, i),
+            Holdout::Nothing => Split::Train,
+        });
+    }
+}
+
+/// Those whose files are there. An error where none is.
+fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
+    // A file that one photo names exactly is not also another's under another spelling.
+    let exact: HashSet<PathBuf> =
+        shots.iter().filter(|shot| !shot.respelled).filter_map(|shot| shot.path.clone()).collect();
+    let mut uses: HashMap<PathBuf, usize> = HashMap::new();
+    shots.iter().filter_map(|shot| shot.path.clone()).for_each(|path| *uses.entry(path).or_default() += 1);
+    for shot in shots.iter_mut().filter(|shot| shot.respelled) {
+        shot.path = shot.path.take().filter(|path| !exact.contains(path) && uses[path] == 1);
+    }
+    let all = shots.len();
+    let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(|shot| shot.path.is_some());
+    if let Some(Shot { name, expected, listed_in, .. }) = missing.first() {
+        let others = if missing.len() == 1 { String::new() } else { format!(" (and {} more)", missing.len() - 1) };
+        let what = format!("image `{name}` is listed, but {} is missing{others}", expected.display());
+        if there.is_empty() {
+            return Err(Error::input(listed_in, what));
+        }
+        notes.push(format!("{} of {all} left out: {what}", count(missing.len(), "photo")));
+    }
+    let respelled = there.iter().filter(|shot| shot.respelled).count();
+    if respelled > 0 {
+        notes.push(format!("{} found under another spelling, case or ending of the name", count(respelled, "photo")));
+    }
+    Ok(there)
+}
+
+/// A file's photos: one, or the faces of a panorama.
+struct Prepared {
+    photos: Vec<Photo>,
+    /// The part of it that the file does not show.
+    outside: f64,
+    /// Principal point and size of the file, where the point is not in the picture.
+    off: Option<([f64; 2], [u32; 2])>,
+    has_alpha: bool,
+    distortion: Distortion,
+}
+
+fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
+    // Only photos that are there come here.
+    let path = shot.path.unwrap_or(shot.expected);
+    let images::Header { size, bytes_per_pixel, has_alpha } = images::open(&path)?;
+    let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", shot.listed_in.display()));
+    let frame = shot.camera.for_image(size).map_err(fail)?;
+    let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(shot.translation.to_array());
+    // What reaches the device is float32.
+    // guard: cameras within float32
+    if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
+        return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
+    }
+    let distortion = shot.camera.distortion;
+    let lenses = match distortion {
+        Distortion::Equirectangular => {
+            let stem = names::without_ending(&shot.name);
+            let named = |face: &str| format!("{stem}-{face}{}", &shot.name[stem.len()..]);
+            Lens::cube(frame).map(|(face, lens)| (named(face), lens)).to_vec()
+        }
+        _ => vec![(shot.name.clone(), Lens::new(frame, distortion))],
+    };
+    let outside = lenses.iter().fold(0.0, |worst: f64, (_, lens)| match distortion.is_none() {
+        true => worst,
+        false => worst.max(lens.outside_fraction()),
+    });
+    let split = shot.split.unwrap_or(Split::Train);
+    let photos = lenses.into_iter().map(|(name, lens)| {
+        let super::lens::Frame { width, height, fx, fy, cx, cy } = lens.view;
+        // World to file's axes to view's axes.
+        let back = lens.turn.transpose();
+        let (rotation, translation) = (back * shot.rotation, back * shot.translation);
+        let full = Camera { width, height, fx, fy, cx, cy, rotation, translation };
+        let [width, height] = images::fit([width, height], options.max_size);
+        let lens = (!distortion.is_none()).then_some(lens);
+        let (path, mask, alpha) = (path.clone(), shot.mask.clone(), options.alpha);
+        let file = ImageFile { path, size, bytes_per_pixel, lens, mask, alpha };
+        Photo { name, camera: full.resized(width, height), split, pixels: PixelSource::File(Box::new(file)) }
+    });
+    let inside = (0.0..=frame.width as f64).contains(&frame.cx) && (0.0..=frame.height as f64).contains(&frame.cy);
+    let off = (!inside).then_some(([frame.cx, frame.cy], size));
+    Ok(Prepared { photos: photos.collect(), outside, off, has_alpha, distortion })
+}
+
+fn tell(prepared: &[Prepared], notes: &mut Vec<String>) {
+    let spheres = prepared.iter().filter(|p| p.distortion == Distortion::Equirectangular).count();
+    if spheres > 0 {
+        notes.push(format!("{} of the whole sphere: each becomes the six faces of a cube", count(spheres, "photo")));
+    }
+    let fisheye = prepared.iter().filter(|p| p.distortion.is_fisheye()).flat_map(|p| p.photos.first());
+    if let Some(first) = fisheye.clone().next() {
+        let Camera { width, fx, .. } = first.camera;
+        let across = 2.0 * (0.5 * f64::from(width) / fx).atan().to_degrees();
+        let n = count(fisheye.count(), "fisheye photo");
+        notes.push(format!(
+            "{n}: of each a pinhole view with the same focal length is used, {across:.0}° across; what is beyond is not"
+        ));
+    }
+    let smeared: Vec<f64> = prepared.iter().map(|p| p.outside).filter(|&outside| outside > TOLD_OUTSIDE).collect();
+    if let Some(worst) = smeared.iter().copied().reduce(f64::max) {
+        notes.push(format!(
+            "{}: up to {:.0} % of the undistorted picture is beyond the file's edge and does not count",
+            count(smeared.len(), "photo"),
+            100.0 * worst
+        ));
+    }
+    let off: Vec<_> = prepared.iter().filter_map(|p| Some((&p.photos.first()?.name, p.off?))).collect();
+    if let [(name, ([cx, cy], [width, height])), ..] = off[..] {
+        notes.push(format!(
+            "{}: the principal point is outside of the picture, ({cx}, {cy}) in `{name}` of {width} × {height}; is this a crop?",
+            count(off.len(), "photo")
+        ));
+    }
+}

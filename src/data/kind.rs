@@ -1,0 +1,121 @@
+//! What a file is, by its first bytes.
+
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::{Error, Result};
+
+/// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Ply,
+    /// Something in braces: a transforms.json, perhaps.
+    Json,
+    Spz,
+    /// The name says so too: the rows have no mark.
+    Splat,
+    Ksplat,
+    Zip,
+    Gzip,
+    Gltf,
+    Safetensors,
+    Exr,
+    Image,
+    Empty,
+    Unknown,
+}
+
+impl Kind {
+    /// Of a file's beginning. `path` is looked at only for what has no mark of its own.
+    pub fn of(start: &[u8], path: &Path) -> Kind {
+        let ending = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+        let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
+        match start {
+            [] => Kind::Empty,
+            _ if start.starts_with(b"ply\n") || start.starts_with(b"ply\r\n") => Kind::Ply,
+            [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
+            // A version before 4 is a whole gzip stream.
+            [0x1f, 0x8b, ..] => {
+                if ending("spz") {
+                    Kind::Spz
+                } else {
+                    Kind::Gzip
+                }
+            }
+            [b'P', b'K', 3, 4, ..] => Kind::Zip,
+            [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
+            [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,
+            [0x89, b'P', b'N', b'G', ..]
+            | [0xff, 0xd8, 0xff, ..]
+            | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..]
+            | [b'I', b'I', 42, 0, ..]
+            | [b'M', b'M', 0, 42, ..]
+            | [b'B', b'M', ..] => Kind::Image,
+            [_, _, _, _, _, _, 0, 0, b'{', ..] => Kind::Safetensors,
+            _ if text.starts_with(b"{") => Kind::Json,
+            _ if ending("splat") => Kind::Splat,
+            _ if ending("ksplat") => Kind::Ksplat,
+            _ => Kind::Unknown,
+        }
+    }
+
+    /// Of a file that can be opened.
+    pub fn of_file(path: &Path) -> Result<Kind> {
+        let fail = |source| Error::io(path, source);
+        let mut start = Vec::new();
+        File::open(path).map_err(fail)?.take(64).read_to_end(&mut start).map_err(fail)?;
+        Ok(Kind::of(&start, path))
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Kind::Ply => "a PLY file",
+            Kind::Json => "a JSON file",
+            Kind::Spz => "an SPZ scene, which is not read (export it as PLY)",
+            Kind::Splat => "a .splat scene, which is not read (export it as PLY)",
+            Kind::Ksplat => "a .ksplat scene, which is not read (export it as PLY)",
+            Kind::Zip => "a ZIP archive (an SOG scene is one), which is not read",
+            Kind::Gzip => "gzip data (an SPZ scene is), which is not read",
+            Kind::Gltf => "a glTF model, which is not read",
+            Kind::Safetensors => "a safetensors file",
+            Kind::Exr => "an EXR image",
+            Kind::Image => "an image",
+            Kind::Empty => "empty",
+            Kind::Unknown => "nothing that glint knows",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_known_by_their_first_bytes() {
+        let is = |bytes: &[u8], name: &str, kind| assert_eq!(Kind::of(bytes, Path::new(name)), kind, "{bytes:?}");
+        is(b"ply\nformat", "a", Kind::Ply);
+        is(b"ply\r\nformat", "a.splat", Kind::Ply);
+        is(b"plywood", "a", Kind::Unknown);
+        is(b" \n{\"frames\"", "a", Kind::Json);
+        is(b"\xEF\xBB\xBF{", "a.txt", Kind::Json);
+        is(b"NGSP\x04\0\0\0", "a", Kind::Spz);
+        is(b"\x1f\x8b\x08", "a.SPZ", Kind::Spz);
+        is(b"\x1f\x8b\x08", "a.tgz", Kind::Gzip);
+        is(b"PK\x03\x04", "a.sog", Kind::Zip);
+        is(b"glTF", "a.glb", Kind::Gltf);
+        is(b"\x76\x2f\x31\x01", "a", Kind::Exr);
+        for image in [&b"\x89PNG"[..], b"\xff\xd8\xff\xe0", b"RIFF\0\0\0\0WEBP", b"II*\0", b"MM\0*", b"BM6"] {
+            is(image, "a", Kind::Image);
+        }
+        is(b"\x40\x01\0\0\0\0\0\0{\"a\"", "a", Kind::Safetensors);
+        is(b"", "a.ply", Kind::Empty);
+        is(&[7; 64], "a.splat", Kind::Splat);
+        is(&[7; 64], "a.ksplat", Kind::Ksplat);
+        is(&[7; 64], "a.ply", Kind::Unknown);
+        assert!(Kind::of_file(Path::new("nowhere")).unwrap_err().to_string().contains("nowhere"));
+    }
+}

@@ -1,0 +1,77 @@
+//! Lists that say which photos are for training and which for testing.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::assemble::{Listed, count};
+use super::dataset::Split;
+use super::names;
+use crate::{Error, Result};
+
+/// Names of photos, as a dataset's own files have them.
+pub(super) struct Lists {
+    pub(super) train: Option<Vec<String>>,
+    pub(super) test: Option<Vec<String>>,
+    /// What is to be told of where they come from.
+    pub(super) from: String,
+}
+
+/// A list with a name a line, in one of `folders`: test.txt, as 3DGS has it, and train.txt.
+pub(super) fn find(folders: &[&Path], sources: &mut Vec<PathBuf>) -> Result<Option<Lists>> {
+    let mut read = |name: &str| -> Result<Option<(PathBuf, Vec<String>)>> {
+        let Some(path) = folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file()) else {
+            return Ok(None);
+        };
+        let text = fs::read_to_string(&path).map_err(|source| Error::io(&path, source))?;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+        sources.push(path.clone());
+        Ok(Some((path, lines.map(str::to_owned).collect())))
+    };
+    let (test, train) = (read("test.txt")?, read("train.txt")?);
+    let names: Vec<String> =
+        [&test, &train].into_iter().flatten().map(|(path, _)| path.display().to_string()).collect();
+    let [test, train] = [test, train].map(|list| list.map(|(_, names)| names));
+    Ok((!names.is_empty()).then(|| Lists { train, test, from: names.join(" and ") }))
+}
+
+/// As names are compared: whether an ending is there or not.
+fn key(name: &str) -> String {
+    names::without_ending(&names::slashes(name)).to_owned()
+}
+
+impl Lists {
+    /// Splits the photos. Where there is one list, the others have the other part; of two lists the photos in neither are left
+    /// out, and those in both are for testing.
+    pub(super) fn apply(self, listed: &mut Listed) {
+        let set = |names: Vec<String>| names.iter().map(|name| key(name)).collect::<HashSet<String>>();
+        let (train, test) = (self.train.map(set), self.test.map(set));
+        let mut unknown: HashSet<&String> = train.iter().chain(&test).flatten().collect();
+        let mut tests = 0;
+        let before = listed.shots.len();
+        listed.shots.retain_mut(|shot| {
+            let key = key(&shot.name);
+            unknown.remove(&key);
+            let [train, test] = [&train, &test].map(|list| list.as_ref().map(|names| names.contains(&key)));
+            shot.split = match (train, test) {
+                (_, Some(true)) | (Some(false), None) => Some(Split::Test),
+                (Some(true), _) | (None, _) => Some(Split::Train),
+                (Some(false), Some(false)) => return false,
+            };
+            tests += usize::from(shot.split == Some(Split::Test));
+            true
+        });
+        listed.notes.push(format!("{} for testing, as {} say", count(tests, "photo"), self.from));
+        let left = before - listed.shots.len();
+        if left > 0 {
+            listed.notes.push(format!("{} left out, which the lists do not name", count(left, "photo")));
+        }
+        if !unknown.is_empty() {
+            let mut names: Vec<&&String> = unknown.iter().collect();
+            names.sort();
+            let n = count(names.len(), "name");
+            listed.notes.push(format!("{n} in the lists of which there is no photo, such as `{}`", names[0]));
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Photos as a dataset's files describe them, before anything is looked up.
+
+use std::path::PathBuf;
+
+use glam::{DMat3, DVec3};
+
+use super::dataset::Split;
+use super::lens::{Distortion, Frame};
+
+/// A photo as a dataset's files describe it.
+pub(super) struct Shot {
+    /// As it is listed, `/` between folders.
+    pub(super) name: String,
+    /// `None` where there is no such file.
+    pub(super) path: Option<PathBuf>,
+    /// Where it should be, for errors.
+    pub(super) expected: PathBuf,
+    /// Whether the file has another case or ending than the name.
+    pub(super) respelled: bool,
+    pub(super) mask: Option<PathBuf>,
+    /// The file that names it, for errors.
+    pub(super) listed_in: PathBuf,
+    pub(super) camera: SourceCamera,
+    /// World to camera, OpenCV axes.
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
+    pub(super) split: Option<Split>,
+}
+
+/// A focal length in pixels, or as fields of view in radians.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Focal {
+    Pixels([f64; 2]),
+    Angles {
+        x: f64,
+        y: Option<f64>,
+    },
+    /// The image is the whole sphere: what stands for a focal length is its size.
+    Sphere,
+}
+
+/// Intrinsics as a file gives them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SourceCamera {
+    /// The image size that they are for; the file's own if not given.
+    pub(super) size: Option<[f64; 2]>,
+    pub(super) focal: Focal,
+    /// The middle if not given.
+    pub(super) center: Option<[f64; 2]>,
+    pub(super) distortion: Distortion,
+}
+
+impl SourceCamera {
+    /// What is wrong with the numbers, before any image is known.
+    pub(super) fn check(&self) -> Result<(), String> {
+        // guard: focal lengths
+        let positive = |v: &f64| v.is_finite() && *v > 0.0;
+        let angle = |v: &f64| *v > 0.0 && *v < std::f64::consts::PI;
+        if let Some(size) = self.size.filter(|size| !size.iter().all(positive)) {
+            return Err(format!("the image size {size:?} is not sound"));
+        }
+        match self.focal {
+            Focal::Pixels(focal) if !focal.iter().all(positive) => {
+                return Err(format!("the focal lengths {focal:?} are not positive numbers"));
+            }
+            Focal::Angles { x, y } if ![Some(x), y].iter().flatten().all(angle) => {
+                return Err("the field of view is not between 0 and π".into());
+            }
+            _ => {}
+        }
+        // guard: principal points
+        if let Some(center) = self.center.filter(|center| !center.iter().all(|v| v.is_finite())) {
+            return Err(format!("the principal point {center:?} is not finite"));
+        }
+        if !self.distortion.is_finite() {
+            return Err(format!("the distortion {:?} is not finite", self.distortion));
+        }
+        match self.distortion {
+            Distortion::Unified { alpha, beta } if !((0.0..=1.0).contains(&alpha) && beta > 0.0) => {
+                Err(format!("EUCM's alpha {alpha} and beta {beta} are not in 0 to 1 and above 0"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The intrinsics for an image file of this size, which may be a reduced copy of what they were made for.
+    pub(super) fn for_image(&self, [width, height]: [u32; 2]) -> Result<Frame, String> {
+        let (disk_w, disk_h) = (width as f64, height as f64);
+        let [w, h] = self.size.unwrap_or([disk_w, disk_h]);
+        let (scale_x, scale_y) = (disk_w / w, disk_h / h);
+        // A reduced size is rounded to whole pixels, in either direction.
+        if (disk_w - w * scale_y).abs() > 1.0 && (disk_h - h * scale_x).abs() > 1.0 {
+            let turned = if width != height && disk_w == h && disk_h == w { " (it is turned)" } else { "" };
+            return Err(format!(
+                "the image is {width} × {height}, but its camera is for {w} × {h}, of another aspect{turned}"
+            ));
+        }
+        let [fx, fy] = match self.focal {
+            Focal::Pixels(focal) => focal,
+            Focal::Angles { x, y } => {
+                let fx = 0.5 * w / (0.5 * x).tan();
+                [fx, y.map_or(fx, |y| 0.5 * h / (0.5 * y).tan())]
+            }
+            Focal::Sphere => [w, h],
+        };
+        let [cx, cy] = self.center.unwrap_or([0.5 * w, 0.5 * h]);
+        // Real principal points are within a few percent of the middle; that of an image twice as large is at the edge.
+        let far = |c: f64, size: f64| (c - 0.5 * size).abs() > 0.25 * size;
+        if self.size.is_none() && (far(cx, w) || far(cy, h)) {
+            return Err(format!(
+                "the principal point ({cx}, {cy}) is far from the middle of the image, which is {width} × {height}, and the size \
+                 that the camera is for is not given; if the images were reduced, add `w` and `h`"
+            ));
+        }
+        let (fx, fy, cx, cy) = (fx * scale_x, fy * scale_y, cx * scale_x, cy * scale_y);
+        Ok(Frame { width, height, fx, fy, cx, cy })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(size: Option<[f64; 2]>) -> SourceCamera {
+        let (focal, center) = (Focal::Pixels([4000.0, 4100.0]), Some([2400.0, 1700.0]));
+        SourceCamera { size, focal, center, distortion: Distortion::default() }
+    }
+
+    #[test]
+    fn intrinsics_follow_the_size_of_the_file() {
+        // Mip-NeRF 360: 4946 × 3286, whose copies reduced 4 times are 1237 × 822.
+        let frame = camera(Some([4946.0, 3286.0])).for_image([1237, 822]).unwrap();
+        let (sx, sy) = (1237.0 / 4946.0, 822.0 / 3286.0);
+        assert_eq!([frame.fx, frame.fy, frame.cx, frame.cy], [4000.0 * sx, 4100.0 * sy, 2400.0 * sx, 1700.0 * sy]);
+        let error = camera(Some([4946.0, 3286.0])).for_image([1237, 825]).unwrap_err();
+        assert!(error.contains("1237 × 825") && error.contains("4946 × 3286"), "{error}");
+        let of_vga = |size| camera(Some([640.0, 480.0])).for_image(size).unwrap_err();
+        assert!(of_vga([480, 640]).contains("turned"));
+        assert!([[480, 600], [500, 640], [300, 200]].iter().all(|&size| !of_vga(size).contains("turned")));
+        // One side's rounding is enough, a whole pixel of it.
+        assert!(camera(Some([1000.0, 10.0])).for_image([500, 4]).is_ok());
+        assert!(camera(Some([10.0, 1000.0])).for_image([4, 500]).is_ok());
+        assert_eq!(camera(None).for_image([4800, 3400]).unwrap().fx, 4000.0);
+    }
+
+    #[test]
+    fn a_camera_for_larger_images_is_noticed_without_their_size() {
+        for reduced in [2, 4, 8] {
+            let error = camera(None).for_image([4800 / reduced, 3400 / reduced]).unwrap_err();
+            assert!(error.contains("(2400, 1700)") && error.contains("`w` and `h`"), "{error}");
+        }
+        let off = |cx: f64, cy: f64| SourceCamera { center: Some([cx, cy]), ..camera(None) }.for_image([100, 60]);
+        assert!(off(30.0, 20.0).is_ok() && off(74.0, 44.0).is_ok() && off(25.0, 15.0).is_ok());
+        assert!(off(24.0, 30.0).is_err() && off(50.0, 46.0).is_err() && off(50.0, -500.0).is_err());
+        // With a size it is the file's word.
+        let sure = SourceCamera { size: Some([100.0, 60.0]), center: Some([-500.0, 30.0]), ..camera(None) };
+        assert_eq!(sure.for_image([100, 60]).unwrap().cx, -500.0);
+    }
+
+    #[test]
+    fn fields_of_view_become_focal_lengths() {
+        let focal = Focal::Angles { x: std::f64::consts::FRAC_PI_2, y: None };
+        let camera = SourceCamera { size: None, focal, center: None, distortion: Distortion::default() };
+        let frame = camera.for_image([200, 100]).unwrap();
+        assert!((frame.fx - 100.0).abs() < 1e-12 && frame.fy == frame.fx);
+        assert_eq!([frame.cx, frame.cy], [100.0, 50.0]);
+        let y = Some(std::f64::consts::FRAC_PI_2);
+        let frame = SourceCamera { focal: Focal::Angles { x: 1.0, y }, ..camera }.for_image([200, 100]).unwrap();
+        assert!((frame.fy - 50.0).abs() < 1e-12 && (frame.fx - 100.0 / 0.5f64.tan()).abs() < 1e-12);
+        let sphere = SourceCamera { focal: Focal::Sphere, ..camera }.for_image([200, 100]).unwrap();
+        assert_eq!([sphere.fx, sphere.fy, sphere.cx, sphere.cy], [200.0, 100.0, 100.0, 50.0]);
+    }
+
+    #[test]
+    fn numbers_that_make_no_camera_are_named() {
+        let sound = camera(Some([640.0, 480.0]));
+        sound.check().unwrap();
+        let bad = |camera: SourceCamera, part: &str| assert!(camera.check().unwrap_err().contains(part), "{camera:?}");
+        bad(SourceCamera { size: Some([0.0, 480.0]), ..sound }, "image size");
+        bad(SourceCamera { size: Some([640.0, f64::NAN]), ..sound }, "image size");
+        bad(SourceCamera { focal: Focal::Pixels([1.0, -1.0]), ..sound }, "focal lengths");
+        bad(SourceCamera { focal: Focal::Pixels([f64::INFINITY, 1.0]), ..sound }, "focal lengths");
+        bad(SourceCamera { focal: Focal::Angles { x: 3.2, y: None }, ..sound }, "field of view");
+        bad(SourceCamera { focal: Focal::Angles { x: std::f64::consts::PI, y: None }, ..sound }, "field of view");
+        bad(SourceCamera { focal: Focal::Angles { x: 1.0, y: Some(0.0) }, ..sound }, "field of view");
+        bad(SourceCamera { center: Some([f64::NAN, 1.0]), ..sound }, "principal point");
+        bad(SourceCamera { distortion: Distortion::opencv(0.0, f64::NAN, 0.0, 0.0), ..sound }, "distortion");
+        bad(SourceCamera { distortion: Distortion::Unified { alpha: 1.1, beta: 1.0 }, ..sound }, "alpha 1.1");
+        bad(SourceCamera { distortion: Distortion::Unified { alpha: 0.5, beta: 0.0 }, ..sound }, "beta 0");
+        SourceCamera { distortion: Distortion::Unified { alpha: 0.5, beta: 1.0 }, ..sound }.check().unwrap();
+    }
+}

@@ -1,0 +1,194 @@
+//! What a scene's numbers must be.
+
+use super::ply::{BASE, FIXED, LOBE, SUPPLEMENT};
+use crate::scene::{Gaussians, Lobes, Scene};
+
+/// Lobe widths T are kept in this range by the method (section 1).
+const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
+
+/// What a lenient reader left out.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Base and supplementary Gaussians.
+    pub base: usize,
+    pub supplementary: usize,
+    /// What is wrong with the first of them: element, row and property.
+    pub first: Option<String>,
+}
+
+/// Lengths, finiteness, rotations and lobes; what is wrong names element, row and property.
+pub(super) fn check(scene: &Scene) -> Result<(), String> {
+    check_lengths(BASE, &scene.base)?;
+    let mut first = faults(BASE, &scene.base, None).next();
+    if let Some(supplement) = &scene.supplement {
+        let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
+        check_lengths(SUPPLEMENT, &supplement.gaussians)?;
+        if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
+            return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
+        }
+        first = first.or_else(|| faults(SUPPLEMENT, &supplement.gaussians, Some(lobes)).next());
+    }
+    first.map_or(Ok(()), |(_, fault)| Err(fault))
+}
+
+/// Removes the rows that are not sound from a scene whose lengths are.
+pub(super) fn drop_faults(scene: &mut Scene) -> Dropped {
+    let (base, first) = keep_sound(BASE, &mut scene.base, None);
+    let mut dropped = Dropped { base, supplementary: 0, first };
+    if let Some(supplement) = &mut scene.supplement {
+        let lobes = Some(&mut supplement.lobes);
+        let (count, first) = keep_sound(SUPPLEMENT, &mut supplement.gaussians, lobes);
+        dropped = Dropped { supplementary: count, first: dropped.first.or(first), ..dropped };
+    }
+    dropped
+}
+
+/// How many rows were removed, and what is wrong with the first.
+fn keep_sound(element: &str, gaussians: &mut Gaussians, lobes: Option<&mut Lobes>) -> (usize, Option<String>) {
+    let (mut keep, mut first) = (vec![true; gaussians.len()], None);
+    for (row, fault) in faults(element, gaussians, lobes.as_deref()) {
+        keep[row] = false;
+        first.get_or_insert(fault);
+    }
+    let k = gaussians.sh_coefficients();
+    retain(&mut gaussians.means, &keep, 1);
+    retain(&mut gaussians.log_scales, &keep, 1);
+    retain(&mut gaussians.quats, &keep, 1);
+    retain(&mut gaussians.opacities, &keep, 1);
+    retain(&mut gaussians.sh, &keep, k);
+    if let Some(Lobes { directions, widths, sharpness }) = lobes {
+        retain(directions, &keep, 1);
+        retain(widths, &keep, 1);
+        retain(sharpness, &keep, 1);
+    }
+    (keep.iter().filter(|&&keep| !keep).count(), first)
+}
+
+/// Keeps the values of some rows, each of which has `width` of them.
+fn retain<T>(values: &mut Vec<T>, keep: &[bool], width: usize) {
+    let mut i = 0;
+    values.retain(|_| {
+        i += 1;
+        keep[(i - 1) / width]
+    });
+}
+
+fn check_lengths(element: &str, gaussians: &Gaussians) -> Result<(), String> {
+    if gaussians.sh_degree > 3 {
+        return Err(format!("`{element}` has SH degree {}; 0 to 3 are known", gaussians.sh_degree));
+    }
+    let (n, k) = (gaussians.len(), gaussians.sh_coefficients());
+    let lengths =
+        [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len(), gaussians.sh.len() / k];
+    if lengths != [n; 4] || gaussians.sh.len() != n * k {
+        return Err(format!("`{element}` has {n} means but other numbers of scales, rotations, opacities or SH"));
+    }
+    Ok(())
+}
+
+/// Rows that are not sound, and what is wrong with them.
+fn faults<'a>(
+    element: &'a str,
+    gaussians: &'a Gaussians,
+    lobes: Option<&'a Lobes>,
+) -> impl Iterator<Item = (usize, String)> + 'a {
+    let fault = move |row: usize| gaussian_fault(gaussians, row).or_else(|| lobe_fault(lobes?, row));
+    let with_place = move |row| Some((row, format!("row {row} of element `{element}`: {}", fault(row)?)));
+    (0..gaussians.len()).filter_map(with_place)
+}
+
+fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
+    let bad = |name: &str| format!("`{name}` is not a finite number");
+    // guard: PLY: numbers
+    let vector = |values: &[f32], names: &[&str]| Some(bad(names[values.iter().position(|v| !v.is_finite())?]));
+    let k = gaussians.sh_coefficients();
+    let (sh, quat) = (&gaussians.sh[row * k..(row + 1) * k], gaussians.quats[row]);
+    let turn = || {
+        // guard: PLY: rotations
+        if !has_direction(&quat) {
+            return Some(format!("the rotation `rot_0..3` = {quat:?} has no direction"));
+        }
+        None
+    };
+    let higher = || {
+        for (coefficient, rgb) in sh[1..].iter().enumerate() {
+            // guard: PLY: SH
+            if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
+                return Some(bad(&format!("f_rest_{}", channel * (k - 1) + coefficient)));
+            }
+        }
+        None
+    };
+    vector(&gaussians.means[row], &FIXED[..3])
+        .or_else(|| vector(&sh[0], &FIXED[3..6]))
+        .or_else(|| vector(&[gaussians.opacities[row]], &FIXED[6..7]))
+        .or_else(|| vector(&gaussians.log_scales[row], &FIXED[7..10]))
+        .or_else(|| vector(&quat, &FIXED[10..]))
+        .or_else(turn)
+        .or_else(higher)
+}
+
+/// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
+fn has_direction(finite: &[f32]) -> bool {
+    finite.iter().any(|v| v.is_normal())
+}
+
+fn lobe_fault(lobes: &Lobes, row: usize) -> Option<String> {
+    let [x, y, z] = lobes.directions[row];
+    for (value, name) in [x, y, z, lobes.widths[row], lobes.sharpness[row]].into_iter().zip(LOBE) {
+        // guard: PLY: lobes
+        if !value.is_finite() {
+            return Some(format!("`{name}` is not a finite number"));
+        }
+    }
+    // guard: PLY: directions
+    if !has_direction(&[x, y, z]) {
+        return Some(format!("the lobe direction {:?} has no direction", [x, y, z]));
+    }
+    // guard: PLY: widths
+    if !LOBE_WIDTHS.contains(&lobes.widths[row]) {
+        return Some(format!("`lobe_width` is {}, expected 0.01 to 1", lobes.widths[row]));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Supplement;
+
+    #[test]
+    fn lengths_that_do_not_agree_are_named() {
+        let one = Gaussians {
+            sh_degree: 1,
+            means: vec![[0.0; 3]],
+            log_scales: vec![[0.0; 3]],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]],
+            opacities: vec![0.0],
+            sh: vec![[0.0; 3]; 4],
+        };
+        let lobes = Lobes { directions: vec![[1.0; 3]], widths: vec![0.5], sharpness: vec![0.0] };
+        let scene = |base: &Gaussians, gaussians: &Gaussians, lobes: &Lobes| {
+            let supplement = Supplement { gaussians: gaussians.clone(), lobes: lobes.clone() };
+            check(&Scene { base: base.clone(), supplement: Some(supplement) })
+        };
+        scene(&one, &one, &lobes).unwrap();
+        let short = [
+            Gaussians { log_scales: vec![], ..one.clone() },
+            Gaussians { quats: vec![], ..one.clone() },
+            Gaussians { opacities: vec![], ..one.clone() },
+            Gaussians { sh: vec![[0.0; 3]; 5], ..one.clone() },
+            Gaussians { sh_degree: 4, ..one.clone() },
+        ];
+        for short in &short {
+            assert!(scene(short, &one, &lobes).unwrap_err().contains("`vertex`"));
+            assert!(scene(&one, short, &lobes).unwrap_err().contains("`augmented`"));
+        }
+        let short = [
+            Lobes { directions: vec![], ..lobes.clone() },
+            Lobes { widths: vec![], ..lobes.clone() },
+            Lobes { sharpness: vec![], ..lobes.clone() },
+        ];
+        short.iter().for_each(|short| assert!(scene(&one, &one, short).unwrap_err().contains("number of lobes")));
+    }
+}

@@ -1,0 +1,178 @@
+//! What is said of datasets, and the options that say how they are read.
+
+use std::{fmt::Write as _, fs};
+
+use glint::data::write_scene;
+use glint::reference::sample::random_scene;
+
+use super::{NAMES, Work};
+
+impl Work {
+    /// Replaces a file's text.
+    fn edit(&self, name: &str, change: impl Fn(&str) -> String) {
+        let text = fs::read_to_string(self.path(name)).unwrap();
+        fs::write(self.path(name), change(&text)).unwrap();
+    }
+
+    fn notes(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "glint {arguments}: {text}");
+        text.lines().filter(|line| line.starts_with("note: ")).collect::<Vec<_>>().join("\n")
+    }
+}
+
+#[test]
+fn photos_folder_model_and_split_can_be_chosen() {
+    let work = Work::new();
+    let counts = |arguments: &str| {
+        let info = work.json(&format!("info data --json {arguments}"));
+        [&info["train"], &info["test"]].map(|n| n.as_u64().unwrap())
+    };
+    assert_eq!(counts(""), [7, 2]);
+    assert_eq!(counts("--test-every 3"), [6, 3]);
+    assert_eq!(counts("--test-every none"), [9, 0]);
+    // All are trained on, and nothing is left to judge by.
+    assert_eq!(work.json("train data -o all.ply --iterations 2 --test-every none --json")["photos"], 9);
+    work.refused("eval all.ply data --test-every none", &["the test split has no photos", "9 in all"]);
+    for bad in ["0", "1", "x"] {
+        assert_eq!(work.run(&format!("info data --test-every {bad}")).status.code(), Some(2));
+    }
+
+    fs::rename(work.path("data/images"), work.path("data/pictures")).unwrap();
+    work.refused("info data", &["images", "--images"]);
+    assert_eq!(counts("--images pictures"), [7, 2]);
+    fs::rename(work.path("data/pictures"), work.path("elsewhere")).unwrap();
+    assert_eq!(counts("--images elsewhere"), [7, 2]);
+    work.refused("info data --images nowhere", &["nowhere", "no folder"]);
+
+    fs::rename(work.path("elsewhere"), work.path("data/input")).unwrap();
+    fs::create_dir(work.path("data/sparse/1")).unwrap();
+    for file in ["cameras.txt", "images.txt"] {
+        fs::copy(work.path("data/sparse/0").join(file), work.path("data/sparse/1").join(file)).unwrap();
+    }
+    let notes = work.notes("info data");
+    assert!(notes.contains("also sparse/1") && notes.contains("input"), "{notes}");
+    assert_eq!(work.json("info data --json")["points"], 300);
+    assert!(work.json("info data --json --model sparse/1")["points"].is_null());
+    work.refused("train data -o x.ply --model sparse/2", &["sparse/2", "sparse/0, sparse/1"]);
+}
+
+#[test]
+fn missing_photos_are_left_out_with_a_note() {
+    let work = Work::new();
+    fs::remove_file(work.path("data/images/e.png")).unwrap();
+    let notes = work.notes("train data -o x.ply --iterations 2");
+    assert!(notes.contains("1 photo of 9 left out") && notes.contains("`e.png`"), "{notes}");
+    // The others are split as they were.
+    let views = work.json("eval x.ply data --json");
+    let names: Vec<&str> = views["views"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["a.png", "i.png"]);
+}
+
+/// The loss stayed constant, a PLY was written, and the exit code was 0.
+#[test]
+fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
+    let scaled = |scale: f64| {
+        let work = Work::new();
+        work.edit("data/sparse/0/images.txt", |text| {
+            let mut out = String::new();
+            for line in text.lines().filter(|line| !line.is_empty()) {
+                let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
+                (5..8).for_each(|i| words[i] = (scale * words[i].parse::<f64>().unwrap()).to_string());
+                writeln!(out, "{}\n", words.join(" ")).unwrap();
+            }
+            out
+        });
+        work.edit("data/sparse/0/points3D.txt", |text| {
+            let mut out = String::new();
+            for line in text.lines() {
+                let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
+                (1..4).for_each(|i| words[i] = (scale * words[i].parse::<f64>().unwrap()).to_string());
+                writeln!(out, "{}", words.join(" ")).unwrap();
+            }
+            out
+        });
+        work
+    };
+    scaled(1.0).ok("train data -o x.ply --iterations 1");
+    let work = scaled(1e-4);
+    work.refused("train data -o x.ply", &["no training photo sees a Gaussian", "near plane", "0.2", "e-4"]);
+    let mut base = random_scene(1, 50, 0, 0);
+    base.base.means.iter_mut().flatten().for_each(|v| *v *= 1e-4);
+    write_scene(work.path("base.ply"), &base).unwrap();
+    work.refused("enhance data --base base.ply -o x.ply", &["no training photo sees a Gaussian", "another's"]);
+    // Behind most cameras: those see none, which is said.
+    let work = Work::new();
+    let turned = |text: &str| {
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        // The fourth photo looks away: its axes turned by π about y.
+        let mut words: Vec<String> = lines[6].split(' ').map(str::to_owned).collect();
+        let [w, x, y, z] = [1, 2, 3, 4].map(|i| words[i].clone());
+        let minus = |v: String| v.strip_prefix('-').map_or(format!("-{v}"), str::to_owned);
+        for (i, v) in [minus(y), z, w, minus(x)].into_iter().enumerate() {
+            words[i + 1] = v;
+        }
+        [5, 7].into_iter().for_each(|i| words[i] = minus(words[i].clone()));
+        lines[6] = words.join(" ");
+        lines.join("\n") + "\n"
+    };
+    work.edit("data/sparse/0/images.txt", turned);
+    let notes = work.notes("train data -o x.ply --iterations 1");
+    assert!(notes.contains("1 of 7 training photos see no Gaussian"), "{notes}");
+}
+
+/// A third of each training photo is noise, which masks leave out: what is learned of the rest is better than with it.
+#[test]
+fn masks_keep_what_they_hide_out_of_the_scene() {
+    let work = Work::new();
+    for name in NAMES {
+        let file = work.path("data/images").join(name);
+        let mut photo = image::open(&file).unwrap().into_rgb8();
+        let (mut mask, mut state) = (image::GrayImage::from_pixel(32, 24, image::Luma([255])), 1u32);
+        for (x, y, pixel) in photo.enumerate_pixels_mut() {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            // Elsewhere in each photo, so that others show what it hides.
+            if (x + y / 2 + u32::from(name.as_bytes()[0])) % 12 < 4 {
+                pixel.0 = [(); 3].map(|()| (state >> 24) as u8);
+                mask.put_pixel(x, y, image::Luma([0]));
+            }
+        }
+        // The photos to be judged by stay as they are.
+        if name != "a.png" && name != "i.png" {
+            photo.save_with_format(&file, image::ImageFormat::Png).unwrap();
+            let path = work.path("data/masks").join(format!("{name}.png"));
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            mask.save(path).unwrap();
+        }
+    }
+    let psnr = |scene: &str| work.json(&format!("eval {scene} data --json"))["augmented"]["psnr"].as_f64().unwrap();
+    let notes = work.notes("train data -o masked.ply --iterations 300");
+    assert!(notes.contains("7 photos of 9"), "{notes}");
+    assert_eq!(work.json("info data --json")["masked"], 7);
+    // What is compared with a photo of which a mask leaves a part out, is the rest.
+    let judged = work.json("eval masked.ply data --split train --json");
+    fs::rename(work.path("data/masks"), work.path("unused")).unwrap();
+    work.ok("train data -o noisy.ply --iterations 300");
+    let (masked, noisy) = (psnr("masked.ply"), psnr("noisy.ply"));
+    assert!(masked > noisy + 1.0, "{masked} dB with masks, {noisy} dB without");
+    let unmasked = work.json("eval masked.ply data --split train --json");
+    let of = |v: &serde_json::Value| v["augmented"]["psnr"].as_f64().unwrap();
+    assert!(of(&judged) > of(&unmasked) + 3.0, "{judged} {unmasked}");
+}
+
+#[test]
+fn files_of_other_kinds_are_called_what_they_are() {
+    let work = Work::new();
+    fs::write(work.path("x.splat"), [7; 64]).unwrap();
+    fs::write(work.path("x.spz"), b"\x1f\x8b\x08\0\0\0").unwrap();
+    fs::write(work.path("y.spz"), b"NGSP\x04\0\0\0").unwrap();
+    fs::write(work.path("x.sog"), b"PK\x03\x04").unwrap();
+    for (file, word) in [("x.splat", ".splat scene"), ("x.spz", "SPZ scene"), ("y.spz", "SPZ scene"), ("x.sog", "SOG")]
+    {
+        work.refused(&format!("info {file}"), &[file, word, "expected a PLY file"]);
+        work.refused(&format!("eval {file} data"), &[file, word, "not a PLY"]);
+        work.refused(&format!("train {file} -o x.ply"), &[file, word, "COLMAP"]);
+    }
+    work.refused("info data/images/a.png", &["a.png", "is an image"]);
+}

@@ -1,0 +1,139 @@
+//! What is said while a command runs and when it ends.
+
+use std::fs;
+
+use glint::{data::write_scene, reference::sample::random_scene};
+use serde_json::Value;
+
+use super::{Work, files, keys, set};
+
+fn stderr(work: &Work, arguments: &str) -> String {
+    let output = work.run(arguments);
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "glint {arguments}: {text}");
+    text
+}
+
+/// `train -v` once said nothing.
+#[test]
+fn verbose_tells_of_cameras_memory_losses_and_times() {
+    let work = Work::new();
+    let said = stderr(&work, "train data -o x.ply --iterations 30 -v");
+    for part in [
+        "9 photos of 32 × 24",
+        "COLMAP dataset: 7 train, 2 test, 300 points",
+        "scene units of their middle",
+        "MB of photos",
+        "MB of 300 Gaussians",
+        "mean loss of steps 1 to 7: 0.",
+        "mean loss of steps 29 to 30: 0.",
+        "training: 30 steps in",
+        "reading: 7 photos in",
+        "a step's project",
+    ] {
+        assert!(said.contains(part), "`{part}` is not in: {said}");
+    }
+    if cfg!(target_os = "linux") {
+        assert!(said.contains("MB of memory at most"), "{said}");
+    }
+    let said = stderr(&work, "enhance data --base x.ply -o y.ply --preset quick -v");
+    for part in ["refining: ", "joining: 210 steps in", "comparing: 4 views in"] {
+        assert!(said.contains(part), "`{part}` is not in: {said}");
+    }
+    assert_eq!(stderr(&work, "train data -o z.ply --iterations 3"), "");
+}
+
+#[test]
+fn quiet_says_nothing_but_errors() {
+    let work = Work::new();
+    fs::remove_file(work.path("data/images/e.png")).unwrap();
+    assert!(stderr(&work, "train data -o x.ply --iterations 3 --sh-degree 1").contains("note: "));
+    assert_eq!(stderr(&work, "train data -o y.ply --iterations 3 --sh-degree 1 -q"), "");
+    let mut command = work.command("train nowhere -o z.ply --quiet");
+    command.env_remove("RUST_LOG");
+    work.fails(command, 2, &["nowhere"]);
+    assert_eq!(work.run("train data -o z.ply -q -v").status.code(), Some(2));
+    // Results are no talk.
+    assert!(work.ok("info data -q").contains("photos"));
+}
+
+#[test]
+fn an_augmentation_ends_with_what_it_gained() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
+    let enhance = "enhance data --base base.ply --preset quick --ratio 0.2";
+    let report = work.json(&format!("{enhance} -o a.ply --json"));
+    let gain = &report["gain"];
+    assert_eq!(keys(gain), set(["views", "before", "after", "base_alone"]));
+    assert_eq!(gain["views"], 2);
+    // As `eval` has it.
+    let (before, after) = (work.json("eval base.ply data --json"), work.json("eval a.ply data --json"));
+    assert_eq!(
+        [&gain["before"], &gain["after"], &gain["base_alone"]],
+        [&before["augmented"], &after["augmented"], &after["base"]]
+    );
+    let said = work.ok(&format!("{enhance} -o b.ply"));
+    let number = |v: &Value| format!("{:.2}", v["psnr"].as_f64().unwrap());
+    let line = format!("2 test views: PSNR {} to {} dB", number(&gain["before"]), number(&gain["after"]));
+    assert!(said.contains(&line) && said.contains("the base part alone"), "{line} is not in: {said}");
+    // Ten times as many as were asked for came without a word.
+    let rounded = "each view's share is rounded up: --ratio 0.001 of 300 Gaussians is 1, and 7 were allowed";
+    assert!(stderr(&work, &format!("{enhance}0 -o d.ply").replace("0.20", "0.001")).contains(rounded));
+    assert!(!stderr(&work, &format!("{enhance} -o e.ply")).contains("rounded up"));
+    // Without test views there is nothing to judge by.
+    let report = work.json(&format!("{enhance} -o c.ply --json --test-every none"));
+    assert!(report["gain"].is_null());
+}
+
+#[test]
+fn an_evaluation_can_be_looked_at() {
+    let work = Work::new();
+    let mut scene = random_scene(8, 300, 100, 1);
+    let supplement = scene.supplement.as_mut().unwrap();
+    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
+        *mean = mean.map(f32::sin);
+    }
+    write_scene(work.path("scene.ply"), &scene).unwrap();
+    let found = work.json("eval scene.ply data --report seen --json");
+    let pictures = |stem: &str| ["base", "error", "photo", "render"].map(|what| format!("{stem}.{what}.png"));
+    let expected: Vec<String> =
+        [&pictures("a")[..], &["evaluation.json".to_owned()], &pictures("i")[..], &["index.html".to_owned()]].concat();
+    assert_eq!(files(&work.path("seen")), expected);
+    let numbers: Value = serde_json::from_str(&fs::read_to_string(work.path("seen/evaluation.json")).unwrap()).unwrap();
+    assert_eq!(numbers, found);
+    let page = fs::read_to_string(work.path("seen/index.html")).unwrap();
+    assert_eq!((page.matches("<img").count(), page.matches("data:image/jpeg").count()), (8, 8));
+    for view in found["views"].as_array().unwrap() {
+        let psnr = format!("<td>{:.2}</td>", view["augmented"]["psnr"].as_f64().unwrap());
+        assert!(page.contains(&psnr) && page.contains(view["name"].as_str().unwrap()));
+    }
+    // The picture of the photo is the photo, that of the render what `render` makes.
+    let pixels = |name: &str| image::open(work.path(name)).unwrap().into_rgb8();
+    assert_eq!(pixels("seen/a.photo.png"), pixels("data/images/a.png"));
+    work.ok("render scene.ply data -o out");
+    assert_eq!(pixels("seen/a.render.png"), pixels("out/a.png"));
+    work.ok("render scene.ply data -o base --what base");
+    assert_eq!(pixels("seen/a.base.png"), pixels("base/a.png"));
+
+    work.refused("eval scene.ply data --report seen", &["seen/index.html", "--force"]);
+    work.refused("eval scene.ply data --report data/images --force", &["data/images", "photos are read from"]);
+    work.ok("eval scene.ply data --report seen --force");
+}
+
+#[test]
+fn completions_and_manual_pages_are_made() {
+    let work = Work::new();
+    for (shell, part) in [("bash", "_glint"), ("zsh", "#compdef glint"), ("fish", "complete -c glint")] {
+        let script = work.ok(&format!("completions {shell}"));
+        assert!(script.contains(part) && script.contains("test-every"), "{shell}");
+    }
+    assert_eq!(work.run("completions tcsh").status.code(), Some(2));
+    work.ok("man pages");
+    let commands = ["completions", "demo", "devices", "enhance", "eval", "info", "man", "render", "train", "verify"];
+    let mut expected: Vec<String> = commands.iter().map(|command| format!("glint-{command}.1")).collect();
+    expected.push("glint.1".into());
+    assert_eq!(files(&work.path("pages")), expected);
+    let page = fs::read_to_string(work.path("pages/glint-enhance.1")).unwrap();
+    assert!(page.contains(".TH glint-enhance 1") && page.contains("depth\\-threshold"), "{page}");
+    work.refused("man pages", &["--force"]);
+}

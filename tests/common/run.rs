@@ -1,0 +1,41 @@
+//! Commands as child processes that cannot outlive their test.
+
+use std::{
+    io::Read,
+    process::{Child, Command, Output, Stdio},
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use wait_timeout::ChildExt;
+
+/// Longer than any command of the tests takes on two busy cores with the validation layers on.
+const LIMIT: Duration = Duration::from_secs(300);
+
+/// Runs `command` to its end.
+#[track_caller]
+pub fn run(command: &mut Command) -> Output {
+    finish(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+}
+
+/// Waits for `child` and what is left in its pipes. One that does not end is killed and fails the test.
+#[track_caller]
+pub fn finish(mut child: Child) -> Output {
+    let (stdout, stderr) = (drain(child.stdout.take()), drain(child.stderr.take()));
+    let status = child.wait_timeout(LIMIT).unwrap();
+    if status.is_none() {
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    let (stdout, stderr) = (stdout.join().unwrap(), stderr.join().unwrap());
+    let status = status.unwrap_or_else(|| panic!("not done in {LIMIT:?}: {}", String::from_utf8_lossy(&stderr)));
+    Output { status, stdout, stderr }
+}
+
+fn drain(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.map(|mut pipe| pipe.read_to_end(&mut bytes).unwrap());
+        bytes
+    })
+}
