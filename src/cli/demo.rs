@@ -18,7 +18,7 @@ use crate::{
         layers::{Layer, Layers},
         model::{Model, Room},
         render::RenderOptions,
-        session::Session,
+        session::{Policy, Session},
         start::{photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -117,7 +117,8 @@ impl Args {
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
         let views = upload_photos(context, &train, background, |_, _| ())?;
-        let session = self.reduction.session(context, background, dataset.extent() as f32, self.seed.into());
+        let session =
+            self.reduction.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
 
         let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
         write_scene(self.output.join(BASE), &base)?;
@@ -135,7 +136,7 @@ impl Args {
         let joint_steps = options.join.steps_per_view * train.len() as u32;
         let (plain, plain_seconds) = self.train(&session, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
-        let score = |scene: &Scene| evaluate(context, scene, &test, background, |_| Ok(()));
+        let score = |scene: &Scene| evaluate(context, scene, &test, RenderOptions::default(), background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
         let row = |what, gaussians, supplementary, steps, seconds, found: &Evaluation| Row {
             what,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
+    DeviceArgs, DrawArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
     dataset::check_sight,
     interrupt::Interrupt,
     names::stems,
@@ -16,11 +16,11 @@ use super::{
 use crate::{
     Error, Result,
     data::{Dataset, Photo, Split, scene_bytes, write_scene},
-    gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event},
         join::JoinOptions,
         lift::LiftOptions,
+        render::RenderOptions,
         screen::{self, Schedule},
         session::{Policy, Reduction, Session},
         start::{photos_of, upload_photos},
@@ -102,6 +102,12 @@ pub(super) struct Args {
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share, help_heading = "What the paper leaves open")]
     depth_threshold: f32,
+    /// A pixel's depth is that of its median Gaussian's centre, not of where the ray passes it closest
+    #[arg(long, help_heading = "What the paper leaves open")]
+    centre_depth: bool,
+    /// Adam corrects its bias by the steps of the whole view, as the authors' release does, not by those of each 2D Gaussian
+    #[arg(long, help_heading = "What the paper leaves open")]
+    shared_steps: bool,
     /// Separating foreground and background fails while this group has fewer than 3 points
     #[arg(long, value_enum, default_value_t = Failure::Largest, help_heading = "What the paper leaves open")]
     cluster_failure: Failure,
@@ -123,6 +129,9 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     reduction: ReductionArgs,
+    #[command(flatten)]
+    #[serde(skip)]
+    draw: DrawArgs,
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
@@ -208,6 +217,8 @@ impl Args {
         let options = EnhanceOptions {
             ratio: self.ratio,
             median_threshold: self.depth_threshold,
+            centre_depth: self.centre_depth,
+            schedule: Schedule { shared_steps: self.shared_steps, ..preset.schedule },
             lift: LiftOptions {
                 fail_on_smallest: self.cluster_failure == Failure::Smallest,
                 plain_weights: self.pca_weights == Weights::Plain,
@@ -226,7 +237,7 @@ impl Args {
                 reading.set(done as u64);
             })?;
             drop(reading);
-            let session = self.reduction.session(context, background, extent, self.seed.into());
+            let session = self.reduction.session(context, self.draw.policy(), background, extent, self.seed.into());
             let work = match &self.work {
                 Some(folder) => {
                     let settings = self.settings(&photos, &pixels, &session, &options)?;
@@ -242,7 +253,7 @@ impl Args {
             let all_steps = options.join.steps_per_view * photos.len() as u32;
             let ended = found.join.is_some() && joint_steps < all_steps;
             // Whoever ends it early waits for nothing more.
-            let gain = if ended { None } else { gain(context, &scene, &found.scene, &dataset)? };
+            let gain = if ended { None } else { gain(&session, &scene, &found.scene, &dataset)? };
             let budget: u32 = found.budgets.iter().sum();
             let cap = (self.ratio * scene.base.len() as f64).ceil();
             if f64::from(budget) > 1.1 * cap {
@@ -334,14 +345,15 @@ impl Args {
 }
 
 /// Compares the base and what became of it with the test views.
-fn gain(context: &Context, base: &Scene, augmented: &Scene, dataset: &Dataset) -> Result<Option<Gain>> {
+fn gain(session: &Session, base: &Scene, augmented: &Scene, dataset: &Dataset) -> Result<Option<Gain>> {
     let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
     if photos.is_empty() {
         return Ok(None);
     }
     let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
+    let options = RenderOptions { policy: session.policy, ..Default::default() };
     let compare = |scene: &Scene| {
-        evaluate(context, scene, &photos, dataset.background, |_| {
+        evaluate(&session.context, scene, &photos, options, dataset.background, |_| {
             bar.advance();
             Ok(())
         })

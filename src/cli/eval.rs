@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     names::stems,
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     data::{write_png_bytes, write_text},
-    pipelines::start::photos_of,
+    pipelines::{render::RenderOptions, start::photos_of},
     report::{
         evaluate::{Evaluation, evaluate},
         metrics::Quality,
@@ -60,6 +60,8 @@ pub(super) struct Args {
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
+    draw: DrawArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -83,7 +85,8 @@ impl Args {
         let (mut page, mut next) = (Page::new(augmented), stems.iter());
         let found = self.device.with(|context| {
             let progress = Progress::new("comparing", "views", photos.len() as u64);
-            Ok(evaluate(context, &scene, &photos, self.photos.background, |view| {
+            let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            Ok(evaluate(context, &scene, &photos, options, self.photos.background, |view| {
                 progress.advance();
                 let (Some(folder), Some(stem)) = (&self.report, next.next()) else { return Ok(()) };
                 let pictures = pictures(view, augmented);

@@ -216,10 +216,25 @@ struct ReductionArgs {
 
 impl ReductionArgs {
     /// What everything on `context` is run with.
-    fn session(&self, context: &Context, background: [f32; 3], extent: f32, seed: u64) -> Session {
+    fn session(&self, context: &Context, policy: Policy, background: [f32; 3], extent: f32, seed: u64) -> Session {
         let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
-        let policy = Policy { reduction, ..Policy::default() };
+        let policy = Policy { reduction, ..policy };
         Session { policy, background, extent, seed, ..Session::new(context) }
+    }
+}
+
+/// How Gaussians are drawn.
+#[derive(Debug, Args)]
+struct DrawArgs {
+    /// Fade Gaussians smaller than a pixel, so that the 0.3 px² of blur that every Gaussian gets adds no light: for scenes that
+    /// were trained so (gsplat's `antialiased`). Train, enhance, render and eval must agree
+    #[arg(long)]
+    compensate: bool,
+}
+
+impl DrawArgs {
+    fn policy(&self) -> Policy {
+        Policy { compensate: self.compensate, ..Policy::default() }
     }
 }
 

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     names::stems,
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -65,6 +65,9 @@ pub(super) struct Args {
     /// Kind of file
     #[arg(long, value_enum, default_value_t = Format::Png)]
     format: Format,
+    /// Depth is that of the median Gaussian's centre, not of where the ray passes it closest
+    #[arg(long)]
+    centre_depth: bool,
     /// Print JSON: [{"name","file"}]
     #[arg(long)]
     json: bool,
@@ -74,6 +77,8 @@ pub(super) struct Args {
     lenient: SceneArgs,
     #[command(flatten)]
     photos: PhotoArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -131,7 +136,12 @@ impl Args {
         self.replace.make_folder(&self.output, &inputs)?;
 
         let written = self.device.with(|context| {
-            let options = RenderOptions { depth: self.what == What::Depth, ..Default::default() };
+            let options = RenderOptions {
+                depth: self.what == What::Depth,
+                centre_depth: self.centre_depth,
+                policy: self.draw.policy(),
+                ..Default::default()
+            };
             let mut layers = Layers::new(context, &scene, photos.iter().map(|p| &p.camera), options)?;
             let progress = Progress::new("rendering", "views", photos.len() as u64);
             let mut written = Vec::with_capacity(photos.len());

@@ -3,7 +3,7 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
+    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
     dataset::check_sight,
     interrupt::Interrupt,
     output::{Inputs, OutputArgs, check_room},
@@ -59,6 +59,8 @@ pub(super) struct Args {
     photos: PhotoArgs,
     #[command(flatten)]
     reduction: ReductionArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -131,7 +133,7 @@ impl Args {
             let scene = Scene { base, supplement: None };
             let model = Model::upload_around(context, views.origin, &scene, Room::default())?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
-            let session = self.reduction.session(context, background, extent, seed);
+            let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
             let options = BaseOptions { iterations, sh_degree };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);

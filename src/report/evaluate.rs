@@ -52,11 +52,12 @@ pub fn evaluate(
     context: &Context,
     scene: &Scene,
     photos: &[&Photo],
+    options: RenderOptions,
     background: [f32; 3],
     mut each: impl FnMut(&Compared<'_>) -> Result<()>,
 ) -> Result<Evaluation> {
     let augmented = scene.supplement.is_some();
-    let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), RenderOptions::default())?;
+    let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), options)?;
     let mut views = Vec::with_capacity(photos.len());
     for photo in photos {
         let truth = photo.load(background)?;
