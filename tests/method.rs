@@ -12,7 +12,7 @@ use glint::{
         join::join,
         model::{Model, Segment},
         session::Session,
-        train::BaseOptions,
+        train::{BaseOptions, train_base},
         views::Views,
     },
     reference::{
@@ -27,7 +27,7 @@ use glint::{
         screen_prune::{OPACITY_MIN, covered_min},
         ssim_forward::SSIM_WEIGHT,
     },
-    scene::Scene,
+    scene::{Scene, from_points},
 };
 
 /// What the code has, by the table's names.
@@ -122,6 +122,33 @@ fn rates_of_positions_follow_the_extent_and_bands_the_run() {
     assert_eq!(degrees(30_000, [999, 1000, 2000, 3000, 29_999]), [0, 1, 2, 3, 3]);
     assert_eq!(degrees(600, [19, 20, 40, 60, 599]), [0, 1, 2, 3, 3]);
     assert_eq!(degrees(300_000, [999, 1000, 2000, 3000, 299_999]), [0, 1, 2, 3, 3]);
+}
+
+/// With Adam's bias correction the first step of a parameter is as long as its rate, without it 3.2 times that.
+#[test]
+fn the_first_step_of_a_base_is_as_long_as_its_rates() {
+    let gpu = Gpu::new();
+    let built = builtin_scene(300);
+    let photo = &built.photos[0];
+    let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
+    let before = built.dataset().points.unwrap();
+    let before = from_points(&before.positions, &before.colors, 0);
+    let scene = Scene { base: before.clone(), supplement: None };
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
+    let options = BaseOptions { iterations: 1, sh_degree: 0 };
+    train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
+    let after = model.download().unwrap().base;
+    let longest = |new: &[f32], old: &[f32]| new.iter().zip(old).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let flat = |of: &[[f32; 3]]| of.as_flattened().to_vec();
+    for (what, moved, rate) in [
+        ("positions", longest(&flat(&after.means), &flat(&before.means)), 2.0 * 1.6e-4),
+        ("scales", longest(&flat(&after.log_scales), &flat(&before.log_scales)), 5e-3),
+        ("opacities", longest(&after.opacities, &before.opacities), 0.025),
+        ("colours", longest(&flat(&after.sh), &flat(&before.sh)), 2.5e-3),
+    ] {
+        assert!((moved / rate - 1.0).abs() < 0.01, "{what} moved by {moved}, their rate is {rate}");
+    }
 }
 
 /// The base's opacities move, where they are seen; its geometry and colours stay bit for bit; all of the supplement moves.

@@ -2,6 +2,7 @@
 //! a command fail when they find anything.
 
 mod datasets;
+mod flags;
 mod output;
 #[path = "../common/run.rs"]
 mod run;
