@@ -456,8 +456,7 @@ pub(super) fn run_with_progress(
 /// come place as many Gaussians each as those before, they fill the budget after so many.
 fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
     let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
-    let last = at.steps == final_steps && at.steps != round_steps;
-    let rounds = if last {
+    let rounds = if at.last {
         at.round
     } else if at.round == 0 {
         // A draw is a fifth of the budget.
@@ -466,7 +465,7 @@ fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::
         let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
         u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
     };
-    let whole_rounds = if last { at.round } else { at.round.saturating_sub(1) };
+    let whole_rounds = if at.last { at.round } else { at.round.saturating_sub(1) };
     let done = u64::from(whole_rounds) * u64::from(round_steps) + u64::from(at.step);
     let all = u64::from(rounds) * u64::from(round_steps) + u64::from(final_steps);
     (batch as u64 * all + done, batches as u64 * all)
@@ -480,7 +479,8 @@ mod tests {
     fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
         let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
         let at = |round, step, steps, count| {
-            let progress = screen::Progress { round, step, steps, count, budget: 100, loss: 0.5 };
+            let last = steps == schedule.final_steps;
+            let progress = screen::Progress { round, step, steps, last, count, budget: 100, loss: 0.5 };
             screen_steps(&schedule, 0, 1, &progress)
         };
         // A fifth placed in one round: five rounds.
@@ -496,7 +496,8 @@ mod tests {
         // The last steps.
         assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
         assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
-        let progress = screen::Progress { round: 1, step: 50, steps: 200, count: 20, budget: 100, loss: 0.5 };
+        let progress =
+            screen::Progress { round: 1, step: 50, steps: 200, last: false, count: 20, budget: 100, loss: 0.5 };
         assert_eq!(screen_steps(&schedule, 2, 3, &progress), (4050, 6000));
     }
 }

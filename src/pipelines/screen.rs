@@ -56,7 +56,7 @@ impl Schedule {
     /// AuGS, appendix A.
     pub const PAPER: Schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
     /// Ten and more times fewer steps, for previews and machines without a GPU.
-    pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 40, max_rounds: 8, shared_steps: false };
+    pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 8, shared_steps: false };
 }
 
 /// How far a batch is.
@@ -64,9 +64,11 @@ impl Schedule {
 pub struct Progress {
     /// Draws done.
     pub round: u32,
-    /// Steps done in this round, of how many; the last is that of the final steps.
+    /// Steps done in this round, of how many.
     pub step: u32,
     pub steps: u32,
+    /// All rounds are done; these are the final steps.
+    pub last: bool,
     /// 2D Gaussians of the batch after its last draw, of how many.
     pub count: u32,
     pub budget: u32,
@@ -289,7 +291,7 @@ impl Refiner {
             batch: 0..0,
             frames: Vec::new(),
             job: Job::Idle,
-            progress: Progress { round: 0, step: 0, steps: 0, count: 0, budget: 0, loss: f64::NAN },
+            progress: Progress { round: 0, step: 0, steps: 0, last: false, count: 0, budget: 0, loss: f64::NAN },
             refined: Refined::default(),
         })
     }
@@ -322,7 +324,7 @@ impl Refiner {
         self.batch = batch;
         self.job = Job::Base;
         self.refined = Refined::default();
-        self.progress = Progress { round: 0, step: 0, steps: 0, count: 0, budget: first, loss: f64::NAN };
+        self.progress = Progress { round: 0, step: 0, steps: 0, last: false, count: 0, budget: first, loss: f64::NAN };
         self.steps.start(self.frames.len() as u32, false)
     }
 
@@ -362,6 +364,7 @@ impl Refiner {
             if let Some(done) = advanced {
                 self.progress.step = done.min(steps);
                 self.progress.steps = steps;
+                self.progress.last = self.job == Job::Final;
                 return Ok(Some(self.progress));
             }
             self.finish_job()?;

@@ -24,7 +24,8 @@ impl Work {
 /// points are taken, so that the seed has nothing but the order to change.
 #[test]
 fn every_option_of_training_changes_the_scene() {
-    let options = ["--seed 1", "--points 100", "--background white", "--max-size 16", "--test-every none"];
+    let options =
+        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--test-every none", "--compensate"];
     Work::new().changes("train data --iterations 20 --sh-degree 1", &options);
 }
 
@@ -39,6 +40,9 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--depth-threshold 0.8",
         "--pca-weights plain",
         "--bias-correction",
+        "--centre-depth",
+        "--shared-steps",
+        "--compensate",
         "--max-size 16",
         "--test-every none",
     ];
