@@ -368,7 +368,9 @@ impl Kernel {
         for (n, t, a) in bindings {
             writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
         }
-        writeln!(s, "}}\npub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
+        writeln!(s, "}}").unwrap();
+        s += &self.host();
+        writeln!(s, "pub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
         writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
         writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
         let module = |file: &str| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))");
@@ -396,6 +398,32 @@ impl Kernel {
         writeln!(s, "    fn raw_buffers<'a>(b: &Self::Buffers<'a>) -> Vec<&'a std::sync::Arc<crate::gpu::RawBuffer>> {{ vec![{}] }}", raw.join(", "))
             .unwrap();
         writeln!(s, "}}\n}}").unwrap();
+        s
+    }
+
+    /// What a function on the host that stands in for the kernel is given.
+    fn host(&self) -> String {
+        let Interface { bindings, spec, .. } = &self.interface;
+        let mut s = String::from("/// What a twin of the kernel is given; see [`crate::gpu::Twin`].\n");
+        writeln!(s, "pub struct Host<'a> {{\n    pub workgroups: crate::gpu::Workgroups,").unwrap();
+        writeln!(s, "    pub spec: Spec,\n    pub push: Push,").unwrap();
+        for (n, t, a) in bindings {
+            let exclusive = if matches!(a, AccessType::ReadOnly) { "" } else { "mut " };
+            writeln!(s, "    /// {a:?}\n    pub {n}: &'a {exclusive}[{t}],").unwrap();
+        }
+        let value = |id: u32, ty: &str| match ty {
+            "bool" => format!("call.constant({id}) != 0"),
+            "f32" => format!("f32::from_bits(call.constant({id}))"),
+            _ => format!("call.constant({id}) as {ty}"),
+        };
+        let spec: String = spec.iter().map(|(id, n, t)| format!("{n}: {}, ", value(*id, t))).collect();
+        let bound: String =
+            bindings.iter().map(|(n, ..)| format!("{n}: crate::gpu::next_binding(&mut bindings), ")).collect();
+        writeln!(s, "}}\nimpl<'a> Host<'a> {{\n    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {{").unwrap();
+        writeln!(s, "        let (spec, push) = (Spec {{ {spec}}}, bytemuck::pod_read_unaligned(&call.push));")
+            .unwrap();
+        writeln!(s, "        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());").unwrap();
+        writeln!(s, "        Host {{ workgroups, spec, push, {bound}}}\n    }}\n}}").unwrap();
         s
     }
 }

@@ -31,8 +31,9 @@ use tracing_subscriber::EnvFilter;
 use crate::{
     Error, Result,
     data::{self, Dropped, Split},
-    gpu::{Context, ContextOptions, GpuError},
+    gpu::{Context, ContextOptions, GpuError, Twin},
     pipelines::session::{Policy, Reduction, Session},
+    reference,
     scene::Scene,
 };
 use dataset::PhotoArgs;
@@ -171,6 +172,17 @@ struct DeviceArgs {
     /// Turn the Vulkan validation layers on, as the variable GLINT_VALIDATION does; what they find makes the command fail
     #[arg(long, hide = true)]
     validate: bool,
+    /// Let the float64 twin of a stage stand in for it, on the host and slowly: where that changes what is wrong, the driver
+    /// runs this stage wrongly. May be given several times
+    #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
+    twins: Vec<Twin>,
+}
+
+fn parse_twin(stage: &str) -> Result<Twin, String> {
+    reference::twin(stage).ok_or_else(|| {
+        let stages: Vec<&str> = reference::twins().iter().map(|twin| twin.stage).collect();
+        format!("expected one of {}", stages.join(", "))
+    })
 }
 
 impl DeviceArgs {
@@ -180,6 +192,7 @@ impl DeviceArgs {
         let asked = if self.device.is_some() { "--device" } else { "GLINT_DEVICE" };
         options.device = self.device.clone().or(options.device);
         options.validation |= self.validate;
+        options.twins.clone_from(&self.twins);
         let context = Context::new(&options).map_err(|e| match e {
             // A device that was asked for and is not there is the caller's mistake.
             GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("{asked}: {e}")),

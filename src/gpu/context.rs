@@ -13,7 +13,7 @@ use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::{
-    DeviceInfo, Feature, GpuError, Recorder,
+    DeviceInfo, Feature, GpuError, Recorder, Twin,
     device::{self, Limits, Physical, Subgroups},
     instance::{create_instance, create_messenger},
     memory::Budget,
@@ -36,6 +36,9 @@ pub struct ContextOptions {
     pub software_subgroups: bool,
     /// Bytes of device memory that buffers may take together, where that is less than the device has to give.
     pub memory_budget: Option<u64>,
+    /// What stands in for kernels on the host. A stage with a twin makes the recorder submit what it has and wait, so this is
+    /// for finding a stage that a driver compiles wrongly, not for work.
+    pub twins: Vec<Twin>,
 }
 
 impl ContextOptions {
@@ -51,6 +54,7 @@ impl ContextOptions {
             #[cfg(feature = "software-subgroups")]
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
             memory_budget: None,
+            twins: Vec::new(),
         }
     }
 
@@ -96,6 +100,8 @@ pub struct Counters {
     pub submissions: u64,
     /// Times the CPU blocked for the device.
     pub waits: u64,
+    /// Times a twin stood in for a kernel.
+    pub twins: u64,
 }
 
 pub(super) struct Inner {
@@ -115,6 +121,8 @@ pub(super) struct Inner {
     pub free_slots: Mutex<Vec<CommandSlot>>,
     pub submissions: AtomicU64,
     pub waits: AtomicU64,
+    pub stand_ins: AtomicU64,
+    pub twins: Vec<Twin>,
     pub instance: ash::Instance,
     pub physical: vk::PhysicalDevice,
     messages: Arc<Mutex<Vec<String>>>,
@@ -136,6 +144,7 @@ struct Own {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
     memory_budget: Option<u64>,
+    twins: Vec<Twin>,
 }
 
 impl Context {
@@ -190,7 +199,8 @@ impl Context {
         let optional = physical.offered.clone();
         let borrowed =
             BorrowedDevice { entry, instance, physical_device: physical.handle, device, queue_family, queue, optional };
-        let own = Own { debug, messages, messenger, owned: true, memory_budget: options.memory_budget };
+        let (memory_budget, twins) = (options.memory_budget, options.twins.clone());
+        let own = Own { debug, messages, messenger, owned: true, memory_budget, twins };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
@@ -212,7 +222,7 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional } = from;
-        let Own { debug, messages, messenger, owned, memory_budget } = own;
+        let Own { debug, messages, messenger, owned, memory_budget, twins } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -242,6 +252,8 @@ impl Context {
             free_slots: Mutex::default(),
             submissions: AtomicU64::new(0),
             waits: AtomicU64::new(0),
+            stand_ins: AtomicU64::new(0),
+            twins,
             messages,
             messenger,
             device,
@@ -277,6 +289,7 @@ impl Context {
         Counters {
             submissions: self.0.submissions.load(Ordering::Relaxed),
             waits: self.0.waits.load(Ordering::Relaxed),
+            twins: self.0.stand_ins.load(Ordering::Relaxed),
         }
     }
 

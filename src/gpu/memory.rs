@@ -148,6 +148,13 @@ impl Unused {
     }
 }
 
+impl RawBuffer {
+    /// As a buffer of bytes.
+    pub(super) fn bytes(self: &Arc<Self>) -> Buffer<u8> {
+        Buffer { raw: self.clone(), len: self.bytes as usize, element: PhantomData }
+    }
+}
+
 /// `len` elements of type `T` in one storage buffer. Cloning shares it.
 pub struct Buffer<T> {
     raw: Arc<RawBuffer>,

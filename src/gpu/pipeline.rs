@@ -84,6 +84,8 @@ pub(super) struct RawPipeline {
 pub struct Pipeline<K: Kernel> {
     pub(super) raw: Arc<RawPipeline>,
     pub(super) workgroup_size: u32,
+    /// Ids and values of the constants that it was made with.
+    pub(super) spec: Vec<(u32, u32)>,
     kernel: PhantomData<K>,
 }
 
@@ -106,7 +108,7 @@ impl<K: Kernel> Pipeline<K> {
         let module = words(bytes).map_err(in_kernel)?;
         check::<K>(context, workgroup_size, shared_bytes(&module, &spec).map_err(in_kernel)?)?;
         let code = with_modes(&module, &subgroups.modes(context.info(), K::SUBGROUPS)).map_err(in_kernel)?;
-        let (ids, words): (Vec<u32>, Vec<u32>) = spec.into_iter().unzip();
+        let (ids, words): (Vec<u32>, Vec<u32>) = spec.iter().copied().unzip();
         let device = &context.0.device;
         let bindings: Vec<_> = (0..K::ACCESS.len() as u32)
             .map(|binding| {
@@ -168,7 +170,7 @@ impl<K: Kernel> Pipeline<K> {
             let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
             device.destroy_shader_module(module, None);
             raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
-            Ok(Pipeline { raw: Arc::new(raw), workgroup_size, kernel: PhantomData })
+            Ok(Pipeline { raw: Arc::new(raw), workgroup_size, spec, kernel: PhantomData })
         }
     }
 

@@ -4,14 +4,17 @@ use std::{
     any::Any,
     collections::HashMap,
     ffi::CString,
-    sync::{Arc, atomic::Ordering},
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Arc, Once, atomic::Ordering},
     time::Duration,
 };
 
 use ash::vk;
 use bytemuck::Pod;
 
-use super::{Access, Buffer, Check, Context, GpuError, Kernel, Pipeline, RawBuffer};
+use super::{
+    Access, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall, Workgroups,
+};
 
 /// Stages that one recorder can time; later ones are recorded untimed.
 const MAX_TIMED: u32 = 2047;
@@ -53,6 +56,15 @@ pub struct Recorder {
     touched: HashMap<vk::Buffer, bool>,
     keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
     timed: Option<Vec<&'static str>>,
+    /// Why a twin could not stand in; kept for `submit`.
+    failed: Option<GpuError>,
+}
+
+/// How many workgroups a twin stands in for.
+enum Count<'a> {
+    Of(u32),
+    /// Words `3·slot..3·slot+3` of a buffer.
+    Indirect(&'a Buffer<u32>, u32),
 }
 
 /// Work on its way. Dropping it waits.
@@ -79,18 +91,26 @@ impl Recorder {
             touched: HashMap::new(),
             keep: HashMap::new(),
             timed: None,
+            failed: None,
         };
-        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the slot is free, so its buffer is not pending; its pool resets buffers on begin.
-        unsafe { inner.device.begin_command_buffer(commands, &begin) }.check("vkBeginCommandBuffer")?;
-        recorder.label(label);
+        recorder.begin(label)?;
         Ok(recorder)
+    }
+
+    fn begin(&self, label: &str) -> Result<(), GpuError> {
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the slot is free, so its buffer is not pending; its pool was reset, or never used.
+        unsafe { self.context.0.device.begin_command_buffer(self.commands, &begin) }.check("vkBeginCommandBuffer")?;
+        self.label(label);
+        Ok(())
     }
 
     /// Records into the caller's command buffer, which must be in the recording state and of the context's queue family.
     /// The recorder inserts barriers between its own stages only. Before its first stage the caller must have made its
     /// writes to shared buffers available to `COMPUTE_SHADER` (`SHADER_READ | SHADER_WRITE`), and `TRANSFER` for copies
     /// and fills; after the last stage results must be awaited from `COMPUTE_SHADER`/`SHADER_WRITE`.
+    ///
+    /// Twins stand in for no kernel here: the commands before it would have to run first, and they are the caller's to submit.
     ///
     /// Returns, when dropped or finished, nothing: [`Recorder::finish`] gives the resources that the caller must keep
     /// until the commands have run.
@@ -105,6 +125,7 @@ impl Recorder {
             touched: HashMap::new(),
             keep: HashMap::new(),
             timed: None,
+            failed: None,
         }
     }
 
@@ -112,7 +133,8 @@ impl Recorder {
         &self.context
     }
 
-    /// Times every stage from here on (own command buffers on devices with timestamps only).
+    /// Times every stage from here on (own command buffers on devices with timestamps only). Of a stage that a twin stands in for
+    /// this is the time on the wall, from the last command before it to the first after it, copies and waiting included.
     pub fn time_stages(&mut self) {
         if self.slot.is_some() && self.timed.is_none() && self.context.info().timestamp_period > 0.0 {
             self.timed = Some(Vec::new());
@@ -132,6 +154,9 @@ impl Recorder {
         if groups == 0 {
             return;
         }
+        if let Some(twin) = self.twin::<K>() {
+            return self.stand_in(twin, pipeline, buffers, push, &Count::Of(groups));
+        }
         self.bind(pipeline, buffers, push, None);
         let x = groups.min(MAX_GROUPS);
         // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
@@ -148,6 +173,9 @@ impl Recorder {
         args: &Buffer<u32>,
         slot: u32,
     ) {
+        if let Some(twin) = self.twin::<K>() {
+            return self.stand_in(twin, pipeline, buffers, push, &Count::Indirect(args, slot));
+        }
         self.bind(pipeline, buffers, push, Some(args));
         // SAFETY: as in `dispatch`; `bind` checked nothing about the slot, which stages derive from their own layout.
         unsafe { self.context.0.device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12) };
@@ -184,12 +212,29 @@ impl Recorder {
     }
 
     /// Ends recording and hands the work to the queue without waiting.
+    ///
+    /// # Errors
+    /// [`GpuError::Twin`] where a twin could not stand in for its kernel; nothing behind it was run then.
     pub fn submit(mut self) -> Result<Submission, GpuError> {
+        if let Some(why) = self.failed.take() {
+            return Err(why);
+        }
         let Some(slot) = self.slot.take() else {
             return Err(GpuError::NotOurs);
         };
+        self.end(&slot)?;
+        Ok(Submission {
+            context: self.context.clone(),
+            slot: Some(slot),
+            keep: std::mem::take(&mut self.keep),
+            timed: self.timed.take().unwrap_or_default(),
+        })
+    }
+
+    /// Ends recording into the slot and submits it.
+    fn end(&self, slot: &CommandSlot) -> Result<(), GpuError> {
         let inner = &self.context.0;
-        // SAFETY: the command buffer is recording; the queue is used under its lock; the slot goes with the submission.
+        // SAFETY: the command buffer is recording; the queue is used under its lock; the slot stays until the work is done.
         unsafe {
             // What the host reads after the wait must be made visible to it.
             let host = [vk::MemoryBarrier::default()
@@ -214,12 +259,110 @@ impl Recorder {
             inner.device.queue_submit(*queue, &info, slot.fence).check("vkQueueSubmit")?;
         }
         inner.submissions.fetch_add(1, Ordering::Relaxed);
-        Ok(Submission {
-            context: self.context.clone(),
-            slot: Some(slot),
-            keep: std::mem::take(&mut self.keep),
-            timed: self.timed.take().unwrap_or_default(),
-        })
+        Ok(())
+    }
+
+    /// What stands in for the kernel, if anything does.
+    fn twin<K: Kernel>(&self) -> Option<Twin> {
+        let twin = *self.context.0.twins.iter().find(|twin| twin.stage == K::NAME)?;
+        if self.slot.is_none() {
+            static TOLD: Once = Once::new();
+            TOLD.call_once(|| {
+                tracing::warn!("twins stand in for no stage of a caller's command buffer: {} runs", K::NAME)
+            });
+            return None;
+        }
+        Some(twin)
+    }
+
+    /// Runs what is recorded so far, then the twin on the host, and goes on recording.
+    fn stand_in<K: Kernel>(
+        &mut self,
+        twin: Twin,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        count: &Count<'_>,
+    ) {
+        if self.failed.is_some() {
+            return;
+        }
+        let raw = K::raw_buffers(buffers);
+        let call = |count| TwinCall {
+            workgroups: Workgroups { count, size: pipeline.workgroup_size, lanes: self.context.info().subgroup_size },
+            spec: pipeline.spec.clone(),
+            push: bytemuck::bytes_of(push).to_vec(),
+            bindings: Vec::new(),
+        };
+        let run = || {
+            self.finish_recorded()?;
+            let count = match *count {
+                Count::Of(groups) => [groups, 1, 1],
+                Count::Indirect(args, slot) => {
+                    let words = args.download_range(3 * slot as usize, 3)?;
+                    [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
+                }
+            };
+            self.run_twin(twin, call(count), &raw, K::ACCESS)
+        };
+        // What is recorded next needs a command buffer even where this failed.
+        let outcome = run();
+        self.failed = outcome.and(self.begin_again()).err();
+        self.touched.clear();
+        self.keep.clear();
+        self.label(K::NAME);
+        self.close(K::NAME);
+    }
+
+    /// Submits what is recorded so far and waits for it.
+    fn finish_recorded(&self) -> Result<(), GpuError> {
+        let Some(slot) = &self.slot else { return Err(GpuError::NotOurs) };
+        self.end(slot)?;
+        let inner = &self.context.0;
+        inner.waits.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the fence belongs to the slot, which was submitted.
+        unsafe { inner.device.wait_for_fences(&[slot.fence], true, u64::MAX) }.check("vkWaitForFences")
+    }
+
+    /// Begins the command buffer again after [`Recorder::finish_recorded`].
+    fn begin_again(&self) -> Result<(), GpuError> {
+        let Some(slot) = &self.slot else { return Err(GpuError::NotOurs) };
+        let device = &self.context.0.device;
+        // SAFETY: the device is done with the slot. Timestamps stay: later ones go to other queries.
+        unsafe {
+            device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()).check("vkResetCommandPool")?;
+            device.reset_fences(&[slot.fence]).check("vkResetFences")?;
+        }
+        self.begin("after a twin")
+    }
+
+    /// Hands the twin copies of the buffers and writes back what its kernel writes.
+    fn run_twin(
+        &self,
+        twin: Twin,
+        mut call: TwinCall,
+        raw: &[&Arc<RawBuffer>],
+        access: &[Access],
+    ) -> Result<(), GpuError> {
+        if call.workgroups.groups() == 0 {
+            return Ok(());
+        }
+        for buffer in raw {
+            call.bindings.push(HostBuffer::new(&buffer.bytes().download()?));
+        }
+        // Where an earlier stage left nonsense, a twin that goes by it may index what is not there.
+        let outcome = catch_unwind(AssertUnwindSafe(|| (twin.run)(&mut call))).unwrap_or_else(|panic| {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            Err(text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("it panicked").to_owned())
+        });
+        outcome.map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
+        self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
+        let written =
+            raw.iter().zip(access).zip(&call.bindings).filter(|((buffer, a), _)| a.writes() && !buffer.unused);
+        for ((buffer, _), now) in written {
+            buffer.bytes().upload(0, now.bytes())?;
+        }
+        Ok(())
     }
 
     /// For a borrowed command buffer: the buffers and pipelines that must outlive the commands.

@@ -1,5 +1,6 @@
 //! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS.
 
+use super::{FLOAT_MAX, FLOAT_MIN};
 use crate::scene::layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH};
 
 /// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
@@ -47,6 +48,38 @@ impl PlaneRate {
     }
 }
 
+/// Lengths between which a quaternion or a lobe's direction is left as it is; see `glsl/shared/unit.glsl`.
+const LENGTHS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+
+/// The unit vector that takes the place of one before it steps, and the length that it had; none where the length may stay. What has no
+/// direction stays, and its length counts as 0.
+pub fn unit_before_step<const N: usize>(vector: [f64; N]) -> Option<([f64; N], f64)> {
+    let largest = vector.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
+    if !(FLOAT_MIN..=FLOAT_MAX).contains(&largest) {
+        return Some((vector, 0.0));
+    }
+    let length = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+    (!LENGTHS.contains(&length)).then(|| (vector.map(|v| v / length), length))
+}
+
+/// One step of one parameter and its moments. `correct` is 1 − β^t of both moments after step t, or 1 for no correction.
+pub fn adam_one(
+    param: &mut f64,
+    gradient: f64,
+    [first, second]: [&mut f64; 2],
+    plane: &PlaneRate,
+    [correct1, correct2]: [f64; 2],
+) {
+    let g = gradient.clamp(-GRADIENT_MAX, GRADIENT_MAX);
+    let m = BETA1 * *first + (1.0 - BETA1) * g;
+    let v = BETA2 * *second + (1.0 - BETA2) * g * g;
+    (*first, *second) = (m, v);
+    *param -= plane.rate * (m / correct1) / ((v / correct2).sqrt() + EPSILON);
+    if let Some((low, high)) = plane.range {
+        *param = param.max(low).min(high);
+    }
+}
+
 /// One step of the first `count` elements of every plane. All four arrays are planes × `stride`.
 ///
 /// `bias_step`: number of this step, from 1, for bias correction; none for no correction (⚖ section 5).
@@ -63,10 +96,7 @@ pub fn adam(
     bias_step: Option<u32>,
     touched: Option<&[bool]>,
 ) {
-    let (correct1, correct2) = match bias_step {
-        Some(step) => (1.0 - BETA1.powf(step as f64), 1.0 - BETA2.powf(step as f64)),
-        None => (1.0, 1.0),
-    };
+    let correct = bias_step.map_or([1.0; 2], |step| [BETA1, BETA2].map(|beta| 1.0 - beta.powf(step as f64)));
     for (p, plane) in planes.iter().enumerate() {
         if plane.rate == 0.0 {
             continue;
@@ -76,15 +106,8 @@ pub fn adam(
                 continue;
             }
             let at = p * stride + i;
-            let g = grads[at].clamp(-GRADIENT_MAX, GRADIENT_MAX);
-            let m = BETA1 * first_moments[at] + (1.0 - BETA1) * g;
-            let v = BETA2 * second_moments[at] + (1.0 - BETA2) * g * g;
-            first_moments[at] = m;
-            second_moments[at] = v;
-            params[at] -= plane.rate * (m / correct1) / ((v / correct2).sqrt() + EPSILON);
-            if let Some((low, high)) = plane.range {
-                params[at] = params[at].max(low).min(high);
-            }
+            let moments = [&mut first_moments[at], &mut second_moments[at]];
+            adam_one(&mut params[at], grads[at], moments, plane, correct);
         }
     }
 }
@@ -126,6 +149,14 @@ mod tests {
             expected -= 0.01 * m / (v.sqrt() + 1e-15);
         }
         assert!((run(true, &gradients) - expected).abs() < 1e-14);
+    }
+
+    #[test]
+    fn only_lengths_that_would_hurt_a_step_are_made_one() {
+        assert_eq!(unit_before_step([3.0, 0.0, 4.0]), None);
+        assert_eq!(unit_before_step([0.003, -0.004]), Some(([0.6, -0.8], 0.005)));
+        assert_eq!(unit_before_step([0.0, 300.0]), Some(([0.0, 1.0], 300.0)));
+        assert_eq!(unit_before_step([0.0; 4]), Some(([0.0; 4], 0.0)));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The float64 twin of every stage: same name, same loops, on the host. What a kernel computes is
-//! judged against these functions, and these are judged against central differences (`tests/gradients.rs`).
+//! judged against these functions, and these are judged against central differences (`tests/gradients.rs`). [`host`] has
+//! them stand in for stages.
 //!
 //! Layouts are those of `ARCHITECTURE.md`: parameters are planes, base Gaussians come first.
 //! Slices must have the lengths their docs give; the twins do not check what the stages check.
@@ -16,6 +17,7 @@ pub mod emit;
 pub mod fma_rate;
 pub mod gather;
 pub mod harmonics;
+pub mod host;
 pub mod lift_append;
 pub mod lift_cluster;
 pub mod lift_count;
@@ -52,6 +54,7 @@ pub mod tiles;
 mod params;
 mod view;
 
+pub use host::{twin, twins};
 pub use params::Params;
 pub use render::{Intersections, Options, Rendered, render};
 pub use sample::{random_camera, random_scene};

@@ -48,6 +48,19 @@ pub struct Intersections {
 }
 
 impl Intersections {
+    /// Not one.
+    pub fn none(tiling: Tiling) -> Self {
+        Intersections {
+            tiling,
+            global_from_rank: vec![],
+            isect_tiles: vec![],
+            isect_slots: vec![],
+            global_from_slot: vec![],
+            first_slot: vec![],
+            tile_ranges: vec![],
+        }
+    }
+
     /// `depths` are ∞ where a Gaussian is not visible.
     pub fn new(projected: &Projected, tiling: Tiling) -> Self {
         let Projected { splats, depths, tile_counts, .. } = projected;

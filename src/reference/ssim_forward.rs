@@ -15,6 +15,8 @@ pub struct SsimForward {
     pub partials: Vec<[[f64; 3]; 3]>,
     /// Sums over pixels and channels of |x − y| and of SSIM.
     pub sums: [f64; 2],
+    /// The same over the channels of each pixel.
+    pub pixel_sums: Vec<[f64; 2]>,
     /// The loss of each pixel, the mean over its channels.
     pub loss_map: Vec<f64>,
 }
@@ -48,8 +50,12 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
         .collect();
     let outside = [-MIDDLE, -MIDDLE, 2.0 * MIDDLE * MIDDLE, MIDDLE * MIDDLE];
     let moments = filter(width, height, &moments, outside);
-    let mut forward =
-        SsimForward { partials: vec![[[0.0; 3]; 3]; pixels], sums: [0.0; 2], loss_map: vec![0.0; pixels] };
+    let mut forward = SsimForward {
+        partials: vec![[[0.0; 3]; 3]; pixels],
+        sums: [0.0; 2],
+        pixel_sums: vec![[0.0; 2]; pixels],
+        loss_map: vec![0.0; pixels],
+    };
     for i in 0..pixels {
         for (c, &[x, y, squares, product]) in moments[i].iter().enumerate() {
             let (mx, my) = (x + MIDDLE, y + MIDDLE);
@@ -64,8 +70,10 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
             let (x, y) = pair(i, c);
             let l1 = (x - y).abs();
             forward.partials[i][c] = [p0, p1, p2];
-            forward.sums[0] += l1;
-            forward.sums[1] += s;
+            for (k, part) in [l1, s].into_iter().enumerate() {
+                forward.sums[k] += part;
+                forward.pixel_sums[i][k] += part;
+            }
             if counts(targets[i]) {
                 forward.loss_map[i] += ((1.0 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1.0 - s)) / 3.0;
             }

@@ -46,9 +46,10 @@ impl Tiling {
 // than 1e-5.
 /// Relative and absolute growth of t. Covers the errors of t, of w_v and of √(t − w_v²) tenfold.
 const SLACK: f64 = 1e-4;
-/// Growth of the spans, px. Covers four roundings of pixel coordinates below 16384 (half an ulp: 2⁻¹¹ px).
-const PAD: f64 = 1.0 / 256.0;
-/// Growth of the spans by the ellipse's half-width: 16 roundings of 2⁻²⁴.
+/// Growth of the spans, px. As the kernels have it (`glsl/shared/splat.glsl`), lest a kernel and a twin that go by each other's
+/// counts list other tiles.
+const PAD: f64 = 1e-3;
+/// Growth of the spans by how far off the centre and the ellipse's ends lie: 16 roundings of 2⁻²⁴.
 const PAD_RELATIVE: f64 = 1.0 / 1048576.0;
 
 /// Visits the tiles that hold the centre of a covered pixel, row by row, left to right. Nothing for an
@@ -63,7 +64,7 @@ pub fn for_each_tile(splat: &Splat, tiling: &Tiling, mut visit: impl FnMut(u32))
     let h = (splat.l12 * splat.l12 + splat.l22 * splat.l22).sqrt();
     let reach_x = h * root / (splat.l11 * splat.l22);
     let reach_y = root / splat.l22;
-    let pad = PAD + PAD_RELATIVE * reach_x;
+    let pad = PAD + PAD_RELATIVE * (reach_x + splat.x.abs());
     let peak = -splat.l12 * root / (splat.l22 * h);
 
     let row_first = (splat.y - reach_y - PAD - 0.5).ceil().max(0.0);
@@ -180,7 +181,7 @@ mod tests {
             for_each_tile(&splat, &tiling(1, 1), |tile| {
                 tiles.insert(tile);
             });
-            // The pad of 1/256 px changes ln α by at most pad · l11 · √t + … < 0.03.
+            // The pad of 1e-3 px changes ln α by at most pad · l11 · √t + … < 0.03.
             assert!(tiles.is_subset(&brute_force(&splat, &tiling(1, 1), ALPHA_MIN * (-0.03f64).exp())), "{splat:?}");
         }
     }

@@ -1,0 +1,268 @@
+//! From gradient records to parameters, and the counting of steps.
+
+use glam::DVec3;
+
+use super::{Outcome, failed, page, params, view, wide};
+use crate::{
+    reference::{
+        self as twin, Intersections, Options, Params,
+        adam::{PlaneRate, adam_one, unit_before_step},
+        blend_backward::Record,
+        lobe,
+        project_backward::sum_records,
+        tiles::Tiling,
+    },
+    scene::layout::{self, Array, GEOMETRY_PLANES, LOBE_DIRECTION, OPACITY, QUAT},
+    stages::{kernels, status, types::StepRates},
+};
+
+pub(super) fn step_done(h: kernels::step_done::Host<'_>) -> Outcome {
+    if let Some(status) = h.status.first_chunk_mut::<{ status::WORDS }>() {
+        twin::step_done::step_done(status);
+    }
+    Ok(())
+}
+
+/// A page's parameters, and what lies beside them: moments, or gradients that are added up.
+struct Planes<'a> {
+    geometry: &'a mut [f32],
+    sh: &'a mut [f32],
+    lobes: &'a mut [f32],
+    beside: [&'a mut [f32]; 3],
+    stride: usize,
+}
+
+/// What moves.
+#[derive(Clone, Copy)]
+struct Moves {
+    has_lobes: bool,
+    opacity_only: bool,
+    sh_degree: u32,
+}
+
+impl Moves {
+    /// Groups of parameters that move, each with its number among all.
+    fn groups(self) -> impl Iterator<Item = (usize, layout::Group)> {
+        let moves = move |group: &layout::Group| match group.array {
+            Array::Lobes => self.has_lobes && !self.opacity_only,
+            Array::Geometry => !self.opacity_only || group.planes.start == OPACITY,
+            Array::Sh => !self.opacity_only,
+        };
+        layout::groups(self.sh_degree).into_iter().enumerate().filter(move |(_, group)| moves(group))
+    }
+
+    /// The plane among moments or gradients of plane p: opacity's is the first where nothing else learns.
+    fn beside(self, p: usize) -> usize {
+        if self.opacity_only { 0 } else { p }
+    }
+}
+
+/// The array of a group.
+fn values(grads: &Params, array: Array) -> &[f64] {
+    match array {
+        Array::Geometry => &grads.geometry,
+        Array::Sh => &grads.sh,
+        Array::Lobes => &grads.lobes,
+    }
+}
+
+/// All that moves has a finite gradient.
+fn is_sound(grads: &Params, moves: Moves, place: usize) -> bool {
+    let finite = |(_, group): (usize, layout::Group)| {
+        group.planes.clone().all(|p| values(grads, group.array)[p * grads.stride + place].is_finite())
+    };
+    moves.groups().all(finite)
+}
+
+impl Planes<'_> {
+    fn array(&mut self, array: Array) -> (&mut [f32], &mut [f32]) {
+        let [geometry, sh, lobes] = &mut self.beside;
+        match array {
+            Array::Geometry => (self.geometry, geometry),
+            Array::Sh => (self.sh, sh),
+            Array::Lobes => (self.lobes, lobes),
+        }
+    }
+
+    /// One Adam step of the places that `steps` names.
+    fn step(&mut self, grads: &Params, steps: &[bool], moves: Moves, r: &StepRates) {
+        let rates =
+            [r.mean, r.log_scale, r.quat, r.opacity, r.dc, r.sh, r.direction, r.width, r.sharpness].map(f64::from);
+        // The kernel multiplies by what the twin divides by.
+        let correct = |corrections: [f32; 2]| corrections.map(|c| 1.0 / f64::from(c));
+        let stride = self.stride;
+        for (number, group) in moves.groups() {
+            let rate = PlaneRate::of(&group, rates[number]);
+            let correct = match group.array {
+                Array::Lobes => correct([r.lobe_first_correction, r.lobe_second_correction]),
+                _ => correct([r.first_correction, r.second_correction]),
+            };
+            let grads = values(grads, group.array);
+            let (params, moments) = self.array(group.array);
+            for p in group.planes.clone() {
+                let first = 2 * moves.beside(p) * stride;
+                for place in (0..steps.len()).filter(|&place| steps[place]) {
+                    let at = p * stride + place;
+                    let [mut m, mut v] = [moments[first + place], moments[first + stride + place]].map(f64::from);
+                    let mut param = f64::from(params[at]);
+                    adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct);
+                    params[at] = param as f32;
+                    moments[first + place] = m as f32;
+                    moments[first + stride + place] = v as f32;
+                }
+            }
+        }
+    }
+
+    /// Adds gradients up, and 1 for each Gaussian that is blended.
+    fn add(&mut self, grads: &Params, places: &[bool], moves: Moves, blended: &[bool]) {
+        let stride = self.stride;
+        let places: Vec<usize> = (0..places.len()).filter(|&place| places[place]).collect();
+        for (_, group) in moves.groups() {
+            let grads = values(grads, group.array);
+            let (_, sums) = self.array(group.array);
+            for p in group.planes.clone() {
+                for place in &places {
+                    let sum = &mut sums[moves.beside(p) * stride + place];
+                    *sum = (f64::from(*sum) + grads[p * stride + place]) as f32;
+                }
+            }
+        }
+        let views = if moves.opacity_only { 1 } else { GEOMETRY_PLANES };
+        for place in places {
+            self.beside[0][views * stride + place] += f32::from(u8::from(blended[place]));
+        }
+    }
+
+    /// A unit vector in place of `N` planes' own where a step would turn that wildly or not at all; the length that it had.
+    fn make_unit<const N: usize>(&mut self, array: Array, plane: usize, place: usize) -> Option<f64> {
+        let stride = self.stride;
+        let (params, _) = self.array(array);
+        let at: [usize; N] = std::array::from_fn(|c| (plane + c) * stride + place);
+        let (unit, length) = unit_before_step(at.map(|at| f64::from(params[at])))?;
+        at.into_iter().zip(unit).for_each(|(at, v)| params[at] = v as f32);
+        Some(length)
+    }
+}
+
+pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
+    let kernels::adam::Push { segment, page_first, stride, rates } = h.push;
+    let kernels::adam::Spec { has_lobes, opacity_only, sparse, sh_degree, .. } = h.spec;
+    if failed(h.status) {
+        return Ok(());
+    }
+    let (_, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
+    let moves = Moves { has_lobes, opacity_only, sh_degree };
+    let mut grads = params([h.geometry_grads, h.sh_grads, h.lobe_grads], count, stride, has_lobes, sh_degree);
+    let stride = stride as usize;
+    let views = if opacity_only { 1 } else { GEOMETRY_PLANES } * stride;
+    let blended = |place: usize| h.geometry_grads[views + place] != 0.0;
+    if opacity_only {
+        grads.geometry = vec![0.0; GEOMETRY_PLANES * stride];
+        grads.geometry[OPACITY * stride..].copy_from_slice(&wide(&h.geometry_grads[..stride]));
+    }
+    let steps: Vec<bool> =
+        (0..count).map(|place| (!sparse || blended(place)) && is_sound(&grads, moves, place)).collect();
+    let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
+    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride };
+    // What is made a unit vector has the gradient of that vector: longer by the length.
+    for place in (0..count).filter(|&place| steps[place] && !opacity_only) {
+        scale(&mut grads.geometry, QUAT..QUAT + 4, stride, place, || {
+            planes.make_unit::<4>(Array::Geometry, QUAT, place)
+        });
+        if has_lobes {
+            let directions = LOBE_DIRECTION..LOBE_DIRECTION + 3;
+            let make_unit = || planes.make_unit::<3>(Array::Lobes, LOBE_DIRECTION, place);
+            scale(&mut grads.lobes, directions, stride, place, make_unit);
+        }
+    }
+    planes.step(&grads, &steps, moves, &rates);
+    Ok(())
+}
+
+/// Multiplies a vector's gradient by what `by` says, which is asked where the gradient is not 0.
+fn scale(
+    grads: &mut [f64],
+    planes: std::ops::Range<usize>,
+    stride: usize,
+    place: usize,
+    by: impl FnOnce() -> Option<f64>,
+) {
+    let at = |p: usize| p * stride + place;
+    if planes.clone().any(|p| grads[at(p)] != 0.0)
+        && let Some(length) = by()
+    {
+        planes.for_each(|p| grads[at(p)] *= length);
+    }
+}
+
+pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcome {
+    let kernels::project_backward::Push { segment, page_first, stride, view: view_index, by_gaussian, rates } = h.push;
+    let kernels::project_backward::Spec { compensate, has_lobes, opacity_only, sparse, accumulate, sh_degree, .. } =
+        h.spec;
+    if failed(h.status) {
+        return Ok(());
+    }
+    let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
+    let view = view(&h.views[view_index as usize]);
+    let moves = Moves { has_lobes, opacity_only, sh_degree };
+
+    // The records of the page's Gaussians, one after the other.
+    let mut records: Vec<Record> = Vec::new();
+    let mut marks = vec![false; count];
+    let (mut first_slot, mut tile_counts) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    for place in 0..count {
+        let i = first + place;
+        let own = match (by_gaussian != 0, h.tile_counts[i] as usize) {
+            (true, _) => i..i + 1,
+            (false, 0) => 0..0,
+            (false, tiles) => h.first_slot[i] as usize..h.first_slot[i] as usize + tiles,
+        };
+        first_slot.push(records.len() as u32);
+        tile_counts.push(own.len() as u32);
+        for at in own {
+            let [a, b, c] = h.record_centres[at].map(f64::from);
+            // Of what learns its opacity only the first part is a mark, and the others are not there.
+            if opacity_only {
+                marks[place] |= a != 0.0;
+                records.push([0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                continue;
+            }
+            let ([d, e, f], [r, g, b_]) = (h.record_shapes[at].map(f64::from), h.record_colours[at].map(f64::from));
+            records.push([a, b, c, d, e, f, r, g, b_]);
+        }
+    }
+    let isects = Intersections { first_slot, ..Intersections::none(Tiling::new(1, 1, &Options::default())) };
+    let sums = sum_records(&tile_counts, &isects, &records);
+    let is_blended = |(sum, mark): (&Record, &bool)| sum[2] != 0.0 || *mark || sum[6..].iter().any(|&c| c != 0.0);
+    let blended: Vec<bool> = sums.iter().zip(&marks).map(is_blended).collect();
+
+    let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
+    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride: stride as usize };
+    let read =
+        |planes: &Planes<'_>| params([planes.geometry, planes.sh, planes.lobes], count, stride, has_lobes, sh_degree);
+    if !opacity_only && !accumulate {
+        let before = read(&planes);
+        for place in (0..count).filter(|&place| blended[place]) {
+            planes.make_unit::<4>(Array::Geometry, QUAT, place);
+            let to_eye: DVec3 = view.eye - before.mean(place);
+            if before.lobe(place).is_some_and(|(d, width, sharpness)| lobe::factor(d, width, sharpness, to_eye) > 0.0) {
+                planes.make_unit::<3>(Array::Lobes, LOBE_DIRECTION, place);
+            }
+        }
+    }
+    let params = read(&planes);
+    let options = Options { active_degree: sh_degree, compensate, ..Default::default() };
+    // The kernel too goes through the projection again.
+    let splats = twin::project::project(&params, &view, &options).splats;
+    let grads =
+        twin::project_backward::project_backward(&params, &view, &options, &splats, &tile_counts, &isects, &records);
+    let moved: Vec<bool> =
+        (0..count).map(|place| (blended[place] || !sparse) && is_sound(&grads.params, moves, place)).collect();
+    if accumulate {
+        planes.add(&grads.params, &moved, moves, &blended);
+    } else {
+        planes.step(&grads.params, &moved, moves, &rates);
+    }
+    Ok(())
+}

@@ -1,0 +1,43 @@
+//! How many Gaussians there are, and their moves.
+
+use super::Outcome;
+use crate::{
+    reference::{self as twin, NONE, recount::Recounted},
+    stages::{kernels, status::Status},
+};
+
+pub(super) fn recount(h: kernels::recount::Host<'_>) -> Outcome {
+    let kernels::recount::Push { page_count, threads_per_group, items_per_group, segment, added_index } = h.push;
+    let mut counts = [h.segment_counts[0], h.segment_counts[1]];
+    if added_index != NONE {
+        let count = &mut counts[segment as usize];
+        *count = count.saturating_add(h.added[added_index as usize]);
+    }
+    let pages = &h.pages[..page_count as usize];
+    let Recounted { counts, population, args, status } =
+        twin::recount::recount(counts, pages, threads_per_group, items_per_group, Status::read(h.status));
+    h.segment_counts[..counts.len()].copy_from_slice(&counts);
+    h.population[..population.len()].copy_from_slice(&population);
+    h.population_args[..args.len()].copy_from_slice(&args);
+    h.status[..status.0.len()].copy_from_slice(&status.0);
+    Ok(())
+}
+
+pub(super) fn gather(h: kernels::gather::Host<'_>) -> Outcome {
+    let kernels::gather::Push { count_index, targets, page_first, stride, plane_first, planes } = h.push;
+    let count = h.workgroups.threads().min(h.count[count_index as usize].min(targets) as usize);
+    // Targets whose source is of this page, and its place there. What begins at 0 is the first page's business.
+    let place = |&source: &u32| match source {
+        NONE => (page_first == 0).then_some(NONE),
+        _ => source.checked_sub(page_first).filter(|&place| place < stride),
+    };
+    let (here, places): (Vec<usize>, Vec<u32>) =
+        h.sources[..count].iter().enumerate().filter_map(|(target, source)| Some((target, place(source)?))).unzip();
+    for p in 0..planes as usize {
+        let plane = &h.from[(plane_first as usize + p) * stride as usize..][..stride as usize];
+        for (target, value) in here.iter().zip(twin::gather::gather(plane, &places)) {
+            h.gathered[p * targets as usize + target] = value;
+        }
+    }
+    Ok(())
+}

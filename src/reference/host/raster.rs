@@ -1,0 +1,269 @@
+//! From Gaussians to pixels and back to gradient records.
+
+use super::{Outcome, page, params, pixels, view, wide_rows};
+use crate::{
+    reference::{
+        self as twin, Background, Intersections, NONE, Options, Splat, blend_backward::Record, emit::Emitted,
+        median_depth::DepthAt, tiles::Tiling,
+    },
+    stages::{
+        kernels,
+        types::{self, Frame},
+    },
+};
+
+pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
+    let kernels::project::Push { segment, page_first, stride, view: view_index } = h.push;
+    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, .. } = h.spec;
+    let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
+    let params = params([h.geometry, h.sh, h.lobes], count, stride, has_lobes, sh_degree);
+    let options = Options { active_degree: sh_degree, compensate, tile_width, tile_height, ..Default::default() };
+    let projected = twin::project::project(&params, &view(&h.views[view_index as usize]), &options);
+    for (i, (splat, tiles)) in (first..).zip(projected.splats.iter().zip(projected.tile_counts)) {
+        h.depth_keys[i] = NONE;
+        h.tile_counts[i] = tiles;
+        if tiles > 0 {
+            (h.splats[i], h.splat_colours[i]) = narrow(splat);
+            h.depth_keys[i] = (splat.z as f32).to_bits();
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
+    let [x, y, l11, l12, l22, opacity] = [s.x, s.y, s.l11, s.l12, s.l22, s.opacity].map(|v| v as f32);
+    (types::Splat { x, y, l11, l12, l22, opacity }, s.color().map(|c| c as f32))
+}
+
+/// Of the camera's z nothing here makes use.
+pub(super) fn wide_splat(s: &types::Splat, colour: [f32; 3]) -> Splat {
+    let [x, y, l11, l12, l22, opacity] = [s.x, s.y, s.l11, s.l12, s.l22, s.opacity].map(f64::from);
+    let [r, g, b] = colour.map(f64::from);
+    Splat { x, y, l11, l12, l22, opacity, r, g, b, z: 1.0 }
+}
+
+/// The tiles of a frame in the grid of its batch, whose rows have `tiles_x`.
+fn tiling(frame: &Frame, [tile_width, tile_height]: [u32; 2], tiles_x: u32, tiles_per_frame: u32) -> Tiling {
+    let tiles_y = tiles_per_frame / tiles_x.max(1);
+    Tiling { width: frame.width, height: frame.height, tile_width, tile_height, tiles_x, tiles_y }
+}
+
+pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
+    let kernels::emit::Push { frame_first, tiles_x, tiles_per_frame, capacity, count_index } = h.push;
+    let kernels::emit::Spec { tile_width, tile_height, batch, .. } = h.spec;
+    let count = h.workgroups.threads().min(h.count[count_index as usize] as usize);
+    for (&global, &slot) in h.global_from_rank[..count].iter().zip(h.rank_first_slot) {
+        let i = global as usize;
+        let f = if batch { h.splat_frames[i] } else { 0 };
+        let frame = &h.frames[(frame_first + f) as usize];
+        let room = h.tile_counts[i].min(capacity.saturating_sub(slot));
+        let tiling = tiling(frame, [tile_width, tile_height], tiles_x, tiles_per_frame);
+        let splat = wide_splat(&h.splats[i], [0.0; 3]);
+        let Emitted { tile_of_slot, .. } = twin::emit::emit(&[splat], &[room], &[0], &tiling);
+        let slots = slot as usize..slot as usize + room as usize;
+        for (slot, tile) in slots.zip(tile_of_slot) {
+            h.isect_tiles[slot] = if tile == NONE { NONE } else { f * tiles_per_frame + tile };
+            h.global_from_slot[slot] = global;
+        }
+        h.first_slot[i] = slot;
+    }
+    Ok(())
+}
+
+pub(super) fn tile_ranges(h: kernels::tile_ranges::Host<'_>) -> Outcome {
+    let isects = h.workgroups.threads().min(h.count[h.push.count_index as usize] as usize);
+    let ranges = twin::tile_ranges::tile_ranges(&h.isect_tiles[..isects], h.tile_ranges.len());
+    // The kernel writes where a tile's intersections begin and end, and nothing for a tile without any.
+    let found = h.tile_ranges.iter_mut().zip(ranges).filter(|(_, range)| range[1] > 0);
+    found.for_each(|(to, range)| *to = range);
+    Ok(())
+}
+
+/// The tile lists of a grid.
+struct Lists<'a> {
+    frames: &'a [Frame],
+    tile_ranges: &'a [[u32; 2]],
+    isect_slots: &'a [u32],
+    global_from_slot: &'a [u32],
+    tile: [u32; 2],
+    frame_first: u32,
+    tiles_x: u32,
+    tiles_per_frame: u32,
+    tile_count: u32,
+}
+
+impl Lists<'_> {
+    /// One frame of the grid after the other.
+    fn for_each_frame(&self, mut visit: impl FnMut(&Frame, &Intersections)) {
+        let mut isects = Intersections {
+            isect_slots: self.isect_slots.to_vec(),
+            global_from_slot: self.global_from_slot.to_vec(),
+            ..Intersections::none(Tiling::new(1, 1, &Options::default()))
+        };
+        let ranges = self.tile_ranges[..self.tile_count as usize].chunks(self.tiles_per_frame.max(1) as usize);
+        for (frame, ranges) in self.frames[self.frame_first as usize..].iter().zip(ranges) {
+            isects.tiling = tiling(frame, self.tile, self.tiles_x, self.tiles_per_frame);
+            isects.tile_ranges = ranges.to_vec();
+            visit(frame, &isects);
+        }
+    }
+}
+
+fn wide_splats(splats: &[types::Splat], colours: &[[f32; 3]]) -> Vec<Splat> {
+    splats.iter().zip(colours).map(|(splat, &colour)| wide_splat(splat, colour)).collect()
+}
+
+pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
+    let kernels::blend::Push { frame_first, tiles_x, tiles_per_frame, tile_count, background, median_threshold } =
+        h.push;
+    let kernels::blend::Spec { tile_width, tile_height, background_image, median, .. } = h.spec;
+    let lists = Lists {
+        frames: h.frames,
+        tile_ranges: h.tile_ranges,
+        isect_slots: h.isect_slots,
+        global_from_slot: h.global_from_slot,
+        tile: [tile_width, tile_height],
+        frame_first,
+        tiles_x,
+        tiles_per_frame,
+        tile_count,
+    };
+    let splats = wide_splats(h.splats, h.splat_colours);
+    lists.for_each_frame(|frame, isects| {
+        let pixels = pixels(frame);
+        let backdrop: Vec<[f64; 3]> = match background_image {
+            true => h.backdrop[pixels.clone()].iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect(),
+            false => vec![],
+        };
+        let behind = match background_image {
+            true => Background::Image(&backdrop),
+            false => Background::Color(background.map(f64::from)),
+        };
+        let blended = twin::blend::blend(&splats, isects, behind, f64::from(median_threshold));
+        h.image[pixels.clone()].iter_mut().zip(&blended.image).for_each(|(to, rgbt)| *to = rgbt.map(|v| v as f32));
+        if median {
+            h.median_ids[pixels].copy_from_slice(&blended.median);
+        }
+    });
+    Ok(())
+}
+
+/// What both backward passes of the blend go by.
+struct Backward<'a> {
+    lists: Lists<'a>,
+    splats: &'a [types::Splat],
+    splat_colours: &'a [[f32; 3]],
+    image: &'a [[f32; 4]],
+    image_grad: &'a [f32],
+    /// Index of the first Gaussian whose record has all its parts.
+    all_first: u32,
+}
+
+impl Backward<'_> {
+    /// Slot, Gaussian and record of every intersection that some pixel blends; of a Gaussian that learns its opacity only the
+    /// record has that part, and 1 in the first.
+    fn for_each_record(&self, mut put: impl FnMut(usize, u32, Record)) {
+        let splats = wide_splats(self.splats, self.splat_colours);
+        self.lists.for_each_frame(|frame, isects| {
+            let pixels = pixels(frame);
+            let image = wide_rows(&self.image[pixels.clone()]);
+            let (rows, _) = self.image_grad[3 * pixels.start..3 * pixels.end].as_chunks::<3>();
+            let records = twin::blend_backward::blend_backward(&splats, isects, &image, &wide_rows(rows));
+            // By a gradient of 1 everywhere a colour's part is not 0 just where a pixel blends the Gaussian.
+            let ones = vec![[1.0; 3]; image.len()];
+            let blended = twin::blend_backward::blend_backward(&splats, isects, &image, &ones);
+            for range in &isects.tile_ranges {
+                for &slot in &isects.isect_slots[range[0] as usize..range[1] as usize] {
+                    let (slot, global) = (slot as usize, isects.global_from_slot[slot as usize]);
+                    if blended[slot][6] == 0.0 {
+                        continue;
+                    }
+                    let record = records[slot];
+                    let alone = [1.0, 0.0, record[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+                    put(slot, global, if global >= self.all_first { record } else { alone });
+                }
+            }
+        });
+    }
+}
+
+/// From the host of either backward pass.
+macro_rules! backward {
+    ($h:ident) => {
+        Backward {
+            lists: Lists {
+                frames: $h.frames,
+                tile_ranges: $h.tile_ranges,
+                isect_slots: $h.isect_slots,
+                global_from_slot: $h.global_from_slot,
+                tile: [$h.spec.tile_width, $h.spec.tile_height],
+                frame_first: $h.push.frame_first,
+                tiles_x: $h.push.tiles_x,
+                tiles_per_frame: $h.push.tiles_per_frame,
+                tile_count: $h.push.tile_count,
+            },
+            splats: $h.splats,
+            splat_colours: $h.splat_colours,
+            image: $h.image,
+            image_grad: $h.image_grad,
+            all_first: $h.population[$h.push.frozen as usize],
+        }
+    };
+}
+
+/// The three parts that records lie in.
+fn parts(record: &Record) -> [[f32; 3]; 3] {
+    [0, 3, 6].map(|first| [0, 1, 2].map(|c| record[first + c] as f32))
+}
+
+pub(super) fn blend_backward(h: kernels::blend_backward::Host<'_>) -> Outcome {
+    let backward = backward!(h);
+    backward.for_each_record(|slot, global, record| {
+        let [centre, shape, colour] = parts(&record);
+        h.record_centres[slot] = centre;
+        if global >= backward.all_first {
+            h.record_shapes[slot] = shape;
+            h.record_colours[slot] = colour;
+        }
+    });
+    Ok(())
+}
+
+pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>) -> Outcome {
+    let backward = backward!(h);
+    let mut isects = Intersections::none(Tiling::new(1, 1, &Options::default()));
+    let mut records = Vec::new();
+    backward.for_each_record(|_, global, record| {
+        isects.global_from_slot.push(global);
+        records.push(record);
+    });
+    let sums = twin::blend_backward_atomic::blend_backward_atomic(&isects, &records, h.splats.len());
+    for (global, sum) in sums.iter().enumerate().filter(|(_, sum)| **sum != [0.0; 9]) {
+        let to = [&mut h.record_centres[global], &mut h.record_shapes[global], &mut h.record_colours[global]];
+        for (to, part) in to.into_iter().zip(parts(sum)) {
+            to.iter_mut().zip(part).for_each(|(to, v)| *to += v);
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
+    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first } = h.push;
+    let view = view(&h.views[view_index as usize]);
+    let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
+    let pixels = h.workgroups.threads().min(view.width as usize * view.height as usize);
+    // By place in the page; other pages take the other pixels.
+    let here = |&i: &u32| i.checked_sub(first as u32).filter(|&place| i != NONE && (place as usize) < count);
+    let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
+    let params = params([h.geometry, &[], &[]], count, stride, false, 0);
+    let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
+    let depths = twin::median_depth::median_depth(&params, &view, &median, at);
+    let to = &mut h.depths[depth_first as usize..][..pixels];
+    for (pixel, depth) in depths.into_iter().enumerate() {
+        let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0;
+        if median[pixel] != NONE || nobodys {
+            to[pixel] = depth as f32;
+        }
+    }
+    Ok(())
+}

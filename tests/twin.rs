@@ -1,0 +1,367 @@
+//! Twins that stand in for stages at run time: each for its own in the pipelines that use it, all at once in `glint verify`, and
+//! what becomes of one that is wrong or cannot go on.
+
+mod common;
+#[path = "common/probe.rs"]
+mod probe;
+
+use std::collections::BTreeSet;
+
+use common::{Gpu, session};
+use glam::{DMat3, DVec3};
+use glint::{
+    gpu::{Buffer, ContextOptions, GpuError, Twin},
+    pipelines::{
+        learn::Lesson,
+        lift::{LiftOptions, LiftPhase},
+        model::{Model, Rearrange, Room, Segment, Sources},
+        render::{Needs, RenderOptions, Renderer},
+        screen::{Refiner, Schedule},
+        session::{Reduction, Session},
+        train::{StepPlan, Trainer},
+        views::Views,
+    },
+    reference::{Params, random_camera, random_scene, twin, twins},
+    scene::{Camera, Gaussians, Scene},
+    stages::{blend, status},
+    verify::{Options, run},
+};
+use probe::{BACKGROUND, Probe, RATES, Setup, ripple};
+
+fn with(twins: &[Twin]) -> Gpu {
+    Gpu::with(ContextOptions { twins: twins.to_vec(), ..ContextOptions::from_env() })
+}
+
+/// What a pipeline came to, by name.
+type Outcome = Vec<(&'static str, Vec<f32>)>;
+
+/// How near the outcome with a twin must be to the one without.
+#[derive(Clone, Copy, PartialEq)]
+enum Near {
+    /// The stage is of integers, or decides on them: the same bits.
+    Same,
+    /// All but one value in a hundred within so much of the largest of its kind: a pixel, a tile or a draw may fall otherwise where
+    /// float32 stands at a threshold, and Adam's first steps have one length whatever the gradient, also where it is all rounding.
+    Within(f64),
+}
+
+/// Runs `pipeline` once as it is, and once for each stage with its twin in place.
+fn stand_in(pipeline: impl Fn(&Gpu) -> Outcome, stages: &[(&str, Near)]) {
+    let plain = Gpu::new();
+    let want = pipeline(&plain);
+    assert_eq!(plain.counters().twins, 0);
+    for &(stage, near) in stages {
+        let gpu = with(&[twin(stage).unwrap()]);
+        let got = pipeline(&gpu);
+        assert!(gpu.counters().twins > 0, "{stage} was not called");
+        for ((what, got), (_, want)) in got.iter().zip(&want) {
+            assert_eq!(got.len(), want.len(), "{stage}: {what}");
+            let largest = want.iter().fold(0.0f64, |a, &v| a.max(f64::from(v).abs()));
+            let mut off: Vec<f64> = got.iter().zip(want).map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs()).collect();
+            off.sort_by(f64::total_cmp);
+            let worst =
+                off.get((off.len() * 99).div_ceil(100).saturating_sub(1)).copied().unwrap_or(0.0) / largest.max(1e-30);
+            println!(
+                "{stage}: {what}: {worst:.1e} of {largest:.1e}, at most {:.1e}",
+                off.last().unwrap_or(&0.0) / largest
+            );
+            match near {
+                Near::Same => {
+                    assert!(got.iter().map(|v| v.to_bits()).eq(want.iter().map(|v| v.to_bits())), "{stage}: {what}")
+                }
+                Near::Within(bound) => assert!(worst <= bound, "{stage}: {what} is off by {worst:e}"),
+            }
+        }
+    }
+}
+
+/// How each parameter moved, by array.
+fn moved(before: &Scene, after: &Scene) -> Outcome {
+    let [a, b] = [before, after].map(|scene| Params::from_scene(scene).unwrap());
+    let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (b - a) as f32).collect();
+    vec![
+        ("moved", of(&a.geometry, &b.geometry)),
+        ("moved SH", of(&a.sh, &b.sh)),
+        ("moved lobes", of(&a.lobes, &b.lobes)),
+    ]
+}
+
+/// A view, its depths and gradients, and a step; the model lies in pages.
+fn shot(gpu: &Gpu, setup: Setup) -> Outcome {
+    let (scene, camera) = (random_scene(41, 700, 300, 2), random_camera(80, 60));
+    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
+    let setup = Setup { degree: 2, page: Some(97), ..setup };
+    let shot = Probe::new(gpu, 1000, &camera, setup).shoot(&scene, &camera, &image_grad);
+    let narrow = |values: &[f64]| values.iter().map(|&v| v as f32).collect();
+    let mut all = vec![
+        ("image", shot.image.concat()),
+        ("depth", shot.depth),
+        ("tiles", shot.tile_counts.iter().map(|&n| n as f32).collect()),
+        ("gradients", narrow(&shot.gradients.geometry)),
+        ("gradients of SH", narrow(&shot.gradients.sh)),
+        ("gradients of lobes", narrow(&shot.gradients.lobes)),
+    ];
+    all.extend(moved(&scene, &shot.stepped));
+    all
+}
+
+/// One pass of each is judged by `glint verify`; behind the swapped stage the device goes on, so decisions can differ.
+#[test]
+fn the_stages_of_a_view_have_twins() {
+    let near = Near::Within(1e-4);
+    let stages = [
+        ("dispatch_args", Near::Same),
+        ("radix_upsweep", Near::Same),
+        ("radix_spine", Near::Same),
+        ("radix_downsweep", Near::Same),
+        ("scan_reduce", Near::Same),
+        ("scan_spine", Near::Same),
+        ("scan_apply", Near::Same),
+        ("recount", Near::Same),
+        ("tile_ranges", Near::Same),
+        ("project", near),
+        ("emit", near),
+        ("blend", near),
+        ("median_depth", near),
+        ("blend_backward", near),
+        ("project_backward", near),
+    ];
+    stand_in(|gpu| shot(gpu, Setup::default()), &stages);
+    let compensated = [("project", near), ("project_backward", near)];
+    stand_in(|gpu| shot(gpu, Setup { compensate: true, ..Default::default() }), &compensated);
+    stand_in(|gpu| shot(gpu, Setup { opacity_only: true, ..Default::default() }), &compensated[1..]);
+}
+
+#[test]
+fn the_reduction_by_atomics_has_a_twin() {
+    if !Gpu::new().info().float_atomics {
+        println!("no float atomics");
+        return;
+    }
+    let near = Near::Within(1e-4);
+    let stages = [("blend_backward_atomic", near), ("project_backward", near)];
+    stand_in(|gpu| shot(gpu, Setup { reduction: Reduction::Atomic, ..Default::default() }), &stages);
+}
+
+/// A base that learns all, or a base that learns its opacities where it is seen and a supplement that learns all; three steps of
+/// one view or of two.
+fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32) -> Outcome {
+    let scene = random_scene(44, 400, if supplement { 150 } else { 0 }, 1);
+    let cameras = [random_camera(48, 36), random_camera(36, 48)];
+    let photo = |camera: &Camera| -> Vec<u8> { (0..3 * camera.pixels()).map(|i| (i / 7 % 200) as u8).collect() };
+    let photos = cameras.each_ref().map(photo);
+    let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
+    let session = Session { background: BACKGROUND, ..session(gpu) };
+    let model = Model::upload(gpu, &scene, 0).unwrap();
+    let lesson =
+        |segment, opacity_only| Lesson { segment, opacity_only, sparse, bias_correction: true, compensate: false };
+    let lessons = match supplement {
+        true => vec![lesson(Segment::Base, true), lesson(Segment::Supplement, false)],
+        false => vec![lesson(Segment::Base, false)],
+    };
+    let schedule = (0..3 * views_per_step).map(|k| k % 2).collect();
+    let plan = |step: u32| StepPlan { rates: RATES, active_degree: step.min(1) };
+    let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule, views_per_step, plan).unwrap();
+    let report = trainer.run(&model, &views, false, |_| ()).unwrap();
+    let mut all = moved(&scene, &model.download().unwrap());
+    all.push(("losses", report.losses));
+    all
+}
+
+#[test]
+fn the_stages_of_training_have_twins() {
+    // Adam's step is as long as its rate however small the gradient, so what rounding does to that is not small in the step.
+    let near = Near::Within(1e-2);
+    let stages = [
+        ("step_done", Near::Same),
+        ("ssim_forward", near),
+        ("ssim_backward", near),
+        ("loss_sum", Near::Within(1e-6)),
+        ("project_backward", near),
+    ];
+    stand_in(|gpu| train(gpu, false, false, 1), &stages);
+    stand_in(|gpu| train(gpu, true, true, 1), &[("project_backward", near), ("blend_backward", near)]);
+    let several = [("adam", near), ("project_backward", near)];
+    stand_in(|gpu| train(gpu, true, true, 2), &several);
+    stand_in(|gpu| train(gpu, false, false, 2), &several[..1]);
+}
+
+#[test]
+fn moving_gaussians_has_a_twin() {
+    let pipeline = |gpu: &Gpu| {
+        let scene = random_scene(42, 300, 120, 1);
+        let room = Room { page: Some(97), base: 150, ..Default::default() };
+        let model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
+        let sources: Vec<u32> = (0..420).map(|t| if t % 50 == 49 { u32::MAX } else { (t * 7 + 3) % 300 }).collect();
+        let from = Buffer::from_slice(gpu, "sources", &sources).unwrap();
+        let count = Buffer::from_slice(gpu, "count", &[9, 420]).unwrap();
+        let words = Buffer::<u32>::zeroed(gpu, "status", status::WORDS).unwrap();
+        let mut recorder = gpu.recorder("rearrange").unwrap();
+        let sources = Sources { sources: &from, count: &count, index: 1 };
+        Rearrange::new(gpu, 450).unwrap().record(&mut recorder, &model, Segment::Base, sources, &[], &words);
+        recorder.submit().unwrap().wait().unwrap();
+        let after = Params::from_scene(&model.download().unwrap()).unwrap();
+        assert_eq!(after.count, 540);
+        vec![("parameters", [after.geometry, after.sh, after.lobes].concat().iter().map(|&v| v as f32).collect())]
+    };
+    stand_in(pipeline, &[("gather", Near::Same), ("recount", Near::Same)]);
+}
+
+/// A wall of a few wide Gaussians, photographed twice with stripes that it lacks: three rounds of drawing, steps and pruning, and
+/// the lift of what is left.
+fn augment(gpu: &Gpu) -> Outcome {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
+        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
+        base.log_scales.push([-0.4, -0.4, -4.0]);
+        base.quats.push([1.0, 0.0, 0.0, 0.0]);
+        base.opacities.push(4.0);
+        base.sh.push([0.3, -0.2, 0.5]);
+    }
+    let (width, height) = (120, 100);
+    let camera = |v: usize| {
+        let translation = DVec3::new(0.1 * v as f64, 0.0, 0.0);
+        Camera { width, height, fx: 130.0, fy: 130.0, cx: 60.0, cy: 50.0, rotation: DMat3::IDENTITY, translation }
+    };
+    let photo = |v: usize| -> Vec<u8> {
+        let stripe = |p: u32| ((p % width + 5 * v as u32) / 12).is_multiple_of(3) && p / width > 30;
+        (0..width * height).flat_map(|p| if stripe(p) { [220, 200, 60] } else { [150, 115, 165] }).collect()
+    };
+    let views = Views::upload(gpu, &[camera(0), camera(1)], &[&photo(0), &photo(1)]).unwrap();
+    let scene = Scene { base, supplement: None };
+    let room = Room { supplement: 60, page: Some(25), ..Default::default() };
+    let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
+    let options = RenderOptions { depth: true, ..Default::default() };
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, options).unwrap();
+    let schedule = Schedule { round_steps: 8, final_steps: 4, max_rounds: 3, shared_steps: false };
+    let session = Session { seed: 1, ..session(gpu) };
+    let mut refiner = Refiner::new(&session, &views, &[30, 20], schedule).unwrap();
+    let refined = refiner.refine(&mut renderer, &model, &views, 0, |_| ()).unwrap();
+    let gaussians = refiner.download().unwrap();
+    let phase = LiftPhase::new(gpu, LiftOptions::default()).unwrap();
+    let lifted = phase.lift(&refiner, &views, 4.0, &mut model).unwrap();
+    let made = lifted.lifts.iter().filter(|lift| lift.cluster_size > 0).count();
+    assert!(made > 15 && model.count_of(Segment::Supplement) as usize == made, "{made} of {}", gaussians.len());
+    let after = Params::from_scene(&model.download().unwrap()).unwrap();
+    let planes = gaussians
+        .iter()
+        .flat_map(|(_, g)| [&g.centre[..], &g.colour, &[g.opacity_logit], &g.log_scale, &[g.angle, g.depth]].concat());
+    vec![
+        ("places", gaussians.iter().map(|&(i, _)| i as f32).collect()),
+        ("2D Gaussians", planes.collect()),
+        ("losses", refined.losses),
+        ("clusters", lifted.lifts.iter().map(|lift| lift.cluster_size as f32).collect()),
+        ("parameters", [after.geometry, after.sh, after.lobes].concat().iter().map(|&v| v as f32).collect()),
+    ]
+}
+
+#[test]
+fn the_stages_of_the_augmentation_have_twins() {
+    let near = Near::Within(1e-3);
+    let stages = [
+        ("screen_project", near),
+        ("screen_backward", near),
+        ("screen_prune", Near::Same),
+        ("screen_draw", near),
+        // What is listed in vain, or in another order, changes no gradient that is used.
+        ("screen_tiles", Near::Same),
+        ("emit", near),
+        ("blend", near),
+        ("blend_backward", near),
+        ("ssim_forward", near),
+        ("ssim_backward", near),
+        ("loss_sum", near),
+        ("scan_reduce", Near::Same),
+        ("scan_apply", Near::Same),
+        ("lift_count", Near::Same),
+        ("lift_points", near),
+        ("lift_join", Near::Same),
+        ("lift_groups", Near::Same),
+        ("lift_pca", near),
+        ("lift_append", Near::Same),
+    ];
+    stand_in(augment, &stages);
+}
+
+/// Every variant of every kernel, as `glint verify` has them: where all stages are their twins, what is left between a row's two
+/// sides is float32's rounding of inputs, results and sums, and no decision falls otherwise.
+#[test]
+fn a_device_of_twins_is_its_twins() {
+    let gpu = with(twins());
+    let report = run(&gpu, &Options { quick: true, perturb: 0.0 }).unwrap();
+    assert_eq!(report.broken(), 0, "{report}");
+    let stages: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();
+    let atomics = gpu.info().float_atomics;
+    assert!(twins().iter().all(|t| stages.contains(t.stage) || (t.stage == "blend_backward_atomic" && !atomics)));
+    for row in report.rows.iter().filter(|row| !row.stage.starts_with('(')) {
+        assert!(row.errors.flips.unwrap_or(0.0) == 0.0, "{row:?}");
+        // One rounding is 6e-8; lifts go through several kernels' results and a cube root's worth of them.
+        let bound = if row.stage == "lift_pca" { 2e-6 } else { 4e-7 };
+        assert!(row.errors.max.unwrap_or(0.0) <= bound || row.stage == "fma_rate", "{row:?}");
+    }
+}
+
+fn image(gpu: &Gpu) -> Result<Vec<f32>, glint::Error> {
+    let views = Views::upload(gpu, &[random_camera(40, 30)], &[]).unwrap();
+    let model = Model::upload(gpu, &random_scene(5, 200, 0, 1), 0).unwrap();
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    renderer.render(&model, &views, 0, BACKGROUND).map(|rendered| rendered.color)
+}
+
+#[test]
+fn a_wrong_twin_is_seen() {
+    let wrong = Twin {
+        stage: "blend",
+        run: |call| {
+            (twin("blend").unwrap().run)(call)?;
+            let host = blend::Host::new(call);
+            assert_eq!((host.push.background, host.spec.median), (BACKGROUND, false));
+            host.image.iter_mut().for_each(|pixel| pixel[1] += 1.0);
+            Ok(())
+        },
+    };
+    let [right, wrong] = [twin("blend").unwrap(), wrong].map(|twin| image(&with(&[twin])).unwrap());
+    for (k, (right, wrong)) in right.iter().zip(&wrong).enumerate() {
+        assert_eq!(*wrong, if k % 3 == 1 { right + 1.0 } else { *right });
+    }
+}
+
+#[test]
+fn what_a_twin_cannot_do_is_an_error_of_the_submission() {
+    let refuses = Twin { stage: "blend", run: |_| Err("no tiles today".into()) };
+    let told = image(&with(&[refuses])).unwrap_err().to_string();
+    assert!(told.contains("the twin of blend: no tiles today"), "{told}");
+    let panics = Twin { stage: "emit", run: |call| Err(format!("{}", call.bindings[99].bytes().len())) };
+    let told = image(&with(&[panics])).unwrap_err().to_string();
+    assert!(told.contains("the twin of emit: index out of bounds"), "{told}");
+
+    let gpu = with(&[refuses]);
+    let before = gpu.counters();
+    let mut recorder = gpu.recorder("fill").unwrap();
+    recorder.fill(&Buffer::<u32>::zeroed(&gpu, "words", 4).unwrap(), 1);
+    assert!(!matches!(recorder.submit().unwrap().wait(), Err(GpuError::Twin { .. })));
+    assert_eq!(gpu.counters().twins, before.twins);
+}
+
+/// The stage's time is that on the wall, so that the others keep theirs.
+#[test]
+fn stages_around_a_twin_are_timed() {
+    let gpu = with(&[twin("step_done").unwrap()]);
+    let words = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
+    let spec = glint::stages::step_done::Spec { workgroup_size: 1 };
+    let stage = glint::stages::step_done::Stage::new(&gpu, &spec).unwrap();
+    let mut recorder = gpu.recorder("steps").unwrap();
+    recorder.time_stages();
+    for _ in 0..3 {
+        let buffers = glint::stages::step_done::Buffers { status: &words };
+        stage.record(&mut recorder, &buffers, &glint::stages::step_done::Push {}, 1);
+        recorder.fill(&Buffer::<u32>::new(&gpu, "other", 64, glint::gpu::Location::Device).unwrap(), 7);
+    }
+    let times = recorder.submit().unwrap().wait().unwrap();
+    assert_eq!(words.download().unwrap()[status::STEPS], 3);
+    assert_eq!(gpu.counters().twins, 3);
+    if gpu.info().timestamp_period > 0.0 {
+        let names: Vec<&str> = times.iter().map(|t| t.name).collect();
+        assert_eq!(names, ["step_done", "fill", "step_done", "fill", "step_done", "fill"]);
+    }
+}
