@@ -28,6 +28,7 @@ use glint::{
     reference::sample::random_scene,
     report::decompose::{linear_from_srgb, srgb_from_linear},
     scene::{Camera, Scene},
+    stages::NAMES as NAMES_OF_STAGES,
 };
 use serde_json::Value;
 use tempfile::TempDir;
@@ -351,6 +352,7 @@ fn bad_usage_exits_with_2_and_help_with_0() {
         "train data -o x.ply --no-such-flag",
         "render base.ply data -o out --what colour",
         "eval base.ply",
+        "verify --twin blending",
     ] {
         let output = work.run(arguments);
         assert_eq!(output.status.code(), Some(2), "glint {arguments}");
@@ -363,6 +365,31 @@ fn bad_usage_exits_with_2_and_help_with_0() {
     }
     assert!(work.ok("--help").contains("Exit codes"));
     assert!(work.ok("--version").starts_with("glint "));
+}
+
+#[test]
+fn a_twin_stands_in_for_a_stage_on_the_command_line() {
+    let work = Work::new();
+    let mut scene = random_scene(9, 300, 100, 1);
+    let supplement = scene.supplement.as_mut().unwrap();
+    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
+        *mean = mean.map(f32::sin);
+    }
+    write_scene(work.path("scene.ply"), &scene).unwrap();
+    for (folder, options) in [("device", ""), ("twins", "--twin blend --twin project -vv")] {
+        let output = work.run(&format!("render scene.ply data -o {folder} --format exr {options}"));
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let [device, twins] = ["device", "twins"].map(|folder| exr(&work.path(&format!("{folder}/i.exr"))).2);
+    let pairs = || device.iter().zip(&twins).flat_map(|(a, b)| a.1.iter().zip(&b.1));
+    // Not the same bits, or no twin was there; but the same picture, but for a pixel at a threshold.
+    assert!(pairs().any(|(a, b)| a != b));
+    assert!(pairs().filter(|(a, b)| (*a - *b).abs() > 1e-4).count() <= 3);
+
+    let output = work.run("render scene.ply data -o x --twin fma_rate");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(NAMES_OF_STAGES.iter().all(|stage| *stage == "fma_rate" || said.contains(stage)), "{said}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Outcome, failed, page, params, view, wide};
+use super::{Outcome, failed, page, params, records_of, view, wide};
 use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
@@ -210,30 +210,26 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     // The records of the page's Gaussians, one after the other.
     let mut records: Vec<Record> = Vec::new();
     let mut marks = vec![false; count];
-    let (mut first_slot, mut tile_counts) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    for place in 0..count {
-        let i = first + place;
-        let own = match (by_gaussian != 0, h.tile_counts[i] as usize) {
-            (true, _) => i..i + 1,
-            (false, 0) => 0..0,
-            (false, tiles) => h.first_slot[i] as usize..h.first_slot[i] as usize + tiles,
-        };
-        first_slot.push(records.len() as u32);
-        tile_counts.push(own.len() as u32);
+    let (mut starts, mut counts) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    for (i, mark) in (first..).zip(&mut marks) {
+        let own = records_of(i, by_gaussian != 0, h.tile_counts, h.first_slot);
+        starts.push(records.len() as u32);
+        counts.push(own.len() as u32);
         for at in own {
-            let [a, b, c] = h.record_centres[at].map(f64::from);
-            // Of what learns its opacity only the first part is a mark, and the others are not there.
+            let mut parts = [h.record_centres[at], [0.0; 3], [0.0; 3]];
             if opacity_only {
-                marks[place] |= a != 0.0;
-                records.push([0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-                continue;
+                // The first part is a mark, and the others are not there.
+                *mark |= parts[0][0] != 0.0;
+                parts[0][0] = 0.0;
+                parts[0][1] = 0.0;
+            } else {
+                (parts[1], parts[2]) = (h.record_shapes[at], h.record_colours[at]);
             }
-            let ([d, e, f], [r, g, b_]) = (h.record_shapes[at].map(f64::from), h.record_colours[at].map(f64::from));
-            records.push([a, b, c, d, e, f, r, g, b_]);
+            records.push(std::array::from_fn(|r| f64::from(parts[r / 3][r % 3])));
         }
     }
-    let isects = Intersections { first_slot, ..Intersections::none(Tiling::new(1, 1, &Options::default())) };
-    let sums = sum_records(&tile_counts, &isects, &records);
+    let isects = Intersections { first_slot: starts, ..Intersections::none(Tiling::new(1, 1, &Options::default())) };
+    let sums = sum_records(&counts, &isects, &records);
     let is_blended = |(sum, mark): (&Record, &bool)| sum[2] != 0.0 || *mark || sum[6..].iter().any(|&c| c != 0.0);
     let blended: Vec<bool> = sums.iter().zip(&marks).map(is_blended).collect();
 
@@ -255,8 +251,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     let options = Options { active_degree: sh_degree, compensate, ..Default::default() };
     // The kernel too goes through the projection again.
     let splats = twin::project::project(&params, &view, &options).splats;
-    let grads =
-        twin::project_backward::project_backward(&params, &view, &options, &splats, &tile_counts, &isects, &records);
+    let grads = twin::project_backward::project_backward(&params, &view, &options, &splats, &counts, &isects, &records);
     let moved: Vec<bool> =
         (0..count).map(|place| (blended[place] || !sparse) && is_sound(&grads.params, moves, place)).collect();
     if accumulate {

@@ -78,6 +78,16 @@ fn page(population: &[u32], segment: u32, page_first: u32, stride: u32, threads:
     (first as usize, threads.min(there as usize))
 }
 
+/// Where the gradient records of a Gaussian are; `records_of` of `glsl/shared/records.glsl`.
+fn records_of(i: usize, by_gaussian: bool, tile_counts: &[u32], first_slot: &[u32]) -> std::ops::Range<usize> {
+    match (by_gaussian, tile_counts[i] as usize) {
+        (true, _) => i..i + 1,
+        // Of what is not seen the first slot means nothing.
+        (false, 0) => 0..0,
+        (false, tiles) => first_slot[i] as usize..first_slot[i] as usize + tiles,
+    }
+}
+
 /// The Gaussians of a page, by place.
 fn params(planes: [&[f32]; 3], count: usize, stride: u32, has_lobes: bool, sh_degree: u32) -> Params {
     let [geometry, sh, lobes] = planes.map(wide);

@@ -1,6 +1,6 @@
 //! 2D Gaussians from draw to prune.
 
-use super::{Outcome, failed, pixels, raster, wide, wide_rows};
+use super::{Outcome, failed, pixels, raster, records_of, wide, wide_rows};
 use crate::{
     reference::{
         self as twin, Intersections, NONE, Options,
@@ -72,7 +72,7 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
     if !gradients_only && failed(h.status) {
         return Ok(());
     }
-    let (count, stride_) = (h.workgroups.threads().min(count as usize), stride as usize);
+    let (count, plane) = (h.workgroups.threads().min(count as usize), stride as usize);
     for (f, places) in places(&h.screen_frames[..count], h.screen_states).iter().enumerate() {
         if places.is_empty() {
             continue;
@@ -82,11 +82,7 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
         let mut isects = Intersections::none(Tiling::new(1, 1, &Options::default()));
         let mut tile_counts = Vec::new();
         for &i in places {
-            let own = match (by_gaussian != 0, h.tile_counts[i] as usize) {
-                (true, _) => i..i + 1,
-                (false, 0) => 0..0,
-                (false, tiles) => h.first_slot[i] as usize..h.first_slot[i] as usize + tiles,
-            };
+            let own = records_of(i, by_gaussian != 0, h.tile_counts, h.first_slot);
             isects.first_slot.push(records.len() as u32);
             tile_counts.push(own.len() as u32);
             for at in own {
@@ -99,12 +95,12 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
         if gradients_only {
             for (&i, grad) in places.iter().zip(&grads).filter(|(_, grad)| grad.iter().all(|g| g.is_finite())) {
                 for (p, &g) in grad.iter().enumerate() {
-                    h.screen_moments[2 * p * stride_ + i] = g as f32;
+                    h.screen_moments[2 * p * plane + i] = g as f32;
                 }
             }
             continue;
         }
-        let moment = |p: usize, i: usize| f64::from(h.screen_moments[p * stride_ + i]);
+        let moment = |p: usize, i: usize| f64::from(h.screen_moments[p * plane + i]);
         let state = |&i: &usize| ScreenMoments {
             first: std::array::from_fn(|p| moment(2 * p, i)),
             second: std::array::from_fn(|p| moment(2 * p + 1, i)),
@@ -116,10 +112,10 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
         let grads: Vec<ScreenGrad> = grads.iter().map(|grad| grad.map(cut)).collect();
         screen_step(&mut gaussians, &grads, &mut states, h.frames[f].width, h.frames[f].height);
         for ((&i, gaussian), state) in places.iter().zip(&gaussians).zip(&states) {
-            for p in 0..LEARNED_PLANES {
-                h.screen_planes[p * stride_ + i] = gaussian[p] as f32;
-                h.screen_moments[2 * p * stride_ + i] = state.first[p] as f32;
-                h.screen_moments[(2 * p + 1) * stride_ + i] = state.second[p] as f32;
+            for (p, &value) in gaussian[..LEARNED_PLANES].iter().enumerate() {
+                h.screen_planes[p * plane + i] = value as f32;
+                h.screen_moments[2 * p * plane + i] = state.first[p] as f32;
+                h.screen_moments[(2 * p + 1) * plane + i] = state.second[p] as f32;
             }
             h.screen_ages[i] = state.age;
         }
