@@ -45,7 +45,7 @@ ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
     precise float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
     precise float last = floor(clamp(right - 0.5, -1.0, float(size.x)));
     int x0 = max(int(first), 0), x1 = min(int(last), int(size.x) - 1);
-    if (!(left <= right) || x0 > x1) return ivec2(1, 0); // guard: tile spans of what is no number
+    if (!(left <= right) || x0 > x1) return ivec2(1, 0); // guard: tile spans of NaN
     return ivec2(x0 / int(tile.x), x1 / int(tile.x));
 }
 

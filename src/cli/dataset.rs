@@ -22,19 +22,19 @@ pub(super) struct DatasetArgs {
     /// sparse/1 and on, colmap/sparse/0 and the like]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     model: Option<PathBuf>,
-    /// Every N-th photo by name is for testing, from the first, or none is [default: what the dataset says, else 8]
+    /// Use every N-th photo by name as a test photo, from the first on, or none [default: what the dataset says, else 8]
     #[arg(long, value_name = "N|none", value_parser = parse_holdout, help_heading = "Dataset")]
     test_every: Option<Holdout>,
-    /// What transparency means
+    /// What transparent pixels of photos mean
     #[arg(long, value_enum, default_value_t = AlphaArg::Background, help_heading = "Dataset")]
     alpha: AlphaArg,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum AlphaArg {
-    /// The background shines through
+    /// They show the background
     Background,
-    /// Pixels of less than a half do not count
+    /// Pixels with alpha below a half are ignored
     Mask,
 }
 
@@ -101,10 +101,10 @@ fn parse_holdout(text: &str) -> Result<Holdout, String> {
 pub(super) struct PhotoArgs {
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Reduce photos whose longer side has more pixels than this; nothing is ever enlarged [default: 1600, as 3DGS]
+    /// Downscale photos whose longer side has more pixels than this [default: 1600, as 3DGS]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
-    /// What is behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
+    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
     pub(super) background: [f32; 3],
 }

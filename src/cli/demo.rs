@@ -32,9 +32,9 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-48 photos of glossy things under small bright lights are made by an analytic renderer, a base scene is trained on them and
-augmented, and both are compared with 8 photos that neither has seen. The same is done with as many more plain Gaussians trained
-for as many more steps instead.
+Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
+it, and compares both with 8 held-out photos. As a control, the base is also trained with as many more plain Gaussians for as \
+many more steps.
 
 Examples:
   glint demo

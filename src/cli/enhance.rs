@@ -32,16 +32,16 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Supplementary Gaussians, whose opacity depends on the view, are fitted to what the base gets wrong in each photo, lifted into
-the scene and optimised together with the base's opacities. Only training photos are used; what was gained is judged by the
-test photos in the end.
+Supplementary Gaussians, whose opacity depends on the view, are fitted to what the base gets wrong in each photo, lifted into \
+the scene and optimised together with the base's opacities. Only training photos are used; the gain is then measured on the \
+test photos.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
   glint enhance garden --base point_cloud.ply -o augmented.ply --preset quick --max-size 800
-  glint enhance garden --base base.ply -o augmented.ply --work kept     # inspect it, or go on after an interruption";
+  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to resume";
 
-/// How long the stages take.
+/// How many steps the stages take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
@@ -82,17 +82,16 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// Supplementary Gaussians for each Gaussian of the base
+    /// Supplementary Gaussians per Gaussian of the base
     #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
     ratio: f64,
     #[arg(long, value_enum, default_value_t = Preset::Paper)]
     preset: Preset,
-    /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, and go on from what
-    /// it holds
+    /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, and resume from it
     #[arg(long, value_name = "DIR")]
     #[serde(skip)]
     work: Option<PathBuf>,
-    /// Seed of the draws and of the order of photos; the same seed gives the same scene on the same device
+    /// Seed of the draws and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON: what was added and how long each stage took
@@ -102,19 +101,19 @@ pub(super) struct Args {
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share, help_heading = "What the paper leaves open")]
     depth_threshold: f32,
-    /// A pixel's depth is that of its median Gaussian's centre, not of where the ray passes it closest
+    /// A pixel's depth is that of its median Gaussian's centre, instead of the Gaussian's maximum along the ray
     #[arg(long, help_heading = "What the paper leaves open")]
     centre_depth: bool,
-    /// Adam corrects its bias by the steps of the whole view, as the authors' release does, not by those of each 2D Gaussian
+    /// Adam's bias correction counts the steps of the whole view, as the authors' release does, instead of by each 2D Gaussian's own
     #[arg(long, help_heading = "What the paper leaves open")]
     shared_steps: bool,
-    /// Separating foreground and background fails while this group has fewer than 3 points
+    /// Separating foreground from background fails while this group has fewer than 3 points
     #[arg(long, value_enum, default_value_t = Failure::Largest, help_heading = "What the paper leaves open")]
     cluster_failure: Failure,
     /// Weights of the covariance of a group
     #[arg(long, value_enum, default_value_t = Weights::Squared, help_heading = "What the paper leaves open")]
     pca_weights: Weights,
-    /// Adam's bias correction for all parameters of the joint stage, not only those of the lobes
+    /// Use Adam's bias correction for all parameters of the joint stage, not only for the lobes
     #[arg(long, help_heading = "What the paper leaves open")]
     bias_correction: bool,
     #[command(flatten)]
@@ -266,7 +265,7 @@ impl Args {
             let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
             if lost > 0 {
                 note(format!(
-                    "the base's render of {lost} of {} photos is so far out of range that its loss is no number; nothing was \
+                    "the base's render of {lost} of {} photos is so far out of range that its loss is NaN; nothing was \
                      added for them",
                     photos.len()
                 ));

@@ -49,7 +49,7 @@ pub(super) struct Args {
     /// PSNR is null
     #[arg(long)]
     json: bool,
-    /// Write a picture of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
+    /// Write pictures of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
     /// of all, index.html
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,

@@ -50,12 +50,12 @@ Examples:
   glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
-such a JSON file. Every 8th photo by name is for testing, unless the dataset says itself which are (transforms_test.json, \
+such a JSON file. Every 8th photo by name is a test photo, unless the dataset says itself which are (transforms_test.json, \
 lists in transforms.json, test.txt) or --test-every does.
 
-Ctrl-C while a scene learns writes what it has learned so far; a second one ends at once.
+Ctrl-C during training saves the scene so far; a second one quits at once.
 
-Exit codes: 0 done, 2 bad input or usage, 1 the machine, 130 ended by Ctrl-C. RUST_LOG overrides -v.";
+Exit codes: 0 success, 1 failure of the machine or device, 2 bad input or usage, 130 stopped by Ctrl-C. RUST_LOG overrides -v.";
 
 /// Augmented radiance fields in Vulkan compute: 3D Gaussian scenes with view-dependent opacity lobes.
 #[derive(Debug, Parser)]
@@ -63,10 +63,10 @@ Exit codes: 0 done, 2 bad input or usage, 1 the machine, 130 ended by Ctrl-C. RU
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Tell of cameras, memory, losses and times on stderr; -vv and -vvv say more
+    /// Log cameras, memory, losses and times to stderr; -vv and -vvv log more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
-    /// Say nothing but results and errors: no bars, no notes
+    /// Print only results and errors: no progress bars, no notes
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
 }
@@ -172,7 +172,7 @@ struct DeviceArgs {
     /// Turn the Vulkan validation layers on, as the variable GLINT_VALIDATION does; what they find makes the command fail
     #[arg(long, hide = true)]
     validate: bool,
-    /// Let the float64 twin of a stage stand in for it, on the host and slowly: where that changes what is wrong, the driver
+    /// Replace a stage by its float64 twin, on the host and slowly: where that changes what is wrong, the driver
     /// runs this stage wrongly. May be given several times
     #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
     twins: Vec<Twin>,
@@ -221,8 +221,8 @@ fn peak_memory() -> Option<u64> {
 /// How gradients are added up.
 #[derive(Debug, Args)]
 struct ReductionArgs {
-    /// Promise the same bits every run. Without it, float atomics add gradients up, in any order, once a scene's gradients no
-    /// longer fit the device's memory (and a warning says so); with it that is an error
+    /// Guarantee bit-identical runs. Without this, gradients that do not fit the device's memory are summed by float atomics, in
+    /// any order, with a warning; with it, that is an error
     #[arg(long)]
     deterministic: bool,
 }
@@ -272,8 +272,8 @@ impl SplitArg {
 /// How scenes are read.
 #[derive(Debug, Args)]
 struct SceneArgs {
-    /// Drop Gaussians of the scene that are not sound (NaN, infinite opacity or scale, no rotation) and say how many, instead
-    /// of refusing the file
+    /// Drop invalid Gaussians (NaN, infinite opacity or scale, zero rotation) and report how many, instead of refusing the
+    /// file
     #[arg(long)]
     lenient: bool,
 }

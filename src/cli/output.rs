@@ -16,7 +16,7 @@ use crate::{
 
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
-    /// Replace files that are there already; what the command itself reads is never replaced
+    /// Overwrite existing files; files that the command reads are never overwritten
     #[arg(long)]
     force: bool,
 }

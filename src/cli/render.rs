@@ -35,7 +35,7 @@ EXR, 32-bit float:
   depth              Z, camera z in scene units, 0 where there is none
   transmittance      Y
 
-Depth is where half of the light is stopped. Diffuse is what the base Gaussians show with their constant SH band \
+Depth is where half of the light is absorbed. Diffuse is what the base Gaussians show with their constant SH band \
 only, but nowhere more than the color; specular is the rest.
 
 Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all, and \
@@ -53,7 +53,7 @@ pub(super) struct Args {
     scene: PathBuf,
     /// Folder or JSON file of the dataset whose cameras are used
     dataset: PathBuf,
-    /// Folder for the images; made if it is not there
+    /// Folder for the images; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Photos whose cameras are used
@@ -65,7 +65,7 @@ pub(super) struct Args {
     /// Kind of file
     #[arg(long, value_enum, default_value_t = Format::Png)]
     format: Format,
-    /// Depth is that of the median Gaussian's centre, not of where the ray passes it closest
+    /// Depth is that of the median Gaussian's centre, instead of the Gaussian's maximum along the ray
     #[arg(long)]
     centre_depth: bool,
     /// Print JSON: [{"name","file"}]
@@ -89,13 +89,13 @@ enum What {
     Color,
     /// The base Gaussians alone, as they are stored in this file
     Base,
-    /// Where half of the light is stopped
+    /// Distance at which half of the light is absorbed
     Depth,
     /// The share of light from behind the scene
     Transmittance,
-    /// What looks the same from everywhere
+    /// What looks the same from every direction
     Diffuse,
-    /// What the color has beyond that
+    /// The rest: color minus diffuse
     Specular,
 }
 

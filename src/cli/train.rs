@@ -21,13 +21,14 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Gaussians start at the dataset's sparse points, else at random ones, and stay fixed in number. Only training photos are used.
+Gaussians start at the dataset's sparse points, or at random points if there are none; their number stays fixed. Only \
+training photos are used.
 
 Examples:
   glint train garden -o base.ply
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
-/// Train a base scene on photos, its Gaussians fixed in number
+/// Train a base scene on photos, with a fixed number of Gaussians
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
@@ -42,12 +43,12 @@ pub(super) struct Args {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
-    /// Gaussians: of more sparse points a random selection is taken, and as many random points are made where there are no
+    /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
     /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
     /// most 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Seed of the random points and of the order of photos; the same seed gives the same scene on the same device
+    /// Seed of the random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print JSON: what was done, how fast, and the device time of each stage

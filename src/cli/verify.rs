@@ -7,7 +7,7 @@ use super::{
 };
 use crate::verify::{Options, explain, plot, run};
 
-/// Judge a device and its driver: every stage against float64, beside its time and what that could be
+/// Check a device and its driver: every stage's error against float64, and its time against what the hardware allows
 ///
 /// Needs no data. Prints a table with a row for each stage in each variant that can be chosen; exit code 1 when a bound is
 /// broken.

@@ -278,7 +278,7 @@ impl Enhancer {
     }
 }
 
-/// Augments `scene` from the photographs of `views` at one go; `watch` hears of every event.
+/// Augments `scene` from the photographs of `views` in one call; `watch` is called with every event.
 pub fn enhance(
     session: &Session,
     scene: &Scene,

@@ -371,7 +371,7 @@ impl Refiner {
         }
     }
 
-    /// A whole batch; `progress` hears how far it is.
+    /// Refines a whole batch; `progress` is called as it goes on.
     pub fn refine(
         &mut self,
         renderer: &mut Renderer,

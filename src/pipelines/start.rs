@@ -24,7 +24,7 @@ pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
 /// Cameras of `photos`, and their photographs as targets; a pixel that does not count has alpha 0. Photographs are decoded a
 /// few at a time, so that the host never holds them all. `background` is what transparent pixels are put over; `progress`
-/// hears of every photo that is done: how many are, and its pixels as the device has them.
+/// is called for every photo, with the number done so far and its pixels as the device has them.
 ///
 /// # Errors
 /// Those of the files, and [`Error::Usage`] where a photograph is more than the device can learn from at once.

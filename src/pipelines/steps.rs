@@ -149,7 +149,7 @@ impl Steps {
         mem::take(&mut self.run.report)
     }
 
-    /// Runs a whole loop; `progress` hears of finished steps.
+    /// Runs a whole loop; `progress` is called with the number of finished steps.
     pub fn run(
         &mut self,
         total: u32,

@@ -145,7 +145,7 @@ impl Trainer {
         Ok(report)
     }
 
-    /// All steps; `progress` hears of finished ones.
+    /// Runs all steps; `progress` is called with the number of finished ones.
     pub fn run(
         &mut self,
         model: &Model,
@@ -287,7 +287,7 @@ pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &B
     Trainer::new(session, model, views, &[lesson], schedule, 1, plan)
 }
 
-/// The whole of [`base_trainer`]; `progress` hears of finished steps.
+/// The whole of [`base_trainer`]; `progress` is called with the number of finished steps.
 pub fn train_base(
     session: &Session,
     model: &Model,

@@ -82,7 +82,7 @@ impl WorkDir {
     }
 
     /// The lifts of a batch if all of its views were kept, else `None`. Files that are damaged count as not kept; `damage`
-    /// hears of each.
+    /// is called with each.
     pub fn resume(&self, views: Range<usize>, mut damage: impl FnMut(&Error)) -> Result<Option<Vec<Lift>>> {
         let files: Vec<PathBuf> = views.map(|v| self.file(v, LIFTS)).collect();
         if files.iter().any(|f| !f.exists()) {

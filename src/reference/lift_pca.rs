@@ -525,7 +525,7 @@ mod tests {
         let lift = lift_pca(&g, &points, &clusters, &[], 1.0, false)[0];
         sound(&lift);
         assert_eq!(lift.cluster_size, 3);
-        // With no length at all there is nothing to scale: no lift. Nor where the colour or the centre is no number.
+        // With no length at all there is nothing to scale: no lift. Nor where the colour or the centre is NaN.
         assert_eq!(lift_pca(&g, &points, &clusters, &[], 0.0, false)[0], Lift::default());
         for bad in [0, 3, 5, 6, 8] {
             let mut plane = plane;
