@@ -60,6 +60,35 @@ fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     }
 }
 
+/// Growth holds what there was and one new buffer at most; without that much room the raster stays as it was.
+#[test]
+fn growth_needs_the_room_of_one_buffer_more() {
+    let (old, new) = (400_000, 1_000_000);
+    let made = |budget: Option<u64>| {
+        let gpu = Gpu::with(ContextOptions { memory_budget: budget, ..ContextOptions::from_env() });
+        let raster = Raster::new(&gpu, options(old, Reduction::Deterministic)).unwrap();
+        (gpu, raster)
+    };
+    let (gpu, mut raster) = made(None);
+    let before = gpu.memory().used;
+    raster.grow(new).unwrap();
+    let (after, room) = (gpu.memory().used, raster.capacity());
+    assert!(room >= new && after > 2 * before);
+    // A record's parts have three floats each: the largest buffer.
+    let largest_old = 12 * u64::from(old);
+    let (gpu, mut raster) = made(Some(after + largest_old));
+    raster.grow(new).unwrap();
+    assert_eq!((gpu.memory().used, raster.capacity()), (after, room));
+    // The lists fit, the records do not; and not even the first list does.
+    for budget in [after - largest_old, before + 1] {
+        let (gpu, mut raster) = made(Some(budget));
+        let refused = raster.grow(new).unwrap_err();
+        assert!(refused.is_no_room(), "{refused}");
+        assert_eq!((raster.capacity(), raster.by_gaussian()), (old, false));
+        assert!(gpu.memory().used >= before);
+    }
+}
+
 #[test]
 fn float_atomics_give_the_twins_gradients() {
     let gpu = Gpu::new();

@@ -340,8 +340,26 @@ impl Raster {
     /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
     /// be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
+        let before = self.options.isects;
         // guard: room that stops growing
         self.options.isects = needed.saturating_add(needed / 4);
+        let grown = self.remake();
+        if grown.is_err() {
+            // Lists that are new have at least the old room; records made way and come back, or nothing fits from now on.
+            self.options.isects = before;
+            let made_way = self.records.record_centres.len() < before as usize;
+            if let (Some(Backward::Deterministic(_)), true) = (&self.backward, made_way) {
+                match Records::new(&self.context, &self.options) {
+                    Ok(records) => self.records = records,
+                    Err(_) => self.options.isects = 0,
+                }
+            }
+        }
+        grown
+    }
+
+    /// Everything by intersection, buffer by buffer: never more than the old ones and one new one are held.
+    fn remake(&mut self) -> Result<(), GpuError> {
         self.isects.remake(&self.context, &self.options)?;
         if let Some(Backward::Deterministic(_)) = self.backward {
             // What there was makes room for what comes.
