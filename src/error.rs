@@ -23,13 +23,16 @@ pub enum Error {
     Gpu(#[from] crate::gpu::GpuError),
 }
 
+/// A result whose error is [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
+    /// Bad input in a file: `what` says what was found and what was expected.
     pub fn input(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
         Error::Input { path: path.as_ref().to_owned(), what: what.into() }
     }
 
+    /// A failed read or write of a file.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Error::Io { path: path.as_ref().to_owned(), source }
     }

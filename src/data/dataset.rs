@@ -52,6 +52,7 @@ pub enum Alpha {
     Mask,
 }
 
+/// What a photo is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
     Train,

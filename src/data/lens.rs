@@ -125,6 +125,7 @@ impl Distortion {
         *self == Distortion::default()
     }
 
+    /// Whether the lens maps angles, not tangents, to the image: such photos have no pinhole view of all they show.
     pub fn is_fisheye(&self) -> bool {
         matches!(self, Distortion::Polynomial(Polynomial { fisheye: true, .. }))
     }

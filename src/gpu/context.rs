@@ -267,6 +267,7 @@ impl Context {
         Ok(context)
     }
 
+    /// What is known of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.0.info
     }
@@ -276,6 +277,7 @@ impl Context {
         &self.0.features
     }
 
+    /// The physical device, for queries that glint does not make.
     pub fn physical_device(&self) -> vk::PhysicalDevice {
         self.0.physical
     }
@@ -285,6 +287,7 @@ impl Context {
         Recorder::new(self, label)
     }
 
+    /// Submissions, waits and twins so far.
     pub fn counters(&self) -> Counters {
         Counters {
             submissions: self.0.submissions.load(Ordering::Relaxed),

@@ -137,6 +137,7 @@ pub struct RawBuffer {
 pub struct Unused(Arc<RawBuffer>);
 
 impl Unused {
+    /// A buffer large enough for one element of any kernel's binding.
     pub fn new(context: &Context) -> Result<Self, GpuError> {
         // As large as the largest element of any kernel.
         Ok(Unused(Buffer::<u32>::create(context, "unused", 64, Location::Device, true)?.raw))
@@ -245,14 +246,17 @@ impl<T: Pod> Buffer<T> {
         self.len
     }
 
+    /// Whether it was made for 0 elements.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
+    /// The name it was made with, which debuggers show.
     pub fn name(&self) -> &str {
         &self.raw.name
     }
 
+    /// The Vulkan buffer, which the recorder keeps alive until its work is done.
     pub fn raw(&self) -> &Arc<RawBuffer> {
         &self.raw
     }

@@ -44,6 +44,7 @@ pub trait Kernel {
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
+    /// The buffers by binding.
     fn raw_buffers<'a>(buffers: &Self::Buffers<'a>) -> Vec<&'a Arc<RawBuffer>>;
 }
 

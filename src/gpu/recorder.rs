@@ -129,6 +129,7 @@ impl Recorder {
         }
     }
 
+    /// The context that it records for.
     pub fn context(&self) -> &Context {
         &self.context
     }

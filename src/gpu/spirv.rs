@@ -67,6 +67,7 @@ pub fn instructions(module: &[u32]) -> Result<Vec<&[u32]>, String> {
     Ok(list)
 }
 
+/// The operation of an instruction, see [`op`].
 pub fn opcode(instruction: &[u32]) -> u32 {
     instruction[0] & 0xFFFF
 }

@@ -26,14 +26,17 @@ pub struct Workgroups {
 }
 
 impl Workgroups {
+    /// Workgroups of the dispatch.
     pub fn groups(&self) -> usize {
         self.count.iter().map(|&n| n as usize).product()
     }
 
+    /// Threads of the dispatch.
     pub fn threads(&self) -> usize {
         self.groups() * self.size as usize
     }
 
+    /// Subgroups of the dispatch.
     pub fn subgroups(&self) -> usize {
         self.groups() * (self.size / self.lanes.max(1)) as usize
     }

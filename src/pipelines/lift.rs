@@ -125,6 +125,7 @@ pub struct LiftPhase {
 }
 
 impl LiftPhase {
+    /// Makes the pipelines; buffers are made for each batch.
     pub fn new(context: &Context, options: LiftOptions) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
         let fail_on_smallest = u32::from(options.fail_on_smallest);

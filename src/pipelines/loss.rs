@@ -80,6 +80,7 @@ pub struct Photometric {
 }
 
 impl Photometric {
+    /// Makes the pipelines and buffers of the loss.
     pub fn new(context: &Context, options: &LossOptions) -> Result<Self, GpuError> {
         let (workgroup_size, ssim_weight) = (WORKGROUP, SSIM_WEIGHT);
         let forward = |wanted, tile_list, loss_map| {

@@ -68,6 +68,7 @@ impl Planes {
         Ok(all)
     }
 
+    /// Sets all planes to 0.
     pub fn record_zero(&self, recorder: &mut Recorder) {
         self.pages.iter().for_each(|page| recorder.fill(page, 0));
     }
@@ -116,6 +117,7 @@ pub struct Part {
 }
 
 impl Part {
+    /// Gaussians that it has room for.
     pub fn capacity(&self) -> u32 {
         self.pages.iter().map(|page| page.capacity).sum()
     }
@@ -268,10 +270,12 @@ impl Model {
         self.upload_pages()
     }
 
+    /// The context that it was uploaded to.
     pub fn context(&self) -> &Context {
         &self.context
     }
 
+    /// The pages of a segment.
     pub fn part(&self, segment: Segment) -> &Part {
         &self.parts[segment as usize]
     }
@@ -297,11 +301,13 @@ impl Model {
         self.known.iter().sum()
     }
 
+    /// Gaussians that it has room for.
     /// Gaussians that there is room for.
     pub fn capacity(&self) -> u32 {
         self.parts.iter().map(Part::capacity).sum()
     }
 
+    /// Whether there are supplementary Gaussians, as far as the host knows.
     pub fn has_supplement(&self) -> bool {
         self.parts[1].capacity() > 0
     }

@@ -11,6 +11,7 @@ pub struct Planned {
 }
 
 impl Planned {
+    /// Bytes of device memory.
     pub fn bytes(&self) -> u64 {
         // A buffer has one element at least: Vulkan has no empty ones.
         self.elements.max(1) * self.element_bytes
@@ -21,11 +22,13 @@ impl Planned {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Plan(pub Vec<Planned>);
 
+/// Bytes of device memory.
 impl Plan {
     pub fn bytes(&self) -> u64 {
         self.0.iter().map(Planned::bytes).sum()
     }
 
+    /// Both together.
     pub fn and(mut self, other: Plan) -> Plan {
         self.0.extend(other.0);
         self
@@ -61,6 +64,7 @@ macro_rules! buffers {
 
         #[allow(dead_code, reason = "not every set is remade or printed")]
         impl $Name {
+            /// What the buffers take, without making them.
             $vis fn plan($options: &$Options) -> $crate::pipelines::plan::Plan {
                 $crate::pipelines::plan::Plan(vec![$($crate::pipelines::plan::Planned {
                     name: stringify!($field),
@@ -69,6 +73,7 @@ macro_rules! buffers {
                 },)*])
             }
 
+            /// Makes the buffers, uninitialised.
             $vis fn new(context: &$crate::gpu::Context, $options: &$Options) -> Result<Self, $crate::gpu::GpuError> {
                 Ok($Name {
                     $($field: $crate::gpu::Buffer::new(
@@ -77,6 +82,7 @@ macro_rules! buffers {
                 })
             }
 
+            /// Makes them anew for other sizes, one after the other: contents are lost. After an error some are new and some old.
             $vis fn remake(&mut self, context: &$crate::gpu::Context, $options: &$Options) -> Result<(), $crate::gpu::GpuError> {
                 $(self.$field = $crate::gpu::Buffer::new(
                     context, stringify!($field), ($len) as usize, $crate::gpu::Location::Device,

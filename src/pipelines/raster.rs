@@ -74,10 +74,12 @@ impl Grid {
         Grid { frame_first, frame_count, tiles_x: width.div_ceil(tile.width), tiles_y: height.div_ceil(tile.height) }
     }
 
+    /// Tiles of the largest frame, which every frame has numbers for.
     pub fn tiles_per_frame(&self) -> u32 {
         self.tiles_x * self.tiles_y
     }
 
+    /// Tiles of all frames.
     pub fn tiles(&self) -> u32 {
         self.frame_count * self.tiles_per_frame()
     }
@@ -274,6 +276,10 @@ pub struct Raster {
 }
 
 impl Raster {
+    /// Makes the pipelines and buffers.
+    ///
+    /// # Errors
+    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`], see [`GpuError::is_no_room`], and those of Vulkan.
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
         let tile = options.policy.tile(context);
         let TileShape { width: tile_width, height: tile_height, pixels: lane_pixels } = tile;
@@ -315,6 +321,7 @@ impl Raster {
         RasterBuffers::plan(options).and(Isects::plan(options)).and(Records::plan(options))
     }
 
+    /// The context that it was made on.
     pub fn context(&self) -> &Context {
         &self.context
     }

@@ -37,6 +37,7 @@ pub struct Policy {
 }
 
 impl Policy {
+    /// The shape of a tile: what was asked for, or what suits the device's subgroups.
     pub fn tile(&self, context: &Context) -> TileShape {
         self.tile.unwrap_or_else(|| TileShape::for_subgroup(context.info().subgroup_size))
     }

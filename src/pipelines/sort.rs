@@ -39,6 +39,7 @@ pub struct ScanBuffers<'a> {
 }
 
 impl Scan {
+    /// With `gather`, values are read through an index.
     pub fn new(context: &Context, gather: bool) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
         let spine =

@@ -75,6 +75,7 @@ impl StepReport {
 }
 
 impl Steps {
+    /// For submissions of `batch` steps each.
     pub fn new(context: &Context, batch: u32) -> Result<Self, GpuError> {
         let readback =
             |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);

@@ -73,6 +73,7 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
+    /// Summarises a scene.
     pub fn of(scene: &Scene) -> SceneSummary {
         let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
         SceneSummary {
@@ -87,6 +88,7 @@ impl SceneSummary {
 }
 
 impl GaussiansSummary {
+    /// Summarises one segment's Gaussians.
     pub fn of(gaussians: &Gaussians) -> GaussiansSummary {
         let corner = |pick: fn(f32, f32) -> f32| {
             gaussians.means.iter().copied().reduce(|a, b| [pick(a[0], b[0]), pick(a[1], b[1]), pick(a[2], b[2])])
@@ -140,6 +142,7 @@ pub struct DatasetSummary {
 }
 
 impl DatasetSummary {
+    /// Summarises a dataset.
     pub fn of(dataset: &Dataset) -> DatasetSummary {
         let mut sizes: Vec<SizeCount> = Vec::new();
         for camera in dataset.photos.iter().map(|photo| &photo.camera) {

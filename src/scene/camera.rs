@@ -21,6 +21,7 @@ impl Camera {
         -(self.rotation.transpose() * self.translation)
     }
 
+    /// Width times height.
     pub fn pixels(&self) -> u32 {
         self.width * self.height
     }

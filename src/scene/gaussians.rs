@@ -19,10 +19,12 @@ pub struct Gaussians {
 }
 
 impl Gaussians {
+    /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.means.len()
     }
 
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
     }

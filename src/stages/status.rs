@@ -46,6 +46,7 @@ impl fmt::Display for Resource {
 pub struct Status(pub [u32; WORDS]);
 
 impl Status {
+    /// What the words of a status buffer say.
     pub fn read(words: &[u32]) -> Self {
         let mut status = Status::default();
         status.0.iter_mut().zip(words).for_each(|(to, from)| *to = *from);

@@ -81,6 +81,7 @@ pub struct Screen {
 }
 
 impl Screen {
+    /// Makes the pipelines and buffers for batches within `sizes`.
     pub fn new(context: &Context, sizes: ScreenSizes, policy: Policy) -> Result<Self> {
         let tile = policy.tile(context);
         let workgroup_size = WORKGROUP;
@@ -288,6 +289,7 @@ impl Screen {
         stage.record(recorder, &buffers, &push, self.current.places);
     }
 
+    /// Frees the places of 2D Gaussians that are too faint or cover too few pixels.
     pub fn record_prune(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let b = &self.buffers;
         let buffers = screen_prune::Buffers {
