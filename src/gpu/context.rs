@@ -36,11 +36,13 @@ pub struct ContextOptions {
     pub software_subgroups: bool,
     /// Bytes of device memory that buffers may take together, where that is less than the device has to give.
     pub memory_budget: Option<u64>,
+    /// For tests: after so many submissions every wait says that the device is lost. A CPU device never is by itself.
+    pub lost_after: Option<u64>,
 }
 
 impl ContextOptions {
-    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_SUBGROUP_SIZE and GLINT_SOFTWARE_SUBGROUPS say; the latter two
-    /// are for tests.
+    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS and GLINT_LOST_AFTER say;
+    /// the latter three are for tests.
     pub fn from_env() -> Self {
         let text = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
         ContextOptions {
@@ -51,6 +53,7 @@ impl ContextOptions {
             #[cfg(feature = "software-subgroups")]
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
             memory_budget: None,
+            lost_after: text("GLINT_LOST_AFTER").and_then(|count| count.parse().ok()),
         }
     }
 
@@ -115,6 +118,7 @@ pub(super) struct Inner {
     pub free_slots: Mutex<Vec<CommandSlot>>,
     pub submissions: AtomicU64,
     pub waits: AtomicU64,
+    pub lost_after: Option<u64>,
     pub instance: ash::Instance,
     pub physical: vk::PhysicalDevice,
     messages: Arc<Mutex<Vec<String>>>,
@@ -136,6 +140,7 @@ struct Own {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
     memory_budget: Option<u64>,
+    lost_after: Option<u64>,
 }
 
 impl Context {
@@ -190,7 +195,14 @@ impl Context {
         let optional = physical.offered.clone();
         let borrowed =
             BorrowedDevice { entry, instance, physical_device: physical.handle, device, queue_family, queue, optional };
-        let own = Own { debug, messages, messenger, owned: true, memory_budget: options.memory_budget };
+        let own = Own {
+            debug,
+            messages,
+            messenger,
+            owned: true,
+            memory_budget: options.memory_budget,
+            lost_after: options.lost_after,
+        };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
@@ -212,7 +224,7 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional } = from;
-        let Own { debug, messages, messenger, owned, memory_budget } = own;
+        let Own { debug, messages, messenger, owned, memory_budget, lost_after } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -242,6 +254,7 @@ impl Context {
             free_slots: Mutex::default(),
             submissions: AtomicU64::new(0),
             waits: AtomicU64::new(0),
+            lost_after,
             messages,
             messenger,
             device,
