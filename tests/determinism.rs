@@ -1,4 +1,4 @@
-//! Two runs on one device give the same bits: base training, and the whole augmentation.
+//! Two runs on one device give the same bits: base training, and the whole augmentation; so does one that was interrupted.
 
 mod common;
 
@@ -7,13 +7,14 @@ use glint::{
     data::builtin::builtin_scene,
     pipelines::{
         enhance::{EnhanceOptions, enhance},
-        model::Model,
+        join::{JoinOptions, join},
+        model::{Model, Room},
         screen::Schedule,
         session::Session,
         train::{BaseOptions, train_base},
         views::Views,
     },
-    reference::Params,
+    reference::{Params, random_scene},
     scene::{Camera, Scene, from_points},
     stages::WORKGROUP,
 };
@@ -61,4 +62,69 @@ fn training_and_augmentation_give_the_same_bits_twice() {
     assert!(runs[0] == runs[1]);
     // And the bits are not those of doing nothing.
     assert!(runs[0].0 != bits(&start) && runs[0].0 != runs[0].2);
+}
+
+/// The joint phase has all there is to keep: two segments that learn different things, in several pages each.
+#[test]
+fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
+    let gpu = Gpu::new();
+    let built = builtin_scene(100);
+    let photos: Vec<_> = built.photos.iter().take(4).collect();
+    let cameras: Vec<Camera> = photos.iter().map(|p| p.camera).collect();
+    let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
+    let views = Views::upload(&gpu, &cameras, &images).unwrap();
+    let mut scene = random_scene(3, 500, 300, 1);
+    for part in [&mut scene.base, &mut scene.supplement.as_mut().unwrap().gaussians] {
+        for (k, mean) in part.means.iter_mut().enumerate() {
+            let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);
+            *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+        }
+    }
+    let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
+    let options = JoinOptions { steps_per_view: 20, bias_correction: true };
+    let paged = |page: u32| {
+        // More room than there are Gaussians, as a screen phase leaves it.
+        let room = Room { supplement: 70, page: Some(page), ..Default::default() };
+        Model::upload_around(&gpu, views.origin, &scene, room).unwrap()
+    };
+    let (model, mut steps) = (paged(192), Vec::new());
+    let mut trainer = join(&session, &model, &views, &options).unwrap();
+    let whole = trainer.run(&model, &views, false, |done| steps.push(done)).unwrap();
+    let want = bits(&model.download().unwrap());
+    assert_eq!(steps.last(), Some(&80));
+
+    // From a loop that goes on itself, with submissions on their way, into pages of another size.
+    let model = paged(192);
+    let mut trainer = join(&session, &model, &views, &options).unwrap();
+    trainer.start(false).unwrap();
+    assert_eq!(trainer.advance(&model, &views).unwrap(), Some(16));
+    let checkpoint = trainer.checkpoint(&model, &views).unwrap();
+    assert!(checkpoint.step > 16 && checkpoint.step < 80, "{}", checkpoint.step);
+    while trainer.advance(&model, &views).unwrap().is_some() {}
+    assert!(bits(&model.download().unwrap()) == want && trainer.report().losses == whole.losses);
+
+    let other = paged(256);
+    let mut trainer = join(&session, &other, &views, &options).unwrap();
+    trainer.resume(&other, &checkpoint, false).unwrap();
+    while trainer.advance(&other, &views).unwrap().is_some() {}
+    assert!(bits(&other.download().unwrap()) == want);
+    assert_eq!(trainer.report().losses, whole.losses);
+    // The last has nothing left to do.
+    let last = trainer.checkpoint(&other, &views).unwrap();
+    let fresh = paged(256);
+    let mut trainer = join(&session, &fresh, &views, &options).unwrap();
+    trainer.resume(&fresh, &last, false).unwrap();
+    assert_eq!((last.step, trainer.advance(&fresh, &views).unwrap()), (80, None));
+    assert!(bits(&fresh.download().unwrap()) == want);
+
+    // Of another model, or of a longer schedule: nothing changes.
+    let small = random_scene(3, 400, 300, 1);
+    let model = Model::upload(&gpu, &small, 0).unwrap();
+    let mut trainer = join(&session, &model, &views, &options).unwrap();
+    let refused = trainer.resume(&model, &checkpoint, false).unwrap_err().to_string();
+    assert!(refused.contains("base.geometry"), "{refused}");
+    assert!(bits(&model.download().unwrap()) == bits(&small));
+    let shorter = JoinOptions { steps_per_view: 1, ..options };
+    let mut trainer = join(&session, &fresh, &views, &shorter).unwrap();
+    assert!(trainer.resume(&fresh, &checkpoint, false).unwrap_err().to_string().contains("of 4 steps"));
 }

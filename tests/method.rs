@@ -151,6 +151,43 @@ fn the_first_step_of_a_base_is_as_long_as_its_rates() {
     }
 }
 
+/// Lobes have Adam's bias correction always, so their first step is as long as their rates.
+#[test]
+fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
+    let gpu = Gpu::new();
+    let built = builtin_scene(300);
+    let photo = &built.photos[0];
+    let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
+    let mut before = random_scene(3, 10, 300, 0);
+    let supplement = before.supplement.as_mut().unwrap();
+    for (k, mean) in supplement.gaussians.means.iter_mut().enumerate() {
+        let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);
+        *mean = photo.camera.unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+    }
+    // Within their ranges, turned a little away from the view.
+    let eye = photo.camera.eye();
+    let (lobes, means) = (&mut supplement.lobes, &supplement.gaussians.means);
+    lobes.widths.fill(0.5);
+    lobes.sharpness.fill(2.0);
+    for (direction, mean) in lobes.directions.iter_mut().zip(means) {
+        let mean = glam::DVec3::from_array(mean.map(f64::from));
+        *direction = ((eye - mean).normalize() + glam::DVec3::new(0.3, 0.2, -0.1)).normalize().as_vec3().to_array();
+    }
+    let model = Model::upload(&gpu, &before, 0).unwrap();
+    let mut options = EnhanceOptions::paper().join;
+    options.steps_per_view = 1;
+    let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
+    join(&session, &model, &views, &options).unwrap().run(&model, &views, false, |_| ()).unwrap();
+    let (after, before) = (model.download().unwrap().supplement.unwrap(), before.supplement.unwrap());
+    let longest = |new: &[f32], old: &[f32]| new.iter().zip(old).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    for (what, moved, rate) in [
+        ("widths", longest(&after.lobes.widths, &before.lobes.widths), 2e-4),
+        ("sharpnesses", longest(&after.lobes.sharpness, &before.lobes.sharpness), 2e-3),
+    ] {
+        assert!((moved / rate - 1.0).abs() < 0.01, "{what} moved by {moved}, their rate is {rate}");
+    }
+}
+
 /// The base's opacities move, where they are seen; its geometry and colours stay bit for bit; all of the supplement moves.
 #[test]
 fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {

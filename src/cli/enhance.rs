@@ -1,4 +1,7 @@
-use std::path::PathBuf;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -8,6 +11,7 @@ use super::{
     DeviceArgs, DrawArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
     dataset::check_sight,
     interrupt::Interrupt,
+    kept::{KeepArgs, Kept, photos_json},
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
@@ -87,10 +91,14 @@ pub(super) struct Args {
     ratio: f64,
     #[arg(long, value_enum, default_value_t = Preset::Paper)]
     preset: Preset,
-    /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, and resume from it
+    /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, with what the joint
+    /// stage has learned so far, and resume from it
     #[arg(long, value_name = "DIR")]
     #[serde(skip)]
     work: Option<PathBuf>,
+    #[command(flatten)]
+    #[serde(skip)]
+    keep: KeepArgs,
     /// Seed of the draws and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
@@ -223,7 +231,6 @@ impl Args {
                 plain_weights: self.pca_weights == Weights::Plain,
             },
             join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
-            ..preset
         };
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
@@ -245,12 +252,16 @@ impl Args {
                 None => None,
             };
             let interrupt = Interrupt::default();
-            let found = run_with_progress(&session, &scene, &views, &options, work.as_ref(), Some(&interrupt))?;
+            let kept = work.as_ref().map(|work| (work, self.keep.every()));
+            let found = run_with_progress(&session, &scene, &views, &options, kept, Some(&interrupt))?;
             write_scene(&self.output, &found.scene)?;
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = options.join.steps_per_view * photos.len() as u32;
             let ended = found.join.is_some() && joint_steps < all_steps;
+            if let (Some(work), false) = (&work, ended) {
+                work.remove_joint()?;
+            }
             // Whoever ends it early waits for nothing more.
             let gain = if ended { None } else { gain(&session, &scene, &found.scene, &dataset)? };
             let budget: u32 = found.budgets.iter().sum();
@@ -307,8 +318,9 @@ impl Args {
             }
             if ended {
                 let output = report.output;
+                let on = if work.is_some() { ", and the same command with --force goes on" } else { "" };
                 return Err(Ended::Interrupted(format!(
-                    "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them"
+                    "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them{on}"
                 )));
             }
             Ok(())
@@ -325,17 +337,13 @@ impl Args {
         options: &EnhanceOptions,
     ) -> Result<Value> {
         let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
-        let photo = |(photo, pixels): (&&Photo, &u32)| {
-            let camera = crc32fast::hash(format!("{:?}", photo.camera).as_bytes());
-            (photo.name.clone(), json!({"pixels_crc32": pixels, "camera_crc32": camera}))
-        };
         // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
         let &Session { context: _, policy, background, extent, seed } = session;
         let policy = Policy { reduction: Reduction::Auto, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
-            "photos": photos.iter().zip(pixels).map(photo).collect::<serde_json::Map<_, _>>(),
+            "photos": photos_json(photos, pixels),
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
             // What they mean in this version, presets and all.
             "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
@@ -392,14 +400,14 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
 }
 
-/// Augments with a bar for each phase; `work` keeps what it can and is gone on from. With `interrupt`, which must live until the
+/// Augments with a bar for each phase; `work` keeps what it can, the joint phase at such intervals, and is gone on from. With `interrupt`, which must live until the
 /// result is written, the joint phase ends when it is asked to.
 pub(super) fn run_with_progress(
     session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
-    work: Option<&WorkDir>,
+    work: Option<(&WorkDir, Duration)>,
     interrupt: Option<&Interrupt>,
 ) -> Result<Enhanced> {
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
@@ -417,12 +425,19 @@ pub(super) fn run_with_progress(
         }
     };
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
-    while let Some(event) = enhancer.next(views)? {
+    let mut kept: Option<Kept> = None;
+    loop {
+        let event = match (enhancer.next(views), &mut kept) {
+            (Ok(Some(event)), _) => event,
+            (Ok(None), _) => break,
+            (Err(error), Some(kept)) => return Err(kept.keep_after(error, || enhancer.checkpoint(views))),
+            (Err(error), None) => return Err(error),
+        };
         match event {
             // The next event brings a bar of its own.
             Event::Base => {}
             Event::Batch { views: range, .. } => {
-                let Some(work) = work else { continue };
+                let Some((work, _)) = work else { continue };
                 let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
                 if let Some(lifts) = work.resume(range, damaged)? {
                     enhancer.resume(&lifts)?;
@@ -433,17 +448,39 @@ pub(super) fn run_with_progress(
                 show("refining", done, total, Some(&progress));
             }
             Event::Lifted { .. } => {
-                if let (Some(work), Some((refiner, lifted))) = (work, enhancer.lifted()) {
+                if let (Some((work, _)), Some((refiner, lifted))) = (work, enhancer.lifted()) {
                     work.keep(&views.cameras, refiner, lifted)?;
                 }
             }
             Event::Join { step, steps } => {
                 show("joining", step.into(), steps.into(), None);
+                if let (0, None, Some((work, every))) = (step, &kept, work) {
+                    let (path, settings) = work.joint()?;
+                    let found = Kept::new(path, settings, every);
+                    // Of lifts that were made anew: its settings are the folder's.
+                    let other = |path: &Path, why: &str| {
+                        note(format!("{}: of other lifts ({why}); all steps are done again", path.display()));
+                        Ok(())
+                    };
+                    if let Some(checkpoint) = found.find(other)? {
+                        enhancer.resume_join(&checkpoint)?;
+                    }
+                    kept = Some(found);
+                }
                 if let Some(interrupt) = interrupt {
                     interrupt.listen()?;
-                    if interrupt.asked() {
-                        enhancer.stop()?;
+                }
+                let asked = interrupt.is_some_and(Interrupt::asked);
+                if let Some(kept) = &mut kept {
+                    // What is learned last is kept until it is written.
+                    if asked || step == steps {
+                        kept.keep(|| enhancer.checkpoint(views))?;
+                    } else {
+                        kept.look(|| enhancer.checkpoint(views))?;
                     }
+                }
+                if asked {
+                    enhancer.stop()?;
                 }
             }
         }

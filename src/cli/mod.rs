@@ -9,6 +9,7 @@ mod enhance;
 mod eval;
 mod info;
 mod interrupt;
+mod kept;
 mod names;
 mod output;
 mod pages;

@@ -114,6 +114,16 @@ impl OutputArgs {
         names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
     }
 
+    /// Fails if the checkpoint of another run may not be replaced; `why` says what is another.
+    pub(super) fn check_foreign(&self, path: &Path, why: &str) -> Result<()> {
+        if self.force {
+            note(format!("{}: the checkpoint of another run is replaced: {why}", path.display()));
+            return Ok(());
+        }
+        let what = format!("this is the checkpoint of another run: {why}; --force begins anew");
+        Err(Error::input(path, what))
+    }
+
     fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         match Identity::of(path) {
             Some(file) if inputs.files.contains(&file) => {

@@ -1,19 +1,23 @@
 use std::{path::PathBuf, time::Instant};
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
     dataset::check_sight,
     interrupt::Interrupt,
+    kept::{KeepArgs, Kept, photos_json},
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
 };
 use crate::{
-    data::{Split, scene_bytes, write_scene},
+    Error, Result,
+    data::{Photo, PointCloud, Split, scene_bytes, write_scene},
     pipelines::{
         model::{Model, Room},
+        session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, base_trainer},
     },
@@ -24,18 +28,28 @@ const EXAMPLES: &str = "\
 Gaussians start at the dataset's sparse points, or at random points if there are none; their number stays fixed. Only \
 training photos are used.
 
+What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
+base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end.
+
 Examples:
   glint train garden -o base.ply
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
+/// What takes the place of the output's extension.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
 /// Train a base scene on photos, with a fixed number of Gaussians
-#[derive(Debug, clap::Args)]
+// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
+#[derive(Debug, clap::Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset
+    #[serde(skip)]
     dataset: PathBuf,
     /// PLY file to write
     #[arg(short, long, value_name = "PLY")]
+    #[serde(skip)]
     output: PathBuf,
     /// Steps, one photo each
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
@@ -53,16 +67,25 @@ pub(super) struct Args {
     seed: u64,
     /// Print JSON: what was done, how fast, and the device time of each stage
     #[arg(long)]
+    #[serde(skip)]
     json: bool,
     #[command(flatten)]
+    #[serde(skip)]
+    keep: KeepArgs,
+    #[command(flatten)]
+    #[serde(skip)]
     replace: OutputArgs,
     #[command(flatten)]
+    #[serde(skip)]
     photos: PhotoArgs,
     #[command(flatten)]
+    #[serde(skip)]
     reduction: ReductionArgs,
     #[command(flatten)]
+    #[serde(skip)]
     draw: DrawArgs,
     #[command(flatten)]
+    #[serde(skip)]
     device: DeviceArgs,
 }
 
@@ -75,8 +98,10 @@ struct Report<'a> {
     gaussians: usize,
     sh_degree: u32,
     iterations: u32,
+    /// Those of them that an earlier run did.
+    iterations_resumed: u32,
     seed: u64,
-    /// Of the training loop alone.
+    /// Of the training loop alone, in this run.
     seconds: f64,
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
@@ -122,7 +147,11 @@ impl Args {
         self.device.with(|context| {
             let background = self.photos.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let views = upload_photos(context, &photos, background, |done, _| reading.set(done as u64))?;
+            let mut checksums = Vec::with_capacity(photos.len());
+            let views = upload_photos(context, &photos, background, |done, words| {
+                checksums.push(crc32fast::hash(bytemuck::cast_slice(words)));
+                reading.set(done as u64);
+            })?;
             drop(reading);
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
@@ -141,19 +170,45 @@ impl Args {
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let mut trainer = base_trainer(&session, &model, &views, &options)?;
-            trainer.start(timed)?;
+            let settings = self.settings(&photos, &checksums, &first.cloud, &session, &options)?;
+            let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
+            let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
+            let resumed = match &found {
+                Some(checkpoint) => {
+                    trainer.resume(&model, checkpoint, timed)?;
+                    checkpoint.step
+                }
+                None => {
+                    trainer.start(timed)?;
+                    0
+                }
+            };
+            drop(found);
             let interrupt = Interrupt::default();
             interrupt.listen()?;
-            while !interrupt.asked()
-                && let Some(done) = trainer.advance(&model, &views)?
-            {
-                training.set(done.into());
+            let mut train = || -> Result<()> {
+                while !interrupt.asked()
+                    && let Some(done) = trainer.advance(&model, &views)?
+                {
+                    training.set(done.into());
+                    kept.look(|| trainer.checkpoint(&model, &views))?;
+                }
+                if interrupt.asked() {
+                    kept.keep(|| trainer.checkpoint(&model, &views))?;
+                }
+                write_scene(&self.output, &model.download()?)
+            };
+            if let Err(error) = train() {
+                drop(training);
+                return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
             }
             let trained = trainer.stop()?;
             let steps = trained.losses.len() as u32;
             let seconds = started.elapsed().as_secs_f64();
             drop(training);
-            write_scene(&self.output, &model.download()?)?;
+            if steps == iterations {
+                kept.remove()?;
+            }
             drop(interrupt);
 
             let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
@@ -173,9 +228,10 @@ impl Args {
                 gaussians: count,
                 sh_degree,
                 iterations: steps,
+                iterations_resumed: resumed,
                 seed,
                 seconds,
-                steps_per_second: f64::from(steps) / seconds,
+                steps_per_second: f64::from(steps - resumed) / seconds,
                 final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
@@ -190,11 +246,38 @@ impl Args {
                 ))?;
             }
             if steps < iterations {
-                let what = format!("ended after {steps} of {iterations} steps; {output} has what was learned in them");
+                let what = format!(
+                    "ended after {steps} of {iterations} steps; {output} has what was learned in them, and the same command with \
+                     --force goes on"
+                );
                 return Err(Failure::Interrupted(what));
             }
             Ok(())
         })
+    }
+
+    /// Everything that training depends on.
+    fn settings(
+        &self,
+        photos: &[&Photo],
+        pixels: &[u32],
+        first: &PointCloud,
+        session: &Session,
+        options: &BaseOptions,
+    ) -> Result<Value> {
+        let mut points = crc32fast::Hasher::new();
+        points.update(bytemuck::cast_slice(&first.positions));
+        points.update(first.colors.as_flattened());
+        // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
+        let &Session { context: _, policy, background, extent, seed } = session;
+        let policy = Policy { reduction: Reduction::Auto, ..policy };
+        Ok(json!({
+            "glint": env!("CARGO_PKG_VERSION"),
+            "photos": photos_json(photos, pixels),
+            "points": {"count": first.positions.len(), "crc32": points.finalize()},
+            "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
+            "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
+        }))
     }
 }
 

@@ -33,7 +33,7 @@ pub use lens::{Distortion, Frame, Lens, Polynomial};
 pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_scene};
 pub use region::{Focus, NEAR};
 pub use sound::Dropped;
-pub use tensors::{read_tensors, write_tensors};
+pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
 pub use write::{
     to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,
 };

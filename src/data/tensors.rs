@@ -1,7 +1,7 @@
 //! Named tensors of f32 and u32 in safetensors files: checkpoints and what tests compare.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,6 +10,9 @@ use safetensors::{Dtype, SafeTensors, View};
 
 use super::atomic::write_whole;
 use crate::{Error, Result};
+
+/// Where the metadata of a file has the text about its tensors.
+const ABOUT: &str = "glint";
 
 /// A tensor's values, row-major.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +93,18 @@ pub fn write_tensors<'a, V>(path: impl AsRef<Path>, tensors: &[(&str, &[usize], 
 where
     V: Into<ValuesRef<'a>> + Copy,
 {
+    write_tensors_about(path, tensors, None)
+}
+
+/// The same with a text about them, in the file's metadata.
+pub fn write_tensors_about<'a, V>(
+    path: impl AsRef<Path>,
+    tensors: &[(&str, &[usize], V)],
+    about: Option<&str>,
+) -> Result<()>
+where
+    V: Into<ValuesRef<'a>> + Copy,
+{
     let path = path.as_ref();
     let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
     let mut entries: BTreeMap<&str, Entry> = BTreeMap::new();
@@ -102,15 +117,24 @@ where
             return refuse(format!("tensor `{name}` is given twice"));
         }
     }
-    let bytes = safetensors::serialize(entries, None).map_err(|error| Error::io(path, io::Error::other(error)))?;
+    let about = about.map(|text| HashMap::from([(ABOUT.to_owned(), text.to_owned())]));
+    let bytes = safetensors::serialize(entries, about).map_err(|error| Error::io(path, io::Error::other(error)))?;
     write_whole(path, |file| file.write_all(&bytes))
 }
 
 /// Reads all tensors by name. Types other than f32 and u32 are refused.
 pub fn read_tensors(path: impl AsRef<Path>) -> Result<BTreeMap<String, Tensor>> {
+    Ok(read_tensors_about(path)?.0)
+}
+
+/// The same, and the text about them that [`write_tensors_about`] wrote.
+pub fn read_tensors_about(path: impl AsRef<Path>) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    parse_tensors(&bytes, path)
+    let tensors = parse_tensors(&bytes, path)?;
+    let (_, header) = SafeTensors::read_metadata(&bytes)
+        .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;
+    Ok((tensors, header.metadata().as_ref().and_then(|found| found.get(ABOUT).cloned())))
 }
 
 /// `path` is only named in errors.
@@ -160,6 +184,9 @@ mod tests {
         assert_eq!(read["none"].shape, [0, 3]);
         write_tensors(&path, &[("plain", &[2], &[1.0f32, 2.0][..])]).unwrap();
         assert_eq!(read_tensors(&path).unwrap()["plain"].values, Values::F32(vec![1.0, 2.0]));
+        assert_eq!(read_tensors_about(&path).unwrap().1, None);
+        write_tensors_about(&path, &[("plain", &[1], &[1.0f32][..])], Some("{\"a\": 1}")).unwrap();
+        assert_eq!(read_tensors_about(&path).unwrap().1.as_deref(), Some("{\"a\": 1}"));
     }
 
     #[test]

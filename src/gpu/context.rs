@@ -39,11 +39,13 @@ pub struct ContextOptions {
     /// What stands in for kernels on the host. A stage with a twin makes the recorder submit what it has and wait, so this is
     /// for finding a stage that a driver compiles wrongly, not for work.
     pub twins: Vec<Twin>,
+    /// For tests: after so many submissions every wait says that the device is lost. A CPU device never is by itself.
+    pub lost_after: Option<u64>,
 }
 
 impl ContextOptions {
-    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_SUBGROUP_SIZE and GLINT_SOFTWARE_SUBGROUPS say; the latter two
-    /// are for tests.
+    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS and GLINT_LOST_AFTER say;
+    /// the latter three are for tests.
     pub fn from_env() -> Self {
         let text = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
         ContextOptions {
@@ -55,6 +57,7 @@ impl ContextOptions {
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
             memory_budget: None,
             twins: Vec::new(),
+            lost_after: text("GLINT_LOST_AFTER").and_then(|count| count.parse().ok()),
         }
     }
 
@@ -123,6 +126,7 @@ pub(super) struct Inner {
     pub waits: AtomicU64,
     pub stand_ins: AtomicU64,
     pub twins: Vec<Twin>,
+    pub lost_after: Option<u64>,
     pub instance: ash::Instance,
     pub physical: vk::PhysicalDevice,
     messages: Arc<Mutex<Vec<String>>>,
@@ -145,6 +149,7 @@ struct Own {
     owned: bool,
     memory_budget: Option<u64>,
     twins: Vec<Twin>,
+    lost_after: Option<u64>,
 }
 
 impl Context {
@@ -199,8 +204,15 @@ impl Context {
         let optional = physical.offered.clone();
         let borrowed =
             BorrowedDevice { entry, instance, physical_device: physical.handle, device, queue_family, queue, optional };
-        let (memory_budget, twins) = (options.memory_budget, options.twins.clone());
-        let own = Own { debug, messages, messenger, owned: true, memory_budget, twins };
+        let own = Own {
+            debug,
+            messages,
+            messenger,
+            owned: true,
+            memory_budget: options.memory_budget,
+            twins: options.twins.clone(),
+            lost_after: options.lost_after,
+        };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
@@ -222,7 +234,7 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional } = from;
-        let Own { debug, messages, messenger, owned, memory_budget, twins } = own;
+        let Own { debug, messages, messenger, owned, memory_budget, twins, lost_after } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -254,6 +266,7 @@ impl Context {
             waits: AtomicU64::new(0),
             stand_ins: AtomicU64::new(0),
             twins,
+            lost_after,
             messages,
             messenger,
             device,

@@ -510,6 +510,10 @@ impl Submission {
     /// Waits for the work and gives the times of its stages, in order, if they were asked for.
     pub fn wait(mut self) -> Result<Vec<StageTime>, GpuError> {
         self.block()?;
+        let inner = &self.context.0;
+        if inner.lost_after.is_some_and(|count| inner.submissions.load(Ordering::Relaxed) > count) {
+            return Err(vk::Result::ERROR_DEVICE_LOST).check("vkWaitForFences");
+        }
         let mut times = Vec::new();
         if let Some(slot) = self.slot.take() {
             if !self.timed.is_empty() {

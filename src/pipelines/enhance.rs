@@ -6,6 +6,7 @@ use std::{
 };
 
 use super::{
+    checkpoint::Checkpoint,
     join::{JoinOptions, join},
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
@@ -64,7 +65,7 @@ pub enum Event {
     Screen { batch: usize, batches: usize, progress: screen::Progress },
     /// The batch was lifted; [`Enhancer::lifted`] has it until the next event.
     Lifted { views: Range<usize> },
-    /// Joint steps done, of how many.
+    /// Joint steps done, of how many. At 0 [`Enhancer::resume_join`] may give what an earlier run learned.
     Join { step: u32, steps: u32 },
 }
 
@@ -182,6 +183,9 @@ impl Enhancer {
                         self.refiner = None;
                         self.next = self.begin_join(views)?;
                         self.times.join = started.elapsed();
+                        if let Next::Join(trainer) = &self.next {
+                            return Ok(Some(Event::Join { step: 0, steps: trainer.total() }));
+                        }
                         continue;
                     };
                     self.next = Next::Screen(batch);
@@ -233,11 +237,24 @@ impl Enhancer {
         Ok(())
     }
 
+    /// When the joint phase is about to begin: goes on from where [`Enhancer::checkpoint`] left off. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the checkpoint is of another scene or schedule, upon which the phase can still begin anew.
+    pub fn resume_join(&mut self, checkpoint: &Checkpoint) -> Result<()> {
+        let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
+        trainer.resume(&self.model, checkpoint, true)
+    }
+
+    /// What the joint phase has learned so far. Waits; it can go on.
+    pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
+        let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
+        trainer.checkpoint(&self.model, views)
+    }
+
     /// Ends the joint phase that [`Event::Join`] told of before its last step: what it has learned is in the scene. Waits.
     pub fn stop(&mut self) -> Result<()> {
-        let Next::Join(trainer) = &mut self.next else {
-            return Err(Error::Usage("only the joint phase can be ended early".into()));
-        };
+        let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
         self.join = Some(trainer.stop()?);
         self.next = Next::Done;
         Ok(())
@@ -276,6 +293,10 @@ impl Enhancer {
         trainer.start(true)?;
         Ok(Next::Join(Box::new(trainer)))
     }
+}
+
+fn not_joining() -> Error {
+    Error::Usage("only the joint phase can be ended early, kept and gone on with".into())
 }
 
 /// Augments `scene` from the photographs of `views` in one call; `watch` is called with every event.

@@ -1,5 +1,6 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+pub mod checkpoint;
 pub mod enhance;
 pub mod join;
 pub mod layers;

@@ -104,6 +104,27 @@ impl Planes {
         }
         Ok(all)
     }
+
+    /// The values of the first `count` places, plane after plane. Waits.
+    pub fn values(&self, count: usize) -> Result<Vec<f32>, GpuError> {
+        let mut values = Vec::with_capacity(self.planes * count);
+        self.download()?.iter().for_each(|plane| values.extend_from_slice(&plane[..count.min(plane.len())]));
+        Ok(values)
+    }
+
+    /// Brings back what [`Planes::values`] gave of `count` places. Waits.
+    pub fn restore(&self, values: &[f32], count: usize) -> Result<(), GpuError> {
+        let mut first = 0;
+        for page in self.pages.iter().filter(|_| self.planes > 0) {
+            let capacity = page.len() / self.planes;
+            let n = capacity.min(count.saturating_sub(first));
+            for p in 0..self.planes {
+                page.upload(p * capacity, &values[p * count + first..][..n])?;
+            }
+            first += n;
+        }
+        Ok(())
+    }
 }
 
 /// The parameters of one segment.

@@ -91,8 +91,15 @@ impl Steps {
 
     /// Begins a loop of steps 0..`total`. With `timed`, the stages of some submissions are timed.
     pub fn start(&mut self, total: u32, timed: bool) -> Result<()> {
-        self.status.upload(0, &[0; words::WORDS])?;
-        self.run = Run { total, timed, ..Run::default() };
+        self.start_at(0, total, timed)
+    }
+
+    /// The same of a loop whose first `done` steps an earlier run did.
+    pub fn start_at(&mut self, done: u32, total: u32, timed: bool) -> Result<()> {
+        let mut kept = [0; words::WORDS];
+        kept[words::STEPS] = done;
+        self.status.upload(0, &kept)?;
+        self.run = Run { total, next: done, timed, ..Run::default() };
         Ok(())
     }
 
@@ -116,12 +123,27 @@ impl Steps {
             run.next = end;
             run.submitted += 1;
         }
+        self.collect(work)
+    }
+
+    /// Waits for all that is on its way: how many steps are done by then. The loop can go on.
+    pub fn settle(&mut self, work: &mut impl Looped) -> Result<u32> {
+        while self.collect(work)?.is_some() {}
+        Ok(self.run.next)
+    }
+
+    /// Waits for the oldest submission; `None` where none is on its way.
+    fn collect(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
+        let Steps { status, readback, run, .. } = self;
         let Some((oldest, ring)) = run.in_flight.pop_front() else { return Ok(None) };
         run.report.stages.extend(oldest.wait()?);
         let found = Status::read(readback[ring].mapped());
         if found.failed() {
             // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
             run.in_flight.clear();
+            // Before there is room: where there is none, this many steps are what there is.
+            // guard: steps that did not fit are done again
+            run.next = found.steps();
             for (resource, needed) in found.needs() {
                 tracing::debug!(step = found.steps(), %resource, needed, "making room");
                 work.grow(resource, needed)?;
@@ -130,8 +152,6 @@ impl Steps {
             let mut kept = [0; words::WORDS];
             kept[words::STEPS] = found.steps();
             status.upload(0, &kept)?;
-            // guard: steps that did not fit are done again
-            run.next = found.steps();
         }
         Ok(Some(found.steps()))
     }

@@ -7,9 +7,10 @@ use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::{
+    checkpoint::Checkpoint,
     learn::{Learner, Lesson, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
-    model::{Model, Segment},
+    model::{Model, Planes, Segment},
     render::{Needs, RenderOptions, Renderer, Show},
     session::Session,
     steps::{Looped, StepReport, Steps},
@@ -18,7 +19,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Recorder},
-    stages::{ssim::tiles_per_frame, status::Resource},
+    stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
 /// Steps recorded into one command buffer: enough that submitting costs nothing, few enough that progress is seen and a
@@ -120,6 +121,50 @@ impl Trainer {
         self.steps.start(self.total(), timed)
     }
 
+    /// Begins where [`Trainer::checkpoint`] left off: `model`'s parameters and the moments become those that it kept. What follows
+    /// has the bits of a run that went on. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the checkpoint is of another model or schedule, upon which nothing has changed.
+    pub fn resume(&mut self, model: &Model, checkpoint: &Checkpoint, timed: bool) -> Result<()> {
+        let (step, total) = (checkpoint.step, self.total());
+        if step > total {
+            return Err(Error::Usage(format!("{step} of {total} steps are done")));
+        }
+        let seen = (step * self.work.views_per_step) as usize;
+        let losses = checkpoint.floats(LOSSES, seen)?;
+        let mut kept = Vec::new();
+        for learner in &self.work.learners {
+            let count = model.count_of(learner.lesson.segment) as usize;
+            for (name, planes) in learned(model, learner) {
+                kept.push((planes, checkpoint.floats(&name, planes.planes() * count)?, count));
+            }
+        }
+        for (planes, values, count) in kept {
+            planes.restore(values, count)?;
+        }
+        // Their parts are only for `glint verify`.
+        let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
+        self.work.loss.losses.write_mapped(&losses.iter().map(whole).collect::<Vec<_>>());
+        self.steps.start_at(step, total, timed)
+    }
+
+    /// What was learned so far, and all that the steps to come need of it. Waits; the loop can go on.
+    pub fn checkpoint(&mut self, model: &Model, views: &Views) -> Result<Checkpoint> {
+        let step = self.steps.settle(&mut On { training: &mut self.work, model, views })?;
+        let mut checkpoint = Checkpoint::new(step);
+        let seen = (step * self.work.views_per_step) as usize;
+        let losses = self.work.loss.losses.mapped();
+        checkpoint.put(LOSSES.into(), [1, seen], losses[..seen].iter().map(|l| l.total).collect());
+        for learner in &self.work.learners {
+            let count = model.count_of(learner.lesson.segment) as usize;
+            for (name, planes) in learned(model, learner) {
+                checkpoint.put(name, [planes.planes(), count], planes.values(count)?);
+            }
+        }
+        Ok(checkpoint)
+    }
+
     /// Steps of the whole schedule.
     pub fn total(&self) -> u32 {
         self.work.schedule.len() as u32 / self.work.views_per_step
@@ -159,6 +204,27 @@ impl Trainer {
         }
         Ok(self.report())
     }
+}
+
+/// Name of the losses in a checkpoint.
+const LOSSES: &str = "losses";
+
+/// Everything that a learner changes, by its name in a checkpoint: parameters and their moments.
+fn learned<'a>(model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
+    let part = model.part(learner.lesson.segment);
+    let segment = match learner.lesson.segment {
+        Segment::Base => "base",
+        Segment::Supplement => "supplement",
+    };
+    let [geometry, sh, lobes] = learner.moments.all();
+    let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
+    // What has no moments is frozen.
+    let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
+    moving
+        .flat_map(|(what, planes, moments)| {
+            [(format!("{segment}.{what}"), planes), (format!("{segment}.{what}_moments"), moments)]
+        })
+        .collect()
 }
 
 impl On<'_> {

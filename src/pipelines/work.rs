@@ -3,7 +3,7 @@
 //!
 //! Means count from where the run's coordinates begin: the world's origin unless the scene is far from it (`views::origin_for`).
 //! `settings.json` holds everything that the results depend on. A folder of other settings is refused, not mixed. A file that is
-//! damaged is made again.
+//! damaged is made again. While the joint phase goes on, what it has learned is beside them.
 
 use std::{
     fs,
@@ -11,9 +11,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::{
+    checkpoint::difference,
     lift::Lifted,
     screen::{Refiner, ScreenGaussian},
 };
@@ -31,12 +32,15 @@ use crate::{
 const SETTINGS: &str = "settings.json";
 /// What ends the name of a view's last file: a view without it is done again.
 const LIFTS: &str = "lifted.safetensors";
+/// What the joint phase has learned so far.
+const JOINT: &str = "joint.safetensors";
 
 /// A folder of intermediate results.
 pub struct WorkDir {
     folder: PathBuf,
     /// By view: what its files' names begin with.
     names: Vec<String>,
+    settings: Value,
 }
 
 impl WorkDir {
@@ -65,7 +69,7 @@ impl WorkDir {
                 }
             }
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                let work = WorkDir { folder: folder.to_owned(), names: names.clone() };
+                let work = WorkDir { folder: folder.to_owned(), names: names.clone(), settings: Value::Null };
                 if let Some(left) = (0..names.len()).map(|view| work.file(view, LIFTS)).find(|file| file.exists()) {
                     let what = format!("was made with settings that are not known: there is no {SETTINGS}; {another}");
                     return Err(Error::input(left, what));
@@ -74,7 +78,7 @@ impl WorkDir {
             }
             Err(e) => return Err(Error::io(&file, e)),
         }
-        Ok(WorkDir { folder: folder.to_owned(), names })
+        Ok(WorkDir { folder: folder.to_owned(), names, settings: settings.clone() })
     }
 
     fn file(&self, view: usize, kind: &str) -> PathBuf {
@@ -100,6 +104,27 @@ impl WorkDir {
             }
         }
         Ok(lifts)
+    }
+
+    /// Where the joint phase is kept, and all that it depends on: the folder's settings and the lifts that it began with.
+    /// Lifts of all views must be there.
+    pub fn joint(&self) -> Result<(PathBuf, Value)> {
+        let mut hasher = crc32fast::Hasher::new();
+        for view in 0..self.names.len() {
+            let file = self.file(view, LIFTS);
+            hasher.update(&fs::read(&file).map_err(|e| Error::io(&file, e))?);
+        }
+        let settings = json!({"work": self.settings, "lifts_crc32": hasher.finalize()});
+        Ok((self.folder.join(JOINT), settings))
+    }
+
+    /// The joint phase is done and its result is written: nothing of it is left to go on with.
+    pub fn remove_joint(&self) -> Result<()> {
+        let file = self.folder.join(JOINT);
+        match fs::remove_file(&file) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&file, e)),
+            _ => Ok(()),
+        }
     }
 
     /// Writes what the batch left. The lifts come last: a view without them is done again.
@@ -134,19 +159,6 @@ impl WorkDir {
         }
         Ok(())
     }
-}
-
-/// The first place where two JSON values differ, and what is there.
-fn difference(found: &Value, now: &Value, place: &str) -> Option<String> {
-    if let (Value::Object(a), Value::Object(b)) = (found, now) {
-        let inside = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
-        let all = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
-        return all.into_iter().find_map(|key| {
-            let [a, b] = [a, b].map(|map| map.get(key).unwrap_or(&Value::Null));
-            difference(a, b, &inside(key))
-        });
-    }
-    (found != now).then(|| format!("`{place}` was {found} and is {now}"))
 }
 
 fn write_lifts(path: &Path, lifts: &[(Lift, f32)]) -> Result<()> {

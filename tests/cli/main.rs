@@ -3,6 +3,7 @@
 
 mod datasets;
 mod flags;
+mod kept;
 mod output;
 #[path = "../common/run.rs"]
 mod run;
@@ -177,6 +178,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
         "gaussians",
         "sh_degree",
         "iterations",
+        "iterations_resumed",
         "seed",
         "seconds",
         "steps_per_second",

@@ -128,7 +128,7 @@ fn what_was_learned_until_ctrl_c_is_kept() {
         assert_eq!(output.status.code(), Some(130));
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!((0..1_000_000).contains(&report["iterations"].as_u64().unwrap()));
-        assert_eq!(files(work.0.path()), ["data", "out.ply"]);
+        assert_eq!(files(work.0.path()), ["data", "out.checkpoint.safetensors", "out.ply"]);
         assert_eq!(read_scene(work.path("out.ply")).unwrap().base.len(), 300);
     }
 }

@@ -2,12 +2,14 @@
 
 use glam::DVec3;
 use glint::{
-    gpu::Buffer,
+    Error,
+    gpu::{Buffer, ContextOptions},
     pipelines::{
+        learn::Lesson,
         model::{Model, Segment},
         render::{Needs, Renderer},
         session::Session,
-        train::{BaseOptions, train_base},
+        train::{BaseOptions, Trainer, train_base},
         views::Views,
     },
     reference::{
@@ -321,6 +323,60 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     assert!(trained[0].1 == trained[1].1 && trained[0].2 == trained[1].2);
     assert!(trained[0].3 == trained[1].3 && trained[0].4 == trained[1].4);
     assert!(trained[0].3 != filling.base.opacities);
+}
+
+/// Memory that ends in the middle of a run: an error, and what was learned until then is there to go on with.
+#[test]
+fn training_that_runs_out_of_memory_keeps_what_it_learned() {
+    let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
+    // The first sees them as points: its steps fit.
+    let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
+    let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
+    let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    let filling = cloud(&camera, 60, -2.0, |i| (256.0 + i as f64, 192.0, 3.0 + 0.1 * i as f64, 1000.0));
+    let schedule = vec![0, 0, 0, 0, 0, 1, 0, 1];
+    let trainer = |gpu: &Gpu| {
+        let views = Views::upload(gpu, &[far, camera], &images).unwrap();
+        let model = Model::upload(gpu, &filling, 0).unwrap();
+        let session = Session { background: BACKGROUND, extent: 2.0, ..session(gpu) };
+        let options = BaseOptions { iterations: 8, sh_degree: 0 };
+        let lesson = Lesson {
+            segment: Segment::Base,
+            opacity_only: false,
+            sparse: false,
+            bias_correction: true,
+            compensate: false,
+        };
+        let plan = move |step| options.plan(2.0, step);
+        let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule.clone(), 1, plan).unwrap();
+        trainer.start(false).unwrap();
+        (trainer, model, views)
+    };
+    let roomy = Gpu::new();
+    let (mut whole, model, views) = trainer(&roomy);
+    let before = roomy.memory().used;
+    while whole.advance(&model, &views).unwrap().is_some() {}
+    let after = roomy.memory().used;
+    assert!(whole.report().steps.grown == 1 && after > before);
+    let want = model.download().unwrap();
+
+    let tight =
+        Gpu::with(ContextOptions { memory_budget: Some(before + (after - before) / 2), ..ContextOptions::from_env() });
+    let (mut cut, tight_model, tight_views) = trainer(&tight);
+    let error = loop {
+        match cut.advance(&tight_model, &tight_views) {
+            Ok(done) => assert!(done.is_some_and(|done| done < 8), "it fits"),
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(&error, Error::Gpu(gpu) if gpu.is_no_room()) && error.exit_code() == 1, "{error}");
+    let kept = cut.checkpoint(&tight_model, &tight_views).unwrap();
+    assert_eq!(kept.step, 5);
+    // Where there is room it goes on as if nothing had been.
+    let (mut on, model, views) = trainer(&roomy);
+    on.resume(&model, &kept, false).unwrap();
+    while on.advance(&model, &views).unwrap().is_some() {}
+    assert!(model.download().unwrap() == want);
 }
 
 /// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in

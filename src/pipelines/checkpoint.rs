@@ -1,0 +1,187 @@
+//! What a training loop has learned so far, as one safetensors file: everything that the steps to come need, so that they give the
+//! bits of a run that was never interrupted.
+//!
+//! The file says what it was made from, as work folders do, and has a checksum, since a bit that fell over in a parameter would
+//! look like any other.
+
+use std::{collections::BTreeMap, io, path::Path};
+
+use serde_json::{Value, json};
+
+use crate::{
+    data::{
+        read_tensors_about,
+        tensors::{Tensor, Values, ValuesRef},
+        write_tensors_about,
+    },
+    error::{Error, Result},
+};
+
+/// A training loop between two steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    /// Steps that are done.
+    pub step: u32,
+    tensors: BTreeMap<String, Tensor>,
+}
+
+/// What there is at a checkpoint's path.
+#[derive(Debug)]
+pub enum Found {
+    Nothing,
+    Sound(Checkpoint),
+    /// Of other settings; the first that differs.
+    Foreign(String),
+    /// And why.
+    Damaged(Error),
+}
+
+impl Checkpoint {
+    pub(super) fn new(step: u32) -> Self {
+        Checkpoint { step, tensors: BTreeMap::new() }
+    }
+
+    pub(super) fn put(&mut self, name: String, shape: [usize; 2], values: Vec<f32>) {
+        self.tensors.insert(name, Tensor { shape: shape.to_vec(), values: Values::F32(values) });
+    }
+
+    /// The values of a tensor, which must be so many.
+    pub(super) fn floats(&self, name: &str, count: usize) -> Result<&[f32]> {
+        match self.tensors.get(name) {
+            // guard: checkpoints of another size
+            Some(Tensor { values: Values::F32(values), .. }) if values.len() == count => Ok(values),
+            _ => Err(Error::Usage(format!("the checkpoint has no `{name}` of {count} values"))),
+        }
+    }
+
+    fn checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&self.step.to_le_bytes());
+        for (name, Tensor { shape, values }) in &self.tensors {
+            hasher.update(format!("{name} {shape:?}").as_bytes());
+            match values {
+                Values::F32(values) => hasher.update(bytemuck::cast_slice(values)),
+                Values::U32(values) => hasher.update(bytemuck::cast_slice(values)),
+            }
+        }
+        hasher.finalize()
+    }
+
+    /// Writes it whole or not at all. `settings` is everything that the run depends on.
+    pub fn write(&self, path: &Path, settings: &Value) -> Result<()> {
+        let about = json!({"step": self.step, "crc32": self.checksum(), "settings": settings});
+        let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], Borrowed(t))).collect();
+        write_tensors_about(path, &list, Some(&about.to_string()))
+    }
+
+    /// What an earlier run left at `path`, if it was one of the same `settings`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where what is there cannot be read.
+    pub fn find(path: &Path, settings: &Value) -> Result<Found> {
+        let (tensors, about) = match read_tensors_about(path) {
+            Ok(found) => found,
+            Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
+            Err(error @ Error::Input { .. }) => return Ok(Found::Damaged(error)),
+            Err(error) => return Err(error),
+        };
+        let damaged = |what: &str| Ok(Found::Damaged(Error::input(path, what)));
+        // No checkpoint of ours: somebody else's file, which is not for us to replace.
+        let Some(about) = about else { return Ok(Found::Foreign("it does not say what it was made from".into())) };
+        let Ok(about) = serde_json::from_str::<Value>(&about) else {
+            return damaged("is damaged: what it was made from cannot be read");
+        };
+        // As it is read back, since a number may differ in its last digit from what was written.
+        let now: Value = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
+        if let Some(what) = difference(&about["settings"], &now, "") {
+            return Ok(Found::Foreign(what));
+        }
+        let Some(step) = about["step"].as_u64().and_then(|step| u32::try_from(step).ok()) else {
+            return damaged("does not say how many steps were done");
+        };
+        let checkpoint = Checkpoint { step, tensors };
+        // guard: bits of a checkpoint
+        if about["crc32"].as_u64() != Some(checkpoint.checksum().into()) {
+            return damaged("is damaged: its checksum is another");
+        }
+        Ok(Found::Sound(checkpoint))
+    }
+}
+
+/// A tensor as it is written.
+#[derive(Clone, Copy)]
+struct Borrowed<'a>(&'a Tensor);
+
+impl<'a> From<Borrowed<'a>> for ValuesRef<'a> {
+    fn from(Borrowed(tensor): Borrowed<'a>) -> Self {
+        match &tensor.values {
+            Values::F32(values) => ValuesRef::F32(values),
+            Values::U32(values) => ValuesRef::U32(values),
+        }
+    }
+}
+
+/// The first place where two JSON values differ, and what is there.
+pub(super) fn difference(found: &Value, now: &Value, place: &str) -> Option<String> {
+    if let (Value::Object(a), Value::Object(b)) = (found, now) {
+        let inside = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
+        let all = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+        return all.into_iter().find_map(|key| {
+            let [a, b] = [a, b].map(|map| map.get(key).unwrap_or(&Value::Null));
+            difference(a, b, &inside(key))
+        });
+    }
+    (found != now).then(|| format!("`{place}` was {found} and is {now}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_comes_back_unless_it_is_damaged_or_of_another_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let settings = json!({"options": {"seed": 0, "ratio": 0.1}, "photos": {"a.png": 7}});
+        let find = |settings: &Value| Checkpoint::find(&path, settings).unwrap();
+        assert!(matches!(find(&settings), Found::Nothing));
+        let mut kept = Checkpoint::new(5);
+        kept.put("losses".into(), [1, 3], vec![0.5, f32::INFINITY, -0.0]);
+        kept.put("base.sh".into(), [2, 0], vec![]);
+        kept.write(&path, &settings).unwrap();
+        let Found::Sound(found) = find(&settings) else { panic!("not sound") };
+        assert_eq!(found, kept);
+        assert_eq!(found.floats("losses", 3).unwrap()[1], f32::INFINITY);
+        for (name, count) in [("losses", 2), ("loss", 3)] {
+            assert!(found.floats(name, count).unwrap_err().to_string().contains(name));
+        }
+
+        let mut other = settings.clone();
+        other["options"]["seed"] = json!(3);
+        let Found::Foreign(what) = find(&other) else { panic!("not foreign") };
+        assert_eq!(what, "`options.seed` was 0 and is 3");
+
+        // Every bit counts, wherever it is, and so does the end.
+        let whole = fs::read(&path).unwrap();
+        for at in (0..whole.len()).step_by(3) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            fs::write(&path, &bytes).unwrap();
+            match find(&settings) {
+                Found::Damaged(error) => assert!(error.to_string().contains("a.safetensors")),
+                Found::Foreign(_) => {}
+                found => panic!("byte {at}: {found:?}"),
+            }
+        }
+        for len in [0, 5, whole.len() - 1] {
+            fs::write(&path, &whole[..len]).unwrap();
+            assert!(matches!(find(&settings), Found::Damaged(_)), "{len} bytes");
+        }
+        crate::data::write_tensors(&path, &[("losses", &[1], &[1.0f32][..])]).unwrap();
+        assert!(matches!(find(&settings), Found::Foreign(_)));
+        // A folder is nobody's checkpoint.
+        assert!(Checkpoint::find(folder.path(), &settings).is_err());
+    }
+}

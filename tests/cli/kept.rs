@@ -1,0 +1,258 @@
+//! Runs that are killed, interrupted or fail go on from their checkpoint to the same bits.
+
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use super::{Work, files, run};
+
+const CHECKPOINT: &str = "out.checkpoint.safetensors";
+const TRAIN: &str = "train data --iterations 800 --sh-degree 1 --deterministic";
+const ENHANCE: &str = "enhance data --base base.ply --preset quick --ratio 0.2 --deterministic --work kept";
+
+impl Work {
+    /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.
+    fn killed(&self, arguments: &str, file: &str) {
+        let file = self.path(file);
+        let written = |file: &Path| fs::metadata(file).and_then(|found| found.modified()).ok();
+        let before = written(&file);
+        let mut command = self.command(&format!("{arguments} --checkpoint-every 0"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let started = Instant::now();
+        while written(&file) == before {
+            assert!(child.try_wait().unwrap().is_none(), "glint {arguments} ended before it left {}", file.display());
+            assert!(started.elapsed() < Duration::from_secs(200), "glint {arguments} left no {}", file.display());
+            thread::sleep(Duration::from_millis(2));
+        }
+        child.kill().unwrap();
+        assert!(!run::finish(child).status.success());
+        // What was on its way is no checkpoint; the next run sweeps it when it is a minute old.
+        for name in files(file.parent().unwrap()).iter().filter(|name| name.starts_with(".glint-")) {
+            fs::remove_file(file.with_file_name(name)).unwrap();
+        }
+    }
+
+    /// Runs a command that must succeed; what it says on stderr.
+    #[track_caller]
+    fn said(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "glint {arguments}: {said}");
+        said
+    }
+}
+
+#[test]
+fn training_that_was_killed_goes_on_to_the_same_bits() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    let whole = fs::read(work.path("whole.ply")).unwrap();
+    assert_eq!(files(work.0.path()), ["data", "whole.ply"]);
+    // Twice, the second time a run that goes on itself.
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
+    let report = work.json(&format!("{TRAIN} -o out.ply --json"));
+    assert_eq!(report["iterations"], 800);
+    let resumed = report["iterations_resumed"].as_u64().unwrap();
+    assert!((16..800).contains(&resumed), "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
+    assert_eq!(files(work.0.path()), ["data", "out.ply", "whole.ply"]);
+
+    // Losses of before are not forgotten.
+    let plain = work.json(&format!("{TRAIN} -o whole.ply --force --json"));
+    assert_eq!(plain["iterations_resumed"], 0);
+    assert_eq!(plain["final_loss"], report["final_loss"]);
+
+    // A checkpoint that is damaged is of no use, and that is said.
+    work.killed(&format!("{TRAIN} -o out.ply --force"), CHECKPOINT);
+    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
+    let mut flipped = kept.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    for damaged in [&flipped[..], &kept[..kept.len() / 2]] {
+        fs::write(work.path(CHECKPOINT), damaged).unwrap();
+        let said = work.said(&format!("{TRAIN} -o out.ply --force"));
+        assert!(said.contains(CHECKPOINT) && said.contains("all steps are done again"), "{said}");
+        assert!(fs::read(work.path("out.ply")).unwrap() == whole);
+        assert!(!work.path(CHECKPOINT).exists());
+    }
+}
+
+#[test]
+fn a_checkpoint_of_another_run_is_refused_by_key() {
+    let work = Work::new();
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    let train = |iterations: u32, options: &str| {
+        format!("train data -o out.ply --iterations {iterations} --sh-degree 1 --deterministic {options}")
+    };
+    for (command, key) in [
+        (train(801, ""), "`options.iterations` was 800 and is 801"),
+        (train(800, "--seed 1"), "`options.seed` was 0 and is 1"),
+        (train(800, "--points 40"), "`options.points` was null and is 40"),
+        (train(800, "--background white"), "`resolved`"),
+        (train(800, "--compensate"), "`resolved`"),
+        (train(800, "--max-size 16"), "camera_crc32"),
+        (train(800, "--test-every none"), "`photos."),
+    ] {
+        work.refused(&command, &[CHECKPOINT, "another run", key, "--force begins anew"]);
+    }
+    let points = work.path("data/sparse/0/points3D.txt");
+    let text = fs::read_to_string(&points).unwrap();
+    fs::write(&points, text.replacen("120 130 140", "121 130 140", 1)).unwrap();
+    work.refused(&train(800, ""), &[CHECKPOINT, "`points.crc32`"]);
+    fs::write(&points, text).unwrap();
+    let mut photo = image::open(work.path("data/images/d.png")).unwrap().into_rgb8();
+    photo.get_pixel_mut(3, 3).0[1] ^= 1;
+    photo.save(work.path("data/images/d.png")).unwrap();
+    work.refused(&train(800, ""), &[CHECKPOINT, "`photos.d.png.pixels_crc32`"]);
+    // Nobody's.
+    glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
+    work.refused(&train(800, ""), &[CHECKPOINT, "--force"]);
+
+    let said = work.said(&train(32, "--force"));
+    assert!(said.contains("is replaced") && !work.path(CHECKPOINT).exists(), "{said}");
+}
+
+#[test]
+fn a_joint_stage_that_was_killed_goes_on_to_the_same_bits() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.ok(&format!("{ENHANCE} -o whole.ply"));
+    let whole = fs::read(work.path("whole.ply")).unwrap();
+    let listing = files(&work.path("kept"));
+    assert!(!listing.iter().any(|name| name.starts_with("joint")), "{listing:?}");
+
+    const JOINT: &str = "kept/joint.safetensors";
+    work.killed(&format!("{ENHANCE} -o out.ply"), JOINT);
+    let kept = fs::read(work.path(JOINT)).unwrap();
+    let output = work.run(&format!("{ENHANCE} -o out.ply --json"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("going on after step"), "{said}");
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["photos_resumed"], 7);
+    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
+    assert_eq!(files(&work.path("kept")), listing);
+
+    // Damaged, or of other lifts.
+    fs::write(work.path(JOINT), &kept[..kept.len() - 1]).unwrap();
+    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
+    assert!(said.contains("all steps are done again"), "{said}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
+    fs::write(work.path(JOINT), &kept).unwrap();
+    let lifts = work.path("kept/d.lifted.safetensors");
+    let mut bytes = fs::read(&lifts).unwrap();
+    // The lowest bit of a float of the last tensor.
+    let at = bytes.len() - 4;
+    bytes[at] ^= 1;
+    fs::write(&lifts, bytes).unwrap();
+    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
+    assert!(said.contains("of other lifts (`lifts_crc32`") && !work.path(JOINT).exists(), "{said}");
+}
+
+/// It ended with nothing.
+#[cfg(unix)]
+#[test]
+fn a_joint_stage_that_is_interrupted_is_kept() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.ok(&format!("{ENHANCE} -o whole.ply"));
+    let mut child =
+        work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0")).stderr(Stdio::piped()).spawn().unwrap();
+    let started = Instant::now();
+    while !work.path("kept/joint.safetensors").exists() && child.try_wait().unwrap().is_none() {
+        assert!(started.elapsed() < Duration::from_secs(200));
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = run::finish(child);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--force goes on"), "{said}");
+    let ended = glint::data::read_scene(work.path("out.ply")).unwrap();
+    let whole = glint::data::read_scene(work.path("whole.ply")).unwrap();
+    assert_eq!(ended.supplement.unwrap().gaussians.len(), whole.supplement.unwrap().gaussians.len());
+    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
+    assert!(said.contains("going on after step"), "{said}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+    assert!(!work.path("kept/joint.safetensors").exists());
+}
+
+#[test]
+fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+    // Photos and the scene take fewer submissions, the whole run more.
+    command.env("GLINT_LOST_AFTER", "150");
+    let output = run::run(&mut command);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("error: vkWaitForFences") && said.contains("lost"), "{said}");
+    assert!(said.contains("the last checkpoint is in out.checkpoint.safetensors"), "{said}");
+    assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
+    let report = work.json(&format!("{TRAIN} -o out.ply --json"));
+    assert!(report["iterations_resumed"].as_u64().unwrap() > 0, "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+
+    // Every other command ends as well, and leaves nothing.
+    for arguments in [
+        "enhance data --base whole.ply --preset quick -o x.ply",
+        "render whole.ply data -o views",
+        "eval whole.ply data",
+    ] {
+        let mut command = work.command(arguments);
+        command.env("GLINT_LOST_AFTER", "5");
+        let output = run::run(&mut command);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "glint {arguments}: {said}");
+        assert!(said.contains("vkWaitForFences") && !said.contains("panicked"), "glint {arguments}: {said}");
+        assert!(!work.path("x.ply").exists());
+    }
+}
+
+/// A limit on the size of files stands for a disk that is full: writing fails in the middle either way.
+#[cfg(unix)]
+#[test]
+fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    // A run that found room for a checkpoint.
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
+    let full = |arguments: &str| {
+        let mut command = Command::new("sh");
+        // Blocks of 512 bytes. A signal that is ignored stays so in the program that follows.
+        let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
+        command.current_dir(work.0.path()).args(["-c", &script]);
+        run::run(&mut command)
+    };
+    let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert_eq!(said.matches("cannot be kept").count(), 1, "{said}");
+    assert!(said.contains("error: out.ply: ") && said.contains("the last checkpoint is in out.checkpoint"), "{said}");
+    assert!(fs::read(work.path(CHECKPOINT)).unwrap() == kept);
+    assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
+    work.ok(&format!("{TRAIN} -o out.ply"));
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+
+    // The same of what other commands write.
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    for arguments in [
+        "enhance data --base base.ply --preset quick -o x.ply",
+        "enhance data --base base.ply --preset quick -o x.ply --work full",
+    ] {
+        let output = full(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "glint {arguments}: {said}");
+        assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
+    }
+    // Whatever was whole is gone on with.
+    work.ok("enhance data --base base.ply --preset quick -o y.ply --deterministic");
+    work.ok("enhance data --base base.ply --preset quick -o x.ply --work full --deterministic");
+    assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
+}
