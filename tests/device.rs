@@ -135,6 +135,16 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
 }
 
 #[test]
+fn a_buffer_beyond_what_the_device_binds_is_refused() {
+    let gpu = Gpu::new();
+    let limit = gpu.info().max_storage_bytes;
+    let refused = Buffer::<u32>::new(&gpu, "huge", (limit / 4) as usize + 1, Location::Device).err().unwrap();
+    let GpuError::BufferTooLarge { name, bytes, limit: most } = &refused else { panic!("{refused}") };
+    assert_eq!((name.as_str(), *bytes, *most), ("huge", limit / 4 * 4 + 4, limit));
+    assert!(refused.is_no_room());
+}
+
+#[test]
 fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     let budget = 1 << 20;
     let gpu = Gpu::with(ContextOptions { memory_budget: Some(budget), ..ContextOptions::from_env() });

@@ -178,7 +178,10 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
     while let Some(event) = enhancer.next(&views).unwrap() {
         if let Event::Join { step, steps } = event {
             assert!(step < steps);
-            enhancer.stop().unwrap();
+            // The first steps may have found no room, and are done again.
+            if step > 0 {
+                enhancer.stop().unwrap();
+            }
         }
     }
     let enhanced = enhancer.finish().unwrap();

@@ -8,9 +8,11 @@ use glint::{
     gpu::Context,
     pipelines::{
         lift::{LiftBuffers, LiftOptions, LiftPhase, LiftSizes, PointBuffers},
+        model::{Model, Room},
         views::view,
     },
-    reference::lift_cluster as cluster_twin,
+    reference::{lift_cluster as cluster_twin, random_scene},
+    scene::Scene,
     stages::{constants::cluster::MAX_GROWTHS, types},
     verify::lift::{Case, There, judge, look_at},
 };
@@ -416,4 +418,31 @@ fn what_does_not_fit_is_not_written() {
         let set = &points[first as usize..][..n as usize];
         assert!(set[..n as usize - 1].iter().all(|p| p[3] > 0.0) && set[n as usize - 1] == [0.0; 4]);
     }
+}
+
+/// A supplement of several pages: each dispatch writes its own, and what is beyond the last is reported.
+#[test]
+fn lifts_beyond_the_page_are_left_to_another_dispatch() {
+    let context = Gpu::new();
+    let phase = LiftPhase::new(&context, LiftOptions::default()).unwrap();
+    let lift = |i: usize| types::Lift {
+        mean: [i as f32, 0.5, 2.0],
+        quat: [1.0, 0.0, 0.0, 0.0],
+        lobe_dir: [0.0, 0.0, 1.0],
+        lobe_width: 0.5,
+        cluster_size: if i % 3 == 0 { 0 } else { 5 },
+        ..Default::default()
+    };
+    let lifts: Vec<types::Lift> = (0..30).map(lift).collect();
+    let wanted: Vec<[f32; 3]> = lifts.iter().filter(|l| l.cluster_size > 0).map(|l| l.mean).collect();
+    let scene = Scene { base: random_scene(5, 10, 0, 1).base, supplement: None };
+    let model = |supplement| {
+        let room = Room { supplement, page: Some(8), ..Default::default() };
+        Model::upload_around(&context, DVec3::ZERO, &scene, room).unwrap()
+    };
+    let mut enough = model(20);
+    phase.append_lifts(&lifts, &mut enough).unwrap();
+    let made = enough.download().unwrap();
+    assert!(made.base == scene.base && made.supplement.unwrap().gaussians.means == wanted);
+    assert!(phase.append_lifts(&lifts, &mut model(19)).is_err());
 }

@@ -64,6 +64,27 @@ impl Counted {
     }
 }
 
+#[test]
+fn a_stage_over_no_items_is_not_recorded() {
+    let context = context();
+    let counted = Counted::new(&context, 9).unwrap();
+    let buffers =
+        dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
+    let push = dispatch_args::Push {
+        count_index: ITEMS,
+        capacity: 9,
+        items_per_group: 1,
+        args_index: 0,
+        resource_index: RESOURCE.index(),
+    };
+    for (items, wanted) in [(0, [0; 3]), (1, [9, 1, 1])] {
+        let mut recorder = context.recorder("nothing").unwrap();
+        counted.stage.record(&mut recorder, &buffers, &push, items);
+        recorder.submit().unwrap().wait().unwrap();
+        assert_eq!(counted.args.download_range(0, 3).unwrap(), wanted);
+    }
+}
+
 fn scan(context: &Context, values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, Vec<u32>, u32) {
     let items = index.map_or(values.len(), <[u32]>::len) as u32;
     let counted = Counted::new(context, items).unwrap();
