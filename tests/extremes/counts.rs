@@ -239,7 +239,7 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
     let tiling = Tiling { width: 256, height: 256, tile_width: 8, tile_height: 8, tiles_x: 32, tiles_y: 32 };
     // By turns one of a few rows of tiles, which its own lane lists, and one of all 32, which its subgroup does.
     let splat = |i: u32| {
-        let (x, l) = (20.3 + 20.0 * i as f32, if i % 2 == 0 { 0.5 } else { 1e-6 });
+        let (x, l) = (20.3 + 20.0 * i as f32, if i.is_multiple_of(2) { 0.5 } else { 1e-6 });
         Splat { x, y: 100.7, l11: l, l22: l, opacity: 0.5, ..Default::default() }
     };
     let splats: Vec<Splat> = (0..10).map(splat).collect();
