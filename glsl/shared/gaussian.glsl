@@ -72,7 +72,8 @@ Lobe eval_lobe(vec3 direction, float width, float sharpness, vec3 v) {
     float sin_theta = length(normal);
     float theta = atan(sin_theta, l.cos_theta); // guard: angle by its tangent
     l.psi = theta / width;
-    if (!(l.direction_length > 0.0 && l.psi < PI)) return l; // guard: lobe without a direction; support of a lobe
+    // Without a direction the angle is atan(0, 0), which GLSL leaves open. llvmpipe gives NaN, so no test there can miss the length.
+    if (!(l.direction_length > 0.0 && l.psi < PI)) return l; // guard: support of a lobe
     float half_psi = 0.5 * l.psi;
     l.exponent = exp(sharpness);
     // Near 0 the logarithm of the cosine is -x^2/2 - x^4/12: exact to 1e-9 below 0.03, where log(cos) keeps no digits.
