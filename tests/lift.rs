@@ -430,7 +430,7 @@ fn lifts_beyond_the_page_are_left_to_another_dispatch() {
         quat: [1.0, 0.0, 0.0, 0.0],
         lobe_dir: [0.0, 0.0, 1.0],
         lobe_width: 0.5,
-        cluster_size: if i % 3 == 0 { 0 } else { 5 },
+        cluster_size: if i.is_multiple_of(3) { 0 } else { 5 },
         ..Default::default()
     };
     let lifts: Vec<types::Lift> = (0..30).map(lift).collect();

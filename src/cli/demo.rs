@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, Outcome, ReductionArgs,
-    enhance::{Preset, run_with_progress},
+    enhance::{ChoiceArgs, Preset, run_with_progress},
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
@@ -14,7 +14,7 @@ use crate::{
     data::{Dataset, Photo, Split, builtin::builtin_scene, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
-        enhance::{EnhanceOptions, Times},
+        enhance::Times,
         layers::{Layer, Layers},
         model::{Model, Room},
         render::RenderOptions,
@@ -73,6 +73,9 @@ pub(super) struct Args {
     reduction: ReductionArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    // Last, for its heading goes on to what follows.
+    #[command(flatten)]
+    choices: ChoiceArgs,
 }
 
 /// What is compared.
@@ -123,10 +126,7 @@ impl Args {
         let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
         write_scene(self.output.join(BASE), &base)?;
 
-        let options = match self.preset {
-            Preset::Quick => EnhanceOptions::quick(),
-            Preset::Paper => EnhanceOptions::paper(),
-        };
+        let options = self.choices.options(self.preset);
         let started = Instant::now();
         let enhanced = run_with_progress(&session, &base, &views, &options, None, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();

@@ -69,6 +69,52 @@ enum Weights {
     Plain,
 }
 
+/// Both sides of every ⚖ of docs/method.md.
+#[derive(Debug, clap::Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[command(next_help_heading = "What the paper leaves open")]
+pub(super) struct ChoiceArgs {
+    /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
+    #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share)]
+    depth_threshold: f32,
+    /// A pixel's depth is that of its median Gaussian's centre, instead of the Gaussian's maximum along the ray
+    #[arg(long)]
+    centre_depth: bool,
+    /// Adam's bias correction counts the steps of the whole view, as the authors' release does, instead of by each 2D Gaussian's own
+    #[arg(long)]
+    shared_steps: bool,
+    /// Separating foreground from background fails while this group has fewer than 3 points
+    #[arg(long, value_enum, default_value_t = Failure::Largest)]
+    cluster_failure: Failure,
+    /// Weights of the covariance of a group
+    #[arg(long, value_enum, default_value_t = Weights::Squared)]
+    pca_weights: Weights,
+    /// Use Adam's bias correction for all parameters of the joint stage, not only for the lobes
+    #[arg(long)]
+    bias_correction: bool,
+}
+
+impl ChoiceArgs {
+    /// A preset's options with these choices.
+    pub(super) fn options(&self, preset: Preset) -> EnhanceOptions {
+        let preset = match preset {
+            Preset::Quick => EnhanceOptions::quick(),
+            Preset::Paper => EnhanceOptions::paper(),
+        };
+        EnhanceOptions {
+            median_threshold: self.depth_threshold,
+            centre_depth: self.centre_depth,
+            schedule: Schedule { shared_steps: self.shared_steps, ..preset.schedule },
+            lift: LiftOptions {
+                fail_on_smallest: self.cluster_failure == Failure::Smallest,
+                plain_weights: self.pca_weights == Weights::Plain,
+            },
+            join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
+            ratio: preset.ratio,
+        }
+    }
+}
+
 /// Augment a base scene, trained here or elsewhere, from the photos
 // Serialised into the settings of a work folder: an option that is new is in them unless it says that it changes nothing there.
 #[derive(Debug, clap::Args, Serialize)]
@@ -106,24 +152,6 @@ pub(super) struct Args {
     #[arg(long)]
     #[serde(skip)]
     json: bool,
-    /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
-    #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share, help_heading = "What the paper leaves open")]
-    depth_threshold: f32,
-    /// A pixel's depth is that of its median Gaussian's centre, instead of the Gaussian's maximum along the ray
-    #[arg(long, help_heading = "What the paper leaves open")]
-    centre_depth: bool,
-    /// Adam's bias correction counts the steps of the whole view, as the authors' release does, instead of by each 2D Gaussian's own
-    #[arg(long, help_heading = "What the paper leaves open")]
-    shared_steps: bool,
-    /// Separating foreground from background fails while this group has fewer than 3 points
-    #[arg(long, value_enum, default_value_t = Failure::Largest, help_heading = "What the paper leaves open")]
-    cluster_failure: Failure,
-    /// Weights of the covariance of a group
-    #[arg(long, value_enum, default_value_t = Weights::Squared, help_heading = "What the paper leaves open")]
-    pca_weights: Weights,
-    /// Use Adam's bias correction for all parameters of the joint stage, not only for the lobes
-    #[arg(long, help_heading = "What the paper leaves open")]
-    bias_correction: bool,
     #[command(flatten)]
     #[serde(skip)]
     replace: OutputArgs,
@@ -142,6 +170,10 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
+    // Last, for its heading goes on to what follows.
+    #[command(flatten)]
+    #[serde(flatten)]
+    choices: ChoiceArgs,
 }
 
 fn parse_ratio(text: &str) -> Result<f64, String> {
@@ -217,21 +249,7 @@ impl Args {
             ));
         }
         let background = self.photos.background;
-        let preset = match self.preset {
-            Preset::Quick => EnhanceOptions::quick(),
-            Preset::Paper => EnhanceOptions::paper(),
-        };
-        let options = EnhanceOptions {
-            ratio: self.ratio,
-            median_threshold: self.depth_threshold,
-            centre_depth: self.centre_depth,
-            schedule: Schedule { shared_steps: self.shared_steps, ..preset.schedule },
-            lift: LiftOptions {
-                fail_on_smallest: self.cluster_failure == Failure::Smallest,
-                plain_weights: self.pca_weights == Weights::Plain,
-            },
-            join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
-        };
+        let options = EnhanceOptions { ratio: self.ratio, ..self.choices.options(self.preset) };
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
         }
