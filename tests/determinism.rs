@@ -81,7 +81,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
         }
     }
     let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
-    let options = JoinOptions { steps_per_view: 20, bias_correction: true };
+    let options = JoinOptions { steps_per_view: 20, bias_correction: true, ..Default::default() };
     let paged = |page: u32| {
         // More room than there are Gaussians, as a screen phase leaves it.
         let room = Room { supplement: 70, page: Some(page), ..Default::default() };

@@ -35,7 +35,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
     let paper = EnhanceOptions::paper();
     let base = BaseOptions::default();
     let (first, last) = (base.plan(1.0, 0).rates, base.plan(1.0, 30_000).rates);
-    let joint = paper.join.rates(1.0);
+    let joint = paper.join.rates(1.0, 0.0);
     let band = (1..30_000).find(|&step| base.plan(1.0, step).active_degree == 1).unwrap();
     BTreeMap::from([
         ("near plane", NEAR),
@@ -113,7 +113,7 @@ fn the_numbers_are_those_of_the_page() {
 
 #[test]
 fn rates_of_positions_follow_the_extent_and_bands_the_run() {
-    let (one, three) = (EnhanceOptions::paper().join.rates(1.0), EnhanceOptions::paper().join.rates(3.0));
+    let (one, three) = (EnhanceOptions::paper().join.rates(1.0, 0.0), EnhanceOptions::paper().join.rates(3.0, 0.0));
     assert_eq!((three.mean, three.opacity), (3.0 * one.mean, one.opacity));
     let plan = |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3 }.plan(2.0, step);
     // Half way the rate is the geometric mean.

@@ -49,6 +49,8 @@ Examples:
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
+    /// Residual pursuit
+    Pursuit,
     /// The same stages with shorter rounds, for previews and machines without a GPU
     Quick,
     /// The paper's numbers of steps
@@ -98,10 +100,13 @@ impl ChoiceArgs {
     /// A preset's options with these choices.
     pub(super) fn options(&self, preset: Preset) -> EnhanceOptions {
         let preset = match preset {
+            Preset::Pursuit => EnhanceOptions::pursuit(),
             Preset::Quick => EnhanceOptions::quick(),
             Preset::Paper => EnhanceOptions::paper(),
         };
         EnhanceOptions {
+            method: preset.method,
+            pursuit: preset.pursuit,
             median_threshold: self.depth_threshold,
             centre_depth: self.centre_depth,
             schedule: Schedule { shared_steps: self.shared_steps, ..preset.schedule },
@@ -454,6 +459,7 @@ pub(super) fn run_with_progress(
         match event {
             // The next event brings a bar of its own.
             Event::Base => {}
+            Event::Place(at) => show("placing", at.step.into(), at.steps.into(), None),
             Event::Batch { views: range, .. } => {
                 let Some((work, _)) = work else { continue };
                 let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));

@@ -10,6 +10,7 @@ use super::{
     join::{JoinOptions, join},
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
+    pursuit::{self, Placed, Pursuit, PursuitOptions},
     render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
     screen::{self, Refiner, Schedule, base_losses, budgets},
     session::Session,
@@ -22,8 +23,21 @@ use crate::{
     stages::types::Lift,
 };
 
+/// How Gaussians are placed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Method {
+    /// By what they gain in all views at once (method, section 7).
+    #[default]
+    Pursuit,
+    /// The paper's: fitted in each view alone, then lifted (sections 3 and 4).
+    Augs,
+}
+
 #[derive(Debug, Clone, Copy)]
 pub struct EnhanceOptions {
+    pub method: Method,
+    /// Of [`Method::Pursuit`].
+    pub pursuit: PursuitOptions,
     /// Supplementary Gaussians for each Gaussian of the base, at most.
     pub ratio: f64,
     pub schedule: Schedule,
@@ -36,13 +50,24 @@ pub struct EnhanceOptions {
 }
 
 impl EnhanceOptions {
+    /// Residual pursuit, upon which everything learns.
+    pub fn pursuit() -> Self {
+        EnhanceOptions {
+            method: Method::Pursuit,
+            join: JoinOptions { everything: true, pace: 3.0, decay: 0.1, ..JoinOptions::default() },
+            ..Self::paper()
+        }
+    }
+
     /// The paper's settings.
     pub fn paper() -> Self {
         EnhanceOptions {
+            method: Method::Augs,
+            pursuit: PursuitOptions::default(),
             ratio: 0.1,
             schedule: Schedule::PAPER,
             lift: LiftOptions::default(),
-            join: JoinOptions { steps_per_view: 30, bias_correction: false },
+            join: JoinOptions::default(),
             median_threshold: MEDIAN_THRESHOLD,
             centre_depth: false,
         }
@@ -63,6 +88,8 @@ pub enum Event {
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
+    /// Gaussians are being placed by pursuit.
+    Place(pursuit::Progress),
     /// The batch was lifted; [`Enhancer::lifted`] has it until the next event.
     Lifted { views: Range<usize> },
     /// Joint steps done, of how many. At 0 [`Enhancer::resume_join`] may give what an earlier run learned.
@@ -73,6 +100,8 @@ pub enum Event {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Times {
     pub base: Duration,
+    /// Of [`Method::Pursuit`].
+    pub place: Duration,
     pub screen: Duration,
     pub lift: Duration,
     pub join: Duration,
@@ -91,6 +120,8 @@ pub struct Enhanced {
     /// Views whose lifts came from an earlier run.
     pub resumed: usize,
     pub times: Times,
+    /// What [`Method::Pursuit`] placed.
+    pub placed: Option<Placed>,
     /// `None` where nothing was added.
     pub join: Option<TrainReport>,
 }
@@ -98,6 +129,7 @@ pub struct Enhanced {
 /// What is next.
 enum Next {
     Base,
+    Place(Box<Pursuit>),
     Batch(usize),
     Screen(usize),
     Join(Box<Trainer>),
@@ -120,6 +152,7 @@ pub struct Enhancer {
     refined: u32,
     resumed: usize,
     times: Times,
+    placed: Option<Placed>,
     join: Option<TrainReport>,
 }
 
@@ -142,7 +175,14 @@ impl Enhancer {
             backward: false,
             policy: session.policy,
         };
-        let model = Model::upload_around(&session.context, views.origin, scene, Room::default())?;
+        let room = match options.method {
+            Method::Pursuit => {
+                let most = most(scene.base.len() as u32, options.ratio);
+                Room { base: most, supplement: most, page: None }
+            }
+            Method::Augs => Room::default(),
+        };
+        let model = Model::upload_around(&session.context, views.origin, scene, room)?;
         Ok(Enhancer {
             renderer: Renderer::new(&session.context, Needs::of(&model), views, render)?,
             lift: LiftPhase::new(&session.context, options.lift)?,
@@ -157,6 +197,7 @@ impl Enhancer {
             refined: 0,
             resumed: 0,
             times: Times::default(),
+            placed: None,
             join: None,
         })
     }
@@ -167,6 +208,30 @@ impl Enhancer {
         loop {
             let started = Instant::now();
             match &mut self.next {
+                Next::Base if self.options.method == Method::Pursuit => {
+                    let most = most(self.model.count(), self.options.ratio);
+                    let options = self.options.pursuit;
+                    let mut pursuit = Pursuit::new(&self.session, views, self.model.sh_degree, most, options)?;
+                    pursuit.start()?;
+                    self.next = Next::Place(Box::new(pursuit));
+                    self.times.base = started.elapsed();
+                    return Ok(Some(Event::Base));
+                }
+                Next::Place(pursuit) => {
+                    let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
+                    self.times.place += started.elapsed();
+                    if let Some(progress) = progress {
+                        return Ok(Some(Event::Place(progress)));
+                    }
+                    let started = Instant::now();
+                    self.placed = Some(pursuit.placed()?);
+                    self.model.learn_counts()?;
+                    self.next = self.begin_join(views)?;
+                    self.times.join = started.elapsed();
+                    if let Next::Join(trainer) = &self.next {
+                        return Ok(Some(Event::Join { step: 0, steps: trainer.total() }));
+                    }
+                }
                 Next::Base => {
                     self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
                     self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
@@ -275,6 +340,7 @@ impl Enhancer {
             refined: self.refined,
             resumed: self.resumed,
             times: self.times,
+            placed: self.placed,
             join: self.join,
         })
     }
@@ -286,13 +352,19 @@ impl Enhancer {
     }
 
     fn begin_join(&self, views: &Views) -> Result<Next> {
-        if self.model.count_of(Segment::Supplement) == 0 {
+        let placed = self.placed.as_ref().map_or(0, |placed| placed.lobes + placed.plain);
+        if self.model.count_of(Segment::Supplement) + placed == 0 {
             return Ok(Next::Done);
         }
         let mut trainer = join(&self.session, &self.model, views, &self.options.join)?;
         trainer.start(true)?;
         Ok(Next::Join(Box::new(trainer)))
     }
+}
+
+/// Gaussians that may be added to `gaussians`.
+fn most(gaussians: u32, ratio: f64) -> u32 {
+    (ratio * f64::from(gaussians)).ceil() as u32
 }
 
 fn not_joining() -> Error {

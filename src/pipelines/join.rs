@@ -16,12 +16,24 @@ pub struct JoinOptions {
     /// Adam's bias correction of the standard parameters and the base's opacities. The authors' release has none; lobes
     /// always have it.
     pub bias_correction: bool,
+    /// The base learns everything too, not only its opacities.
+    pub everything: bool,
+    /// Rates at first, of the method's, and what share of them is left at the end.
+    pub pace: f32,
+    pub decay: f32,
+}
+
+impl Default for JoinOptions {
+    /// The paper's.
+    fn default() -> Self {
+        JoinOptions { steps_per_view: 30, bias_correction: false, everything: false, pace: 1.0, decay: 1.0 }
+    }
 }
 
 impl JoinOptions {
-    /// Constant over the run; `extent` is the session's.
-    pub fn rates(&self, extent: f32) -> Rates {
-        Rates {
+    /// At a share `done` of the run; `extent` is the session's.
+    pub fn rates(&self, extent: f32, done: f32) -> Rates {
+        let rates = Rates {
             mean: 1.6e-5 * extent,
             log_scale: 0.002,
             quat: 5e-4,
@@ -31,14 +43,15 @@ impl JoinOptions {
             direction: 1e-3,
             width: 2e-4,
             sharpness: 2e-3,
-        }
+        };
+        rates.times(self.pace * self.decay.powf(done))
     }
 
     /// What base and supplement learn.
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let (bias_correction, compensate) = (self.bias_correction, session.policy.compensate);
         [
-            Lesson { segment: Segment::Base, opacity_only: true, sparse: true, bias_correction, compensate },
+            Lesson { segment: Segment::Base, opacity_only: !self.everything, sparse: true, bias_correction, compensate },
             Lesson { segment: Segment::Supplement, opacity_only: false, sparse: false, bias_correction, compensate },
         ]
     }
@@ -47,7 +60,12 @@ impl JoinOptions {
 /// The joint phase on all of `views`, ready to run.
 pub fn join(session: &Session, model: &Model, views: &Views, options: &JoinOptions) -> Result<Trainer> {
     let count = views.cameras.len() as u32;
-    let schedule = permutations(count, options.steps_per_view * count, session.seed);
-    let plan = StepPlan { rates: options.rates(session.extent), active_degree: model.sh_degree };
-    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, move |_| plan)
+    let steps = options.steps_per_view * count;
+    let schedule = permutations(count, steps, session.seed);
+    let (options, extent, active_degree) = (*options, session.extent, model.sh_degree);
+    let plan = move |step| {
+        let done = step as f32 / steps.max(1) as f32;
+        StepPlan { rates: options.rates(extent, done), active_degree }
+    };
+    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
 }

@@ -30,6 +30,13 @@ pub struct Rates {
 }
 
 impl Rates {
+    /// All of them times `factor`.
+    pub fn times(&self, factor: f32) -> Rates {
+        let [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness] =
+            self.by_group().map(|rate| factor * rate);
+        Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness }
+    }
+
     /// In the order of [`groups`](crate::scene::layout::groups).
     pub fn by_group(&self) -> [f32; 9] {
         let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness } = *self;

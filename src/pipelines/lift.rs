@@ -110,6 +110,78 @@ pub struct Flat<'a> {
     pub count: u32,
 }
 
+/// Appends lifts to a segment.
+pub struct Append {
+    scan: Scan,
+    /// By segment.
+    stages: [lift_append::Stage; 2],
+}
+
+/// Lifts, those that are to be appended flagged.
+#[derive(Clone, Copy)]
+pub struct Lifts<'a> {
+    pub lifts: &'a Buffer<Lift>,
+    /// 1: to be appended, else 0.
+    pub flags: &'a Buffer<u32>,
+    /// Scratch: a word for each lift.
+    pub ranks: &'a Buffer<u32>,
+    /// Scratch of a scan over the lifts.
+    pub block_sums: &'a Buffer<u32>,
+    /// Of the lifts, `count` of them.
+    pub extent: Extent<'a>,
+    /// Where in `extent.count` the number of appended ones goes.
+    pub total_index: u32,
+    pub count: u32,
+}
+
+impl Append {
+    /// Makes the pipelines.
+    pub fn new(context: &Context) -> Result<Self, GpuError> {
+        let stage = |has_lobes| {
+            lift_append::Stage::new(context, &lift_append::Spec { workgroup_size: WORKGROUP, has_lobes })
+        };
+        Ok(Append { scan: Scan::new(context, false)?, stages: [stage(false)?, stage(true)?] })
+    }
+
+    /// Appends the flagged ones. What `segment` has no room for is reported in `status`, and left out.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        segment: Segment,
+        from: &Lifts<'_>,
+        model: &Model,
+        status: &Buffer<u32>,
+    ) {
+        let Lifts { lifts, flags, ranks, block_sums, extent, total_index, count } = *from;
+        let buffers = ScanBuffers { values: flags, index: None, block_sums, offsets: ranks };
+        self.scan.record(recorder, &buffers, extent, total_index);
+        let part = model.part(segment);
+        for (k, _, page) in model.pages(segment) {
+            self.stages[segment as usize].record(
+                recorder,
+                &lift_append::Buffers {
+                    lifts,
+                    lift_ranks: ranks,
+                    lift_flags: flags,
+                    population: &model.population,
+                    geometry: part.geometry.page(k),
+                    sh: part.sh.page(k),
+                    lobes: part.lobes.page(k),
+                },
+                &lift_append::Push {
+                    count,
+                    segment: segment.index(),
+                    page_first: page.first,
+                    stride: page.capacity,
+                    sh_coefficients: model.coefficients(),
+                },
+                count,
+            );
+        }
+        model.record_recount(recorder, Some((segment, extent.count, total_index)), status);
+    }
+}
+
 /// The pipelines of inverse splatting.
 pub struct LiftPhase {
     context: Context,
@@ -120,7 +192,7 @@ pub struct LiftPhase {
     join: lift_join::Stage,
     groups: lift_groups::Stage,
     pca: lift_pca::Stage,
-    append: lift_append::Stage,
+    append: Append,
     status: Buffer<u32>,
 }
 
@@ -138,7 +210,7 @@ impl LiftPhase {
             join: lift_join::Stage::new(context, &lift_join::Spec { workgroup_size })?,
             groups: lift_groups::Stage::new(context, &lift_groups::Spec { workgroup_size, fail_on_smallest })?,
             pca: lift_pca::Stage::new(context, &lift_pca::Spec { workgroup_size, plain_weights })?,
-            append: lift_append::Stage::new(context, &lift_append::Spec { workgroup_size })?,
+            append: Append::new(context)?,
             status: Buffer::zeroed(context, "lift status", status::WORDS)?,
             context: context.clone(),
         })
@@ -298,29 +370,16 @@ impl LiftPhase {
         model: &Model,
         status: &Buffer<u32>,
     ) {
-        self.record_scan(recorder, b, &b.lift_flags, &b.lift_ranks, LIFTS);
-        let part = model.part(Segment::Supplement);
-        for (k, _, page) in model.pages(Segment::Supplement) {
-            self.append.record(
-                recorder,
-                &lift_append::Buffers {
-                    lifts: &b.lifts,
-                    lift_ranks: &b.lift_ranks,
-                    population: &model.population,
-                    geometry: part.geometry.page(k),
-                    sh: part.sh.page(k),
-                    lobes: part.lobes.page(k),
-                },
-                &lift_append::Push {
-                    count,
-                    page_first: page.first,
-                    stride: page.capacity,
-                    sh_coefficients: model.coefficients(),
-                },
-                count,
-            );
-        }
-        model.record_recount(recorder, Some((Segment::Supplement, &b.counts, LIFTS)), status);
+        let lifts = Lifts {
+            lifts: &b.lifts,
+            flags: &b.lift_flags,
+            ranks: &b.lift_ranks,
+            block_sums: &b.block_sums,
+            extent: Extent { count: &b.counts, index: PLACES, args: &b.args, dispatch: 0 },
+            total_index: LIFTS,
+            count,
+        };
+        self.append.record(recorder, Segment::Supplement, &lifts, model, status);
     }
 
     /// Lifts the 2D Gaussians of the batch that `refiner` refined last and appends them to `model`. All of `views` count as

@@ -9,6 +9,7 @@ pub mod lift;
 pub mod loss;
 pub mod model;
 pub mod plan;
+pub mod pursuit;
 pub mod raster;
 pub mod render;
 pub mod screen;

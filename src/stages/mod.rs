@@ -18,6 +18,8 @@ pub mod kernels {
 pub use kernels::{
     adam, blend, blend_backward, blend_backward_atomic, constants, dispatch_args, emit, fma_rate, gather, lift_append,
     lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project, project_backward,
+    pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
+    pursuit_residual, pursuit_score,
     radix_downsweep, radix_spine, radix_upsweep, recount, scan_apply, scan_reduce, scan_spine, screen_backward,
     screen_draw, screen_project, screen_prune, screen_tiles, ssim_backward, ssim_forward, step_done, tile_ranges,
     types,
@@ -51,10 +53,11 @@ macro_rules! units {
 
 units! {
     Thread: adam, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
-        recount, screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
-    Subgroup: blend, blend_backward, blend_backward_atomic, lift_count, lift_groups, lift_pca, lift_points, radix_downsweep,
+        pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_score, recount, screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
+    Subgroup: blend, blend_backward, blend_backward_atomic, lift_count, lift_groups, lift_pca, lift_points, pursuit_attenuate,
+        pursuit_residual, radix_downsweep,
         radix_upsweep, scan_apply, scan_reduce, screen_prune;
-    Workgroup: loss_sum, radix_spine, scan_spine, screen_draw, ssim_backward, ssim_forward;
+    Workgroup: loss_sum, pursuit_quanta, radix_spine, scan_spine, screen_draw, ssim_backward, ssim_forward;
 }
 
 impl<K: Stage> Pipeline<K> {

@@ -7,7 +7,6 @@ use crate::{
     },
     scene::{Camera, Gaussians, Supplement, layout},
     stages::{
-        constants::population::SUPPLEMENT,
         kernels,
         types::{self, View},
     },
@@ -177,11 +176,13 @@ fn narrow(l: &Lift) -> types::Lift {
 }
 
 pub(super) fn lift_append(h: kernels::lift_append::Host<'_>) -> Outcome {
-    let kernels::lift_append::Push { count, page_first, stride, sh_coefficients } = h.push;
+    let kernels::lift_append::Push { count, segment, page_first, stride, sh_coefficients } = h.push;
     let count = h.workgroups.threads().min(count as usize);
     let sh_degree = sh_coefficients.isqrt().saturating_sub(1);
-    let there = h.population[SUPPLEMENT as usize + 1] - h.population[SUPPLEMENT as usize];
-    for (lift, &rank) in h.lifts[..count].iter().zip(h.lift_ranks).filter(|(lift, _)| lift.cluster_size > 0) {
+    let there = h.population[segment as usize + 1] - h.population[segment as usize];
+    let flagged = h.lift_flags[..count].iter().zip(h.lift_ranks).enumerate().filter(|(_, (flag, _))| **flag != 0);
+    for (item, (_, &rank)) in flagged {
+        let lift = &h.lifts[item];
         let Some(place) = (there + rank).checked_sub(page_first).filter(|&place| place < stride) else { continue };
         let gaussians = Gaussians { sh_degree, ..Default::default() };
         let mut one = Supplement { gaussians, ..Default::default() };
@@ -189,7 +190,9 @@ pub(super) fn lift_append(h: kernels::lift_append::Host<'_>) -> Outcome {
         let at = |p: usize| p * stride as usize + place as usize;
         layout::geometry(&one.gaussians, 0).into_iter().enumerate().for_each(|(p, v)| h.geometry[at(p)] = v);
         (0..layout::sh_planes(sh_degree)).for_each(|p| h.sh[at(p)] = layout::sh(&one.gaussians, 0, p));
-        layout::lobe(&one.lobes, 0).into_iter().enumerate().for_each(|(p, v)| h.lobes[at(p)] = v);
+        if h.spec.has_lobes {
+            layout::lobe(&one.lobes, 0).into_iter().enumerate().for_each(|(p, v)| h.lobes[at(p)] = v);
+        }
     }
     Ok(())
 }

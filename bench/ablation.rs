@@ -1,0 +1,249 @@
+//! What each way of spending steps and bytes on a trained base gains on held-out photographs.
+//!
+//!     cargo bench --bench ablation -- DATASET [--base PLY | --gaussians N --iterations N] [--max-size N] [--seeds N] [--rows LIST]
+//!
+//! Every row begins with the same base and takes the same number of joint steps:
+//!
+//! - `more`: nothing is added, the base learns on;
+//! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: whichever gains more for its bytes;
+//! - `augs`: the paper's placement and joint stage, with the rounds of the preset `quick`; `paper`: with its own;
+//! - `augs+`: its placement, and a joint stage in which everything learns, as the others have it.
+//!
+//! Prints a table, or with `--json` a line of JSON for each row and seed.
+
+use std::{path::PathBuf, process::ExitCode, time::Instant};
+
+use clap::Parser;
+use glint::{
+    Error, Result,
+    data::{Dataset, DatasetOptions, Photo, Split, builtin::builtin_scene, read_scene, scene_bytes, write_scene},
+    gpu::{Context, ContextOptions},
+    pipelines::{
+        enhance::{EnhanceOptions, Method, enhance},
+        join::join,
+        model::{Model, Room},
+        pursuit::Kinds,
+        render::RenderOptions,
+        session::Session,
+        start::{first_points, photos_of, upload_photos},
+        train::{BaseOptions, train_base},
+        views::Views,
+    },
+    report::{evaluate::evaluate, metrics::Quality},
+    scene::{Scene, from_points},
+};
+use serde_json::json;
+
+#[derive(Parser)]
+#[command(name = "ablation", about = "What each way of augmenting a base gains on held-out photographs")]
+struct Args {
+    /// Folder or JSON file of a dataset; without, the built-in scene
+    dataset: Option<PathBuf>,
+    /// A trained base; without, one is trained
+    #[arg(long, value_name = "PLY")]
+    base: Option<PathBuf>,
+    /// Gaussians of a base that is trained
+    #[arg(long, default_value_t = 4000)]
+    gaussians: usize,
+    /// Steps of a base that is trained
+    #[arg(long, default_value_t = 3000)]
+    iterations: u32,
+    /// Keep the trained base here
+    #[arg(long, value_name = "PLY")]
+    keep: Option<PathBuf>,
+    #[arg(long, default_value_t = 72)]
+    max_size: u32,
+    #[arg(long, default_value_t = 0.1)]
+    ratio: f64,
+    /// Joint steps for each view
+    #[arg(long, default_value_t = 30)]
+    steps: u32,
+    /// Seeds 0 to N - 1 of every row
+    #[arg(long, default_value_t = 1)]
+    seeds: u64,
+    #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
+    rows: Vec<String>,
+    /// Settings of pursuit and of the joint stage other than the defaults: draws, sizes, first, ratio, rounds, pace, decay
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
+    set: Vec<String>,
+    #[arg(long)]
+    device: Option<String>,
+    #[arg(long)]
+    json: bool,
+    /// Given by cargo bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::from(e.exit_code())
+        }
+    }
+}
+
+/// The options of a row; `None` for the control.
+fn options_of(row: &str, args: &Args) -> Result<Option<EnhanceOptions>> {
+    let mut options = match row {
+        "more" => return Ok(None),
+        "plain" | "lobes" | "pursuit" => EnhanceOptions::pursuit(),
+        "augs" | "augs+" => EnhanceOptions::quick(),
+        "paper" => EnhanceOptions::paper(),
+        other => return Err(Error::Usage(format!("unknown row `{other}`"))),
+    };
+    options.ratio = args.ratio;
+    options.join.steps_per_view = args.steps;
+    match row {
+        "plain" => options.pursuit.kinds = Kinds::Plain,
+        "lobes" => options.pursuit.kinds = Kinds::Lobes,
+        "augs+" => options.join = join_all(args)?,
+        _ => {}
+    }
+    if options.method == Method::Pursuit {
+        set(&mut options, args)?;
+    }
+    Ok(Some(options))
+}
+
+fn join_all(args: &Args) -> Result<glint::pipelines::join::JoinOptions> {
+    let mut options = EnhanceOptions::pursuit();
+    options.join.steps_per_view = args.steps;
+    set(&mut options, args)?;
+    Ok(options.join)
+}
+
+fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
+    for pair in &args.set {
+        let bad = || Error::Usage(format!("--set {pair}: expected a known key and a number"));
+        let (key, value) = pair.split_once('=').ok_or_else(bad)?;
+        let value: f32 = value.parse().map_err(|_| bad())?;
+        match key {
+            "draws" => options.pursuit.draws = value as u32,
+            "sizes" => options.pursuit.sizes = value as u32,
+            "first" => options.pursuit.first_size = value,
+            "ratio" => options.pursuit.size_ratio = value,
+            "rounds" => options.pursuit.rounds = value as u32,
+            "pace" => options.join.pace = value,
+            "decay" => options.join.decay = value,
+            _ => return Err(bad()),
+        }
+    }
+    Ok(())
+}
+
+fn quality(session: &Session, scene: &Scene, photos: &[&Photo]) -> Result<Quality> {
+    let render = RenderOptions { policy: session.policy, ..Default::default() };
+    Ok(evaluate(&session.context, scene, photos, render, session.background, |_| Ok(()))?.augmented)
+}
+
+fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Result<Scene> {
+    let first = first_points(dataset, Some(args.gaussians), 0);
+    let base = from_points(&first.cloud.positions, &first.cloud.colors, 3);
+    let scene = Scene { base, supplement: None };
+    let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
+    let options = BaseOptions { iterations: args.iterations, sh_degree: 3 };
+    train_base(session, &model, views, &options, false, |_| ())?;
+    model.download()
+}
+
+fn run(args: &Args) -> Result<()> {
+    let options = DatasetOptions { max_size: Some(args.max_size), ..Default::default() };
+    let dataset = match &args.dataset {
+        Some(path) => Dataset::open(path, &options)?,
+        None => builtin_scene(8000).dataset(),
+    };
+    let (learned, held) = (photos_of(&dataset, Some(Split::Train))?, photos_of(&dataset, Some(Split::Test))?);
+    let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
+    let background = [0.0; 3];
+    let views = upload_photos(&context, &learned, background, |_, _| ())?;
+    let session = |seed| Session { extent: dataset.extent() as f32, background, seed, ..Session::new(&context) };
+    let base = match &args.base {
+        Some(path) => read_scene(path)?,
+        None => train(args, &dataset, &session(0), &views)?,
+    };
+    if let Some(path) = &args.keep {
+        write_scene(path, &base)?;
+    }
+    let before = quality(&session(0), &base, &held)?;
+    let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
+    let mut table = Vec::new();
+    let name = args.dataset.as_ref().map_or("built-in".into(), |path| path.display().to_string());
+    if !args.json {
+        println!(
+            "{name}: {} Gaussians, {} training and {} held-out photos at {} px, base {:.2} dB, SSIM {:.4}",
+            base.base.len(),
+            learned.len(),
+            held.len(),
+            args.max_size,
+            before.psnr,
+            before.ssim
+        );
+    }
+    for row in &args.rows {
+        let options = options_of(row, args)?;
+        let mut found = Vec::new();
+        for seed in 0..args.seeds {
+            let (session, started) = (session(seed), Instant::now());
+            let (scene, lobes, plain, place) = match &options {
+                None => {
+                    let model = Model::upload_around(&context, views.origin, &base, Room::default())?;
+                    join(&session, &model, &views, &join_all(args)?)?.run(&model, &views, false, |_| ())?;
+                    (model.download()?, 0, 0, 0.0)
+                }
+                Some(options) => {
+                    let done = enhance(&session, &base, &views, options, |_| ())?;
+                    let plain = done.placed.as_ref().map_or(0, |placed| placed.plain);
+                    let times = done.times;
+                    let place = (times.base + times.place + times.screen + times.lift).as_secs_f64();
+                    (done.scene, done.lifted, plain, place)
+                }
+            };
+            let seconds = started.elapsed().as_secs_f64();
+            let after = quality(&session, &scene, &held)?;
+            let supplement = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+            let bytes = scene_bytes(scene.base.len() as u64, supplement as u64, base.base.sh_degree);
+            if args.json {
+                println!(
+                    "{}",
+                    json!({
+                        "name": row, "dataset": name, "seed": seed, "psnr": after.psnr, "ssim": after.ssim,
+                        "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
+                        "gaussians": scene.base.len() + supplement, "lobes": lobes, "plain": plain,
+                    })
+                );
+            }
+            found.push((after, lobes, plain, place, seconds));
+        }
+        let mean = |of: &dyn Fn(&(Quality, u32, u32, f64, f64)) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
+        let psnr = mean(&|f| f.0.psnr);
+        let most = found.iter().map(|f| f.0.psnr).fold(f64::MIN, f64::max);
+        let least = found.iter().map(|f| f.0.psnr).fold(f64::MAX, f64::min);
+        table.push((row.clone(), [
+            psnr,
+            psnr - before.psnr,
+            mean(&|f| f.0.ssim),
+            most - least,
+            mean(&|f| f.1.into()),
+            mean(&|f| f.2.into()),
+            mean(&|f| f.3),
+            mean(&|f| f.4),
+        ]));
+        if !args.json {
+            let v = &table.last().unwrap().1;
+            eprintln!("{row}: {:+.2} dB, {:.1} s", v[1], v[7]);
+        }
+    }
+    if !args.json {
+        println!("{}", columns.join("\t"));
+        for (row, v) in &table {
+            println!(
+                "{row}\t{:.2}\t{:+.2}\t{:.4}\t{:.2}\t{:.0}\t{:.0}\t{:.1}\t{:.1}",
+                v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]
+            );
+        }
+    }
+    Ok(())
+}

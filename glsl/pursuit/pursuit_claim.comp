@@ -1,0 +1,50 @@
+#version 460
+// Candidates claim the cells of CELL * CELL pixels that they would change most in the views of a page; whoever gains most has them.
+//
+// One thread takes one candidate. First claims: gains -> claims (the greatest gain, as bits, which order as numbers do). Then, with
+// CHECK: claims -> beaten, 1 for a candidate that lost one of its cells. Equal gains both win.
+#extension GL_GOOGLE_include_directive : require
+#define PURSUIT_READS
+#include "../shared/common.glsl"
+#include "../shared/pursuit.glsl"
+
+layout(constant_id = 1) const bool CHECK = false;
+
+layout(push_constant, scalar) uniform Push {
+    uint count;
+    uint view_first, view_end;
+    uint begin; // 1: nobody is beaten yet
+} push;
+
+layout(set = 0, binding = 4, scalar) readonly buffer Fits { Fit fits[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Gains { float gains[]; };
+layout(set = 0, binding = 6, scalar) buffer Claims { uint claims[]; };
+layout(set = 0, binding = 7, scalar) buffer Beaten { uint beaten[]; };
+
+void main() {
+    uint i = thread_index();
+    if (i >= push.count) return;
+    float gain = gains[i];
+    bool lost = CHECK && push.begin == 0 && beaten[i] != 0;
+    if (gain > 0.0 && !lost) {
+        uint mine = floatBitsToUint(gain);
+        Candidate c = candidates[i];
+        Fit fit = fits[i];
+        for (uint v = push.view_first; v < push.view_end; ++v) {
+            View view = views[v];
+            Sight s;
+            if (!sees(v, view, c, s)) continue;
+            if (!(fit.opacity * lobe_factor(s.theta, fit.width) > 0.0)) continue;
+            uvec4 window = window_of(view, s, CORE * footprint_px(view, s.z, fit.sigma));
+            uint across = (view.width + CELL - 1) / CELL;
+            for (uint y = window.y / CELL; y <= window.w / CELL; ++y) {
+                for (uint x = window.x / CELL; x <= window.z / CELL; ++x) {
+                    uint cell = plots[v].cell_first + y * across + x;
+                    if (CHECK) lost = lost || claims[cell] > mine;
+                    else atomicMax(claims[cell], mine);
+                }
+            }
+        }
+    }
+    if (CHECK) beaten[i] = uint(lost);
+}

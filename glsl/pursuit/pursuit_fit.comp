@@ -1,0 +1,59 @@
+#version 460
+// The size, lobe width, opacity and colour of each candidate that gain most over all views.
+//
+// One thread takes one candidate. sums, candidates -> fits. The gain (see pursuit_score) is concave in the colour and in the opacity
+// alone, so each is set in turn to its best: colour (A / o + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within
+// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth: gain over bytes.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/pursuit.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint first, count;
+    uint sizes;
+    float first_size, size_ratio;
+    float lobe_worth, plain_worth; // what a gain counts with a lobe and without; 0: not to be tried
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Candidates { Candidate candidates[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Sums { float sums[]; };
+layout(set = 0, binding = 2, scalar) writeonly buffer Fits { Fit fits[]; };
+
+const float OPACITY_FIRST = 0.6, OPACITY_MIN = 0.1, OPACITY_MAX = 0.95;
+const uint ROUNDS = 3;
+
+void main() {
+    uint k = thread_index(), items = push.count * push.sizes;
+    if (k >= push.count) return;
+    uint i = push.first + k;
+    Candidate candidate = candidates[i];
+    Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0);
+    // guard: pursuit: a pixel that is drawn twice
+    bool again = i > 0 && candidates[i - 1].view == candidate.view && candidates[i - 1].pixel == candidate.pixel;
+    if (candidate.view != NONE && !again) {
+        float most = 0.0;
+        for (uint s = 0; s < push.sizes; ++s) {
+            uint item = k * push.sizes + s;
+            for (uint w = 0; w < WIDTHS; ++w) {
+                float worth = w == WIDTHS - 1 ? push.plain_worth : push.lobe_worth;
+                float x[SUMS];
+                [[unroll]] for (uint q = 0; q < SUMS; ++q) x[q] = sums[(w * SUMS + q) * items + item];
+                vec3 a = vec3(x[0], x[1], x[2]), b = vec3(x[3], x[4], x[5]), colour = vec3(0.0);
+                if (!(worth > 0.0 && x[6] > 0.0)) continue; // guard: pursuit: lobes that no view is in
+                float opacity = OPACITY_FIRST;
+                for (uint round = 0; round < ROUNDS; ++round) {
+                    colour = clamp((a / opacity + b) / x[6], vec3(0.0), vec3(1.0));
+                    float bend = x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6];
+                    if (bend > 0.0) opacity = clamp((dot(colour, a) - x[7]) / bend, OPACITY_MIN, OPACITY_MAX);
+                }
+                float gain = 2.0 * opacity * (dot(colour, a) - x[7]) -
+                             opacity * opacity * (x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6]);
+                if (!(gain * worth > most && gain <= FLOAT_MAX)) continue;
+                most = gain * worth;
+                float size = push.first_size * pow(push.size_ratio, float(s));
+                best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain);
+            }
+        }
+    }
+    fits[i] = best;
+}

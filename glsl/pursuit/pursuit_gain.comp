@@ -1,0 +1,47 @@
+#version 460
+// What every candidate that is not chosen yet gains in the views of a page, given what the choices so far have explained there.
+//
+// One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits, gain_keys -> gains, which are
+// added to. Where a candidate makes a view better, its gain there falls with the square of what remains of the residual; where it makes
+// it worse, the loss stays as it is.
+#extension GL_GOOGLE_include_directive : require
+#define PURSUIT_READS
+#define PURSUIT_TEXELS 4
+#include "../shared/common.glsl"
+#include "../shared/pursuit.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint count;
+    uint view_first, view_end;
+    uint begin; // 1: the gains begin at 0
+} push;
+
+layout(set = 0, binding = 5, scalar) readonly buffer Explained { uint explained[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Fits { Fit fits[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer GainKeys { uint gain_keys[]; };
+layout(set = 0, binding = 8, scalar) buffer Gains { float gains[]; };
+
+void main() {
+    uint i = thread_index();
+    if (i >= push.count) return;
+    Fit fit = fits[i];
+    float gain = push.begin != 0 ? 0.0 : gains[i];
+    if (fit.gain > 0.0 && gain_keys[i] == NONE) {
+        Candidate c = candidates[i];
+        for (uint v = push.view_first; v < push.view_end; ++v) {
+            View view = views[v];
+            Sight s;
+            if (!sees(v, view, c, s)) continue;
+            float alpha = fit.opacity * lobe_factor(s.theta, fit.width);
+            if (!(alpha > 0.0)) continue;
+            float deviation = footprint_px(view, s.z, fit.sigma);
+            vec3 r, render;
+            look(plots[v], view, s.at, deviation, r, render);
+            vec3 after = r - alpha * (fit.colour - render);
+            float here = 4.0 * PI * deviation * deviation * (dot(r, r) - dot(after, after));
+            float left = exp2(-float(explained[plots[v].pixel_first + s.pixel]) / HALVING);
+            gain += here > 0.0 ? here * left * left : here;
+        }
+    }
+    gains[i] = gain;
+}

@@ -1,0 +1,64 @@
+#version 460
+// What every candidate would meet in the views of a page: the sums from which its best colour, opacity and gain follow for each size
+// and lobe width.
+//
+// One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums, which are added to: plane
+// (width * SUMS + s) of item candidate * sizes + size.
+// With r the blurred photograph minus render, b the render, l the lobe's factor and a the area of the footprint, an opacity o and
+// colour c change the squared error of a view by -a (|r|^2 - |r - o l (c - b)|^2). Summed over the views that see it the gain is
+// 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S a l r, B = S a l^2 b, C = S a l^2, D = S a l r.b, E = S a l^2 |b|^2.
+#extension GL_GOOGLE_include_directive : require
+#define PURSUIT_READS
+#define PURSUIT_TEXELS 4
+#include "../shared/common.glsl"
+#include "../shared/pursuit.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint first, count; // candidates
+    uint sizes;
+    float first_size, size_ratio; // px of the view that a candidate was drawn in
+    uint view_first, view_end;
+    uint begin; // 1: the sums begin at 0
+} push;
+
+layout(set = 0, binding = 5, scalar) buffer Sums { float sums[]; };
+
+void main() {
+    uint item = thread_index(), items = push.count * push.sizes;
+    if (item >= items) return;
+    Candidate c = candidates[push.first + item / push.sizes];
+    float size = push.first_size * pow(push.size_ratio, float(item % push.sizes));
+    float sigma = sigma_of(size, c.px);
+    vec3 a[WIDTHS], b[WIDTHS], cde[WIDTHS];
+    [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
+        a[w] = vec3(0.0);
+        b[w] = vec3(0.0);
+        cde[w] = vec3(0.0);
+    }
+    if (c.view != NONE) {
+        for (uint v = push.view_first; v < push.view_end; ++v) {
+            View view = views[v];
+            Sight s;
+            if (!sees(v, view, c, s)) continue;
+            float deviation = footprint_px(view, s.z, sigma), area = 4.0 * PI * deviation * deviation;
+            vec3 r, render;
+            look(plots[v], view, s.at, deviation, r, render);
+            float r_b = dot(r, render), b_b = dot(render, render);
+            [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
+                float l = lobe_factor(s.theta, lobe_width(w, c.theta_bar)), l1 = area * l, l2 = l1 * l;
+                a[w] += l1 * r;
+                b[w] += l2 * render;
+                cde[w] += vec3(l2, l1 * r_b, l2 * b_b);
+            }
+        }
+    }
+    [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
+        [[unroll]] for (uint q = 0; q < 3; ++q) {
+            uint at = w * SUMS + q;
+            bool begin = push.begin != 0;
+            sums[at * items + item] = (begin ? 0.0 : sums[at * items + item]) + a[w][q];
+            sums[(at + 3) * items + item] = (begin ? 0.0 : sums[(at + 3) * items + item]) + b[w][q];
+            sums[(at + 6) * items + item] = (begin ? 0.0 : sums[(at + 6) * items + item]) + cde[w][q];
+        }
+    }
+}

@@ -1,0 +1,166 @@
+// Residual pursuit (method, section 7): supplementary and plain Gaussians placed by what they gain in all training views at once.
+//
+// What photographs and renders differ by lies in a pyramid for each view: level k is blurred by FIRST_BLUR * 2^k px and has one texel
+// for 2^k * 2^k pixels. Views lie in pages, since no device binds all of a large dataset at once.
+#include "view.glsl"
+#include "unit.glsl" // FLOAT_MAX
+
+const uint LEVELS = 3;
+const float FIRST_BLUR = 0.7;   // px, standard deviation
+const float NEXT_BLUR = 1.2124; // texels of the level below, so that variances add up to the double deviation: sqrt(3) * 0.7
+const uint WIDTHS = 6;          // of lobes that are tried; the last stands for none
+const uint SUMS = 9;            // of a size and a width, see pursuit_score
+const uint ERROR_BLOCK = 256;   // pixels
+const uint CELL = 2;            // px
+const float REACH = 2.5;        // standard deviations within which a choice changes what is left
+const float CORE = 0.5;         // standard deviations that a candidate has for itself in its round
+const float HALVING = 65536.0;  // of `explained`: half of a residual is explained
+const float WIDEST = 3.2;       // px: footprints beyond are scored as this one
+
+// Where a view lies in its page, and its errors among all.
+struct Plot {
+    uint texel_first; // of level 0; the next levels follow
+    uint pixel_first; // of depths, errors and remains
+    uint cell_first;
+    uint block_first; // number of its first block of ERROR_BLOCK pixels, among those of all views
+};
+
+// Blurred photograph minus render, and render, sRGB: six halves.
+struct Texel {
+    uint difference_rg;
+    uint difference_b_render_r;
+    uint render_gb;
+};
+
+Texel pack_texel(vec3 difference, vec3 render) {
+    return Texel(packHalf2x16(difference.rg), packHalf2x16(vec2(difference.b, render.r)), packHalf2x16(render.gb));
+}
+
+void unpack_texel(Texel t, out vec3 difference, out vec3 render) {
+    vec2 a = unpackHalf2x16(t.difference_rg), b = unpackHalf2x16(t.difference_b_render_r), c = unpackHalf2x16(t.render_gb);
+    difference = vec3(a, b.x);
+    render = vec3(b.y, c);
+}
+
+// A drawn pixel's point on the surface that the base shows there.
+struct Candidate {
+    vec3 mean;       // from the model's origin, scene units
+    vec3 toward;     // unit, to the camera of the view that it was drawn in
+    float px;        // scene units that a pixel of that view covers at its depth
+    float theta_bar; // angle to the nearest other training view, radians
+    uint view;       // NONE: no candidate
+    uint pixel;      // of that view
+};
+
+// The best Gaussian found for a candidate.
+struct Fit {
+    float sigma;   // standard deviation, scene units
+    float opacity; // 0 to 1
+    float width;   // T of the lobe; 0: none, a plain Gaussian
+    vec3 colour;   // sRGB
+    float gain;    // fall of the squared error over all views, px; 0: none
+};
+
+// The texels of level k of a view: first, width, height.
+uvec3 level_of(Plot plot, uint width, uint height, uint k) {
+    uvec3 level = uvec3(plot.texel_first, width, height);
+    for (uint j = 1; j <= k; ++j) {
+        level.x += level.y * level.z;
+        level.yz = uvec2((width + (1u << j) - 1) >> j, (height + (1u << j) - 1) >> j);
+    }
+    return level;
+}
+
+// Cosine lobe of sharpness 0 (method, section 1); 1 for width 0.
+float lobe_factor(float theta, float width) {
+    if (width == 0.0) return 1.0;
+    float psi = theta / width;
+    return psi < PI ? 0.5 * (cos(psi) + 1.0) : 0.0;
+}
+
+// T of width w of WIDTHS; 0 for none. The paper's T = 7 theta_bar / pi (method, section 4) and its half, double, ... are tried.
+float lobe_width(uint w, float theta_bar) {
+    return w == WIDTHS - 1 ? 0.0 : clamp(exp2(float(w) - 1.0) * 7.0 * theta_bar / PI, 0.01, 1.0);
+}
+
+// Scene units of a Gaussian that covers `size` px, dilation included, where a pixel covers `px` scene units.
+float sigma_of(float size, float px) { return sqrt(max(size * size - DILATION, 0.1)) * px; }
+
+float angle_between(vec3 a, vec3 b) { return atan(length(cross(a, b)), dot(a, b)); }
+
+// Where a point is seen in a view: pixels, and camera z. False outside of the image and before the near plane.
+bool project_point(View view, vec3 mean, out vec3 at) {
+    vec3 p = to_camera(view, mean);
+    at = vec3(0.0);
+    if (!(p.z > NEAR)) return false; // guard: pursuit: points before the near plane
+    at = vec3(view.fx * p.x / p.z + view.cx, view.fy * p.y / p.z + view.cy, p.z);
+    return at.x >= 0.0 && at.y >= 0.0 && at.x < float(view.width) && at.y < float(view.height);
+}
+
+#ifdef PURSUIT_READS
+layout(set = 0, binding = 0, scalar) readonly buffer Views { View views[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Plots { Plot plots[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer SurfaceDepths { float surface_depths[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Candidates { Candidate candidates[]; };
+
+// How a view sees a candidate.
+struct Sight {
+    vec2 at;       // px
+    uint pixel;
+    float z;       // camera z
+    float theta;   // between this camera and the one of the view that it was drawn in
+};
+
+// False where it is outside of the image, or the view's own surface is not within SAME_DEPTH of its depth: there it is hidden, or
+// hovers before what the view shows. The view that it was drawn in sees it always.
+const float SAME_DEPTH = 0.05;
+bool sees(uint v, View view, Candidate c, out Sight s) {
+    vec3 at;
+    bool inside = project_point(view, c.mean, at);
+    s.at = at.xy;
+    s.z = at.z;
+    s.pixel = 0;
+    s.theta = 0.0;
+    if (!inside) return false;
+    s.pixel = uint(at.y) * view.width + uint(at.x);
+    float own = surface_depths[plots[v].pixel_first + s.pixel];
+    if (v != c.view && !(own > 0.0 && abs(at.z - own) < SAME_DEPTH * own)) return false; // guard: pursuit: hidden candidates
+    s.theta = v == c.view ? 0.0 : angle_between(c.toward, view.eye - c.mean);
+    return true;
+}
+
+// Standard deviation in pixels of a view of a round Gaussian of `sigma` scene units.
+float footprint_px(View view, float z, float sigma) {
+    float px = sigma * view.fx / z;
+    return min(sqrt(px * px + DILATION), WIDEST);
+}
+
+// The pixels within `px` of a candidate's: first and last column and row, as (x, y, x, y).
+uvec4 window_of(View view, Sight s, float px) {
+    ivec2 centre = ivec2(s.pixel % view.width, s.pixel / view.width);
+    int reach = int(ceil(px));
+    return uvec4(max(centre - reach, ivec2(0)), min(centre + reach, ivec2(view.width, view.height) - 1));
+}
+#endif
+
+#ifdef PURSUIT_TEXELS
+layout(set = 0, binding = PURSUIT_TEXELS, scalar) readonly buffer Texels { Texel texels[]; };
+
+// Photograph minus render, and render, blurred by about `deviation` px: the level that is nearest, between its four texels.
+void look(Plot plot, View view, vec2 at, float deviation, out vec3 difference, out vec3 render) {
+    uint k = uint(clamp(floor(log2(deviation / FIRST_BLUR) + 0.5), 0.0, float(LEVELS - 1)));
+    uvec3 level = level_of(plot, view.width, view.height, k);
+    vec2 place = at / float(1u << k) - 0.5, low = floor(place), share = place - low;
+    difference = vec3(0.0);
+    render = vec3(0.0);
+    for (uint corner = 0; corner < 4; ++corner) {
+        vec2 step = vec2(corner & 1, corner >> 1);
+        uvec2 texel = uvec2(clamp(low + step, vec2(0.0), vec2(level.yz - 1)));
+        vec2 weights = mix(1.0 - share, share, step);
+        vec3 some_difference, some_render;
+        unpack_texel(texels[level.x + texel.y * level.y + texel.x], some_difference, some_render);
+        difference += weights.x * weights.y * some_difference;
+        render += weights.x * weights.y * some_render;
+    }
+}
+#endif

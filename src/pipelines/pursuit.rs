@@ -1,0 +1,697 @@
+//! Residual pursuit (method, section 7): Gaussians, with lobes or plain, placed by what they gain in all training views at once.
+//!
+//! look (render, residual, pyramid of each view) → draw → (score → fit) for each chunk of candidates → rounds of (gain → claim → check
+//! → attenuate) → place → append. The host waits for nothing in between; how many were placed it learns at the end.
+
+use super::{
+    lift::{Append, Lifts},
+    model::{Model, Segment},
+    plan::buffers,
+    render::{Renderer, Show},
+    session::Session,
+    sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    steps::{Looped, Steps},
+    views::Views,
+};
+use crate::{
+    error::{Error, Result},
+    gpu::{Buffer, Context, GpuError, Location, Recorder},
+    stages::{
+        WORKGROUP,
+        blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
+        constants::{
+            constants::NONE,
+            pursuit::{CELL, ERROR_BLOCK, LEVELS, SUMS, WIDTHS},
+        },
+        dispatch_args, pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain,
+        pursuit_place, pursuit_quanta, pursuit_residual, pursuit_score,
+        status::Resource,
+        types::{Candidate, Fit, Lift, Plot, Texel},
+    },
+};
+
+/// What may be placed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Kinds {
+    /// With a lobe or plain, whichever gains more for its bytes.
+    #[default]
+    Both,
+    Lobes,
+    Plain,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PursuitOptions {
+    /// Candidates that are drawn for each Gaussian that may be placed.
+    pub draws: u32,
+    /// Sizes that are tried: `first_size` times powers of `size_ratio`, px of the view that a candidate was drawn in.
+    pub sizes: u32,
+    pub first_size: f32,
+    pub size_ratio: f32,
+    /// Rounds of choosing, each of which takes all candidates that no overlapping one beats.
+    pub rounds: u32,
+    pub kinds: Kinds,
+    /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
+    pub least_gain: f32,
+}
+
+impl Default for PursuitOptions {
+    fn default() -> Self {
+        PursuitOptions {
+            draws: 12,
+            sizes: 6,
+            first_size: 0.5,
+            size_ratio: std::f32::consts::SQRT_2,
+            rounds: 24,
+            kinds: Kinds::Both,
+            least_gain: 0.0,
+        }
+    }
+}
+
+/// What was placed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Placed {
+    /// In the order of falling gain; `lobe_width` 0: plain, in the base; `cluster_size` 0: none.
+    pub lifts: Vec<Lift>,
+    pub lobes: u32,
+    pub plain: u32,
+    /// By rank: fall of the squared error that each was expected to bring.
+    pub gains: Vec<f32>,
+}
+
+/// Words of `counts`.
+const BLOCKS: u32 = 0;
+const QUANTA: u32 = 1;
+const CANDIDATES: u32 = 2;
+const KEPT: u32 = 3;
+const PLACES: u32 = 4;
+const PLACED: u32 = 5;
+const COUNTS: usize = 6;
+
+/// Steps in one submission.
+const STEPS_PER_SUBMISSION: u32 = 8;
+/// Bytes of sums that a chunk of candidates may take.
+const CHUNK_BYTES: u64 = 128 << 20;
+
+/// Views whose pyramids lie in the same buffers.
+struct Page {
+    views: std::ops::Range<u32>,
+    blocks: std::ops::Range<u32>,
+    texels: Buffer<Texel>,
+    surface_depths: Buffer<f32>,
+    errors: Buffer<f32>,
+    explained: Buffer<u32>,
+    claims: Buffer<u32>,
+}
+
+/// Sizes of [`Work`].
+struct Sizes {
+    pixels: u32,
+    blocks: u32,
+    candidates: u32,
+    chunk_items: u32,
+    most: u32,
+}
+
+buffers! {
+    struct Work(o: Sizes) {
+        /// Unblurred texels of one view.
+        raw_texels: Texel = o.pixels,
+        counts: u32 = COUNTS,
+        args: u32 = 9,
+        error_sums: f32 = o.blocks,
+        quanta: u32 = o.blocks,
+        quanta_firsts: u32 = o.blocks,
+        block_sums: u32 = block_sums_len(o.blocks.max(o.most)),
+        candidates: Candidate = o.candidates,
+        fits: Fit = o.candidates,
+        sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
+        gains: f32 = o.candidates,
+        beaten: u32 = o.candidates,
+        gain_keys: u32 = o.candidates,
+        sorted_keys: u32 = o.candidates,
+        order: u32 = o.candidates,
+        other_keys: u32 = o.candidates,
+        other_order: u32 = o.candidates,
+        radix_counts: u32 = block_counts_len(o.candidates, RadixSort::digit_bits_for(32)),
+        digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(32)),
+        lifts: Lift = o.most,
+        lift_flags: u32 = o.most,
+        plain_flags: u32 = o.most,
+        ranks: u32 = o.most,
+    }
+}
+
+/// What is being done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Job {
+    /// Every view is rendered and its pyramid made.
+    Look,
+    Choose,
+    Done,
+}
+
+/// How far a placement is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    pub step: u32,
+    pub steps: u32,
+}
+
+/// A placement on its way.
+pub struct Pursuit {
+    placer: Placer,
+    steps: Steps,
+    job: Job,
+}
+
+/// Everything that a placement needs, made once.
+struct Placer {
+    context: Context,
+    options: PursuitOptions,
+    background: [f32; 3],
+    seed: u32,
+    most: u32,
+    candidates: u32,
+    /// Candidates of a chunk.
+    chunk: u32,
+    worth: [f32; 2],
+    plots: Buffer<Plot>,
+    plot_list: Vec<Plot>,
+    pages: Vec<Page>,
+    work: Work,
+    stages: Stages,
+}
+
+struct Stages {
+    residual: pursuit_residual::Stage,
+    blur: [pursuit_blur::Stage; 2],
+    quanta: pursuit_quanta::Stage,
+    args: dispatch_args::Stage,
+    scan: Scan,
+    draw: pursuit_draw::Stage,
+    score: pursuit_score::Stage,
+    fit: pursuit_fit::Stage,
+    gain: pursuit_gain::Stage,
+    claim: [pursuit_claim::Stage; 2],
+    attenuate: pursuit_attenuate::Stage,
+    sort: RadixSort,
+    place: pursuit_place::Stage,
+    append: Append,
+}
+
+impl Stages {
+    fn new(context: &Context) -> Result<Self, GpuError> {
+        let workgroup_size = WORKGROUP;
+        let blur = |halve| pursuit_blur::Stage::new(context, &pursuit_blur::Spec { workgroup_size, halve });
+        let claim = |check| pursuit_claim::Stage::new(context, &pursuit_claim::Spec { workgroup_size, check });
+        // One workgroup sums over everything: as many threads as a spine has.
+        let quanta = pursuit_quanta::Spec { workgroup_size: context.info().workgroup(256) };
+        Ok(Stages {
+            residual: pursuit_residual::Stage::new(context, &pursuit_residual::Spec { workgroup_size })?,
+            blur: [blur(false)?, blur(true)?],
+            quanta: pursuit_quanta::Stage::new(context, &quanta)?,
+            args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+            scan: Scan::new(context, false)?,
+            draw: pursuit_draw::Stage::new(context, &pursuit_draw::Spec { workgroup_size })?,
+            score: pursuit_score::Stage::new(context, &pursuit_score::Spec { workgroup_size })?,
+            fit: pursuit_fit::Stage::new(context, &pursuit_fit::Spec { workgroup_size })?,
+            gain: pursuit_gain::Stage::new(context, &pursuit_gain::Spec { workgroup_size })?,
+            claim: [claim(false)?, claim(true)?],
+            attenuate: pursuit_attenuate::Stage::new(context, &pursuit_attenuate::Spec { workgroup_size })?,
+            sort: RadixSort::new(context, 32, true)?,
+            place: pursuit_place::Stage::new(context, &pursuit_place::Spec { workgroup_size })?,
+            append: Append::new(context)?,
+        })
+    }
+}
+
+/// Where level k of a view lies: first texel, width, height.
+fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
+    let mut level = [plot.texel_first, width, height];
+    for j in 1..=k {
+        level[0] += level[1] * level[2];
+        level[1] = width.div_ceil(1 << j);
+        level[2] = height.div_ceil(1 << j);
+    }
+    level
+}
+
+impl Pursuit {
+    /// For at most `most` Gaussians in a scene of harmonics of degree `sh_degree`, over all of `views`, which have photographs. Waits.
+    ///
+    /// # Errors
+    /// What the device lacks; [`Error::Usage`] for more views or pixels than can be counted.
+    pub fn new(
+        session: &Session,
+        views: &Views,
+        sh_degree: u32,
+        most: u32,
+        options: PursuitOptions,
+    ) -> Result<Self> {
+        let context = &session.context;
+        let bound = context.info().max_storage_bytes;
+        let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
+        let mut begin = (0usize, 0u32);
+        let (mut texels, mut pixels, mut cells, mut blocks) = (0u64, 0u64, 0u64, 0u64);
+        let make = |views: std::ops::Range<u32>, blocks, texels: u64, pixels: u64, cells: u64| -> Result<Page, GpuError> {
+            let floats = |name: &str| Buffer::new(context, name, pixels as usize, Location::Device);
+            Ok(Page {
+                views,
+                blocks,
+                texels: Buffer::new(context, "texels", texels as usize, Location::Device)?,
+                surface_depths: floats("surface_depths")?,
+                errors: floats("errors")?,
+                explained: Buffer::new(context, "explained", pixels as usize, Location::Device)?,
+                claims: Buffer::new(context, "claims", cells as usize, Location::Device)?,
+            })
+        };
+        for (v, camera) in views.cameras.iter().enumerate() {
+            let (w, h) = (u64::from(camera.width), u64::from(camera.height));
+            let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
+            let own: u64 = (0..LEVELS).map(level).sum();
+            if v > begin.0 && ((texels + own) * size_of::<Texel>() as u64 > bound || texels + own > u64::from(u32::MAX)) {
+                pages.push(make(begin.0 as u32..v as u32, begin.1..blocks as u32, texels, pixels, cells)?);
+                begin = (v, blocks as u32);
+                (texels, pixels, cells) = (0, 0, 0);
+            }
+            let first = Plot {
+                texel_first: texels as u32,
+                pixel_first: pixels as u32,
+                cell_first: cells as u32,
+                block_first: u32::try_from(blocks).map_err(|_| too_many())?,
+            };
+            plot_list.push(first);
+            texels += own;
+            pixels += w * h;
+            cells += w.div_ceil(CELL.into()) * h.div_ceil(CELL.into());
+            blocks += (w * h).div_ceil(ERROR_BLOCK.into());
+        }
+        let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
+        pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
+        // As many candidates as a sort of them can hold.
+        let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
+        let candidates = most.saturating_mul(options.draws).clamp(1, largest);
+        let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
+        let chunk = (CHUNK_BYTES.min(bound) / item_bytes).max(1).min(u64::from(candidates)) as u32;
+        let sizes = Sizes {
+            pixels: views.max_pixels(),
+            blocks,
+            candidates,
+            chunk_items: chunk * options.sizes.max(1),
+            most: most.max(1),
+        };
+        // Bytes of a Gaussian in a file: a lobe has 5 numbers more.
+        let plain = 11.0 + 3.0 * ((sh_degree + 1) * (sh_degree + 1)) as f32;
+        let lobe_worth = plain / (plain + 5.0);
+        let worth = match options.kinds {
+            Kinds::Both => [lobe_worth, 1.0],
+            Kinds::Lobes => [1.0, 0.0],
+            Kinds::Plain => [0.0, 1.0],
+        };
+        let placer = Placer {
+            context: context.clone(),
+            options,
+            background: session.background,
+            seed: session.seed as u32,
+            most: most.max(1),
+            candidates,
+            chunk,
+            worth,
+            plots: Buffer::from_slice(context, "plots", &plot_list)?,
+            plot_list,
+            pages,
+            work: Work::new(context, &sizes)?,
+            stages: Stages::new(context)?,
+        };
+        Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done })
+    }
+
+    /// Begins. Waits.
+    pub fn start(&mut self) -> Result<()> {
+        let p = &self.placer;
+        p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0])?;
+        self.job = Job::Look;
+        self.steps.start(p.plot_list.len() as u32, false)
+    }
+
+    /// Goes on until some steps are done; `None` once the Gaussians are in `model`, whose room must suffice. `renderer` must have been
+    /// made with depth, for all of `model`.
+    pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
+        let placer = &self.placer;
+        let looks = placer.plot_list.len() as u32;
+        let steps = looks + placer.choices();
+        loop {
+            let advanced = match self.job {
+                Job::Look => self.steps.advance(&mut Look { placer, renderer, model, views })?,
+                Job::Choose => self.steps.advance(&mut Choose { placer, model, views })?,
+                Job::Done => return Ok(None),
+            };
+            if let Some(done) = advanced {
+                let before = if self.job == Job::Look { 0 } else { looks };
+                return Ok(Some(Progress { step: before + done, steps }));
+            }
+            self.job = if self.job == Job::Look { Job::Choose } else { Job::Done };
+            if self.job == Job::Choose {
+                self.steps.start(placer.choices(), false)?;
+            }
+        }
+    }
+
+    /// What was placed. Waits.
+    pub fn placed(&self) -> Result<Placed> {
+        let p = &self.placer;
+        let lifts: Vec<Lift> = p.work.lifts.download()?.into_iter().take_while(|lift| lift.cluster_size > 0).collect();
+        let lobes = lifts.iter().filter(|lift| lift.lobe_width > 0.0).count() as u32;
+        let keys = p.pairs()[p.stages.sort.last_pair()].keys.download_range(0, lifts.len())?;
+        let gains = keys.into_iter().map(|key| f32::from_bits(!key)).collect();
+        Ok(Placed { lobes, plain: lifts.len() as u32 - lobes, lifts, gains })
+    }
+}
+
+impl Placer {
+    fn blocks(&self) -> u32 {
+        self.pages.last().map_or(0, |page| page.blocks.end)
+    }
+
+    /// Steps of choosing: one to draw, one for each chunk, the rounds, one to place.
+    fn choices(&self) -> u32 {
+        2 + self.candidates.div_ceil(self.chunk) + self.options.rounds
+    }
+
+    fn pairs(&self) -> [Pairs<'_>; 2] {
+        let w = &self.work;
+        [Pairs { keys: &w.sorted_keys, values: &w.order }, Pairs { keys: &w.other_keys, values: &w.other_order }]
+    }
+
+    fn record_look(
+        &self,
+        recorder: &mut Recorder,
+        renderer: &Renderer,
+        model: &Model,
+        views: &Views,
+        view: u32,
+        status: &Buffer<u32>,
+    ) -> Result<()> {
+        let show = Show { upto: Segment::Base, degree: model.sh_degree, background: self.background };
+        renderer.record(recorder, model, views, view, &show, status)?;
+        let (w, camera) = (&self.work, &views.cameras[view as usize]);
+        let page = self.pages.iter().find(|page| page.views.contains(&view));
+        let Some(page) = page else { return Err(too_many()) };
+        let pixels = camera.pixels();
+        self.stages.residual.record(
+            recorder,
+            &pursuit_residual::Buffers {
+                frames: &views.frames,
+                plots: &self.plots,
+                image: &renderer.raster.buffers.image,
+                targets: views.targets(view as usize),
+                depths: &renderer.depths,
+                texels: &w.raw_texels,
+                surface_depths: &page.surface_depths,
+                errors: &page.errors,
+                error_sums: &w.error_sums,
+                explained: &page.explained,
+            },
+            &pursuit_residual::Push { view },
+            pixels.div_ceil(ERROR_BLOCK),
+        );
+        let plot = &self.plot_list[view as usize];
+        let mut from = [0, camera.width, camera.height];
+        for k in 0..LEVELS {
+            let to = level_of(plot, camera.width, camera.height, k);
+            let push = pursuit_blur::Push {
+                from_first: from[0],
+                from_width: from[1],
+                from_height: from[2],
+                first: to[0],
+                width: to[1],
+                height: to[2],
+            };
+            // A level is made from the one below, in the same buffer.
+            let from_texels = if k == 0 { &w.raw_texels } else { &page.texels };
+            let buffers = pursuit_blur::Buffers { from_texels, texels: &page.texels };
+            self.stages.blur[usize::from(k > 0)].record(recorder, &buffers, &push, to[1] * to[2]);
+            from = to;
+        }
+        Ok(())
+    }
+
+    fn record_args(&self, recorder: &mut Recorder, count_index: u32, items: u32, dispatch: u32, status: &Buffer<u32>) {
+        let w = &self.work;
+        self.stages.args.record(
+            recorder,
+            &dispatch_args::Buffers { count: &w.counts, dispatch_args: &w.args, status },
+            &dispatch_args::Push {
+                count_index,
+                capacity: items,
+                items_per_group: items_per_group(self.context.info()),
+                args_index: 3 * dispatch,
+                resource_index: Resource::Intersections.index(),
+            },
+            1,
+        );
+    }
+
+    fn record_draw(&self, recorder: &mut Recorder, views: &Views, status: &Buffer<u32>) {
+        let (w, s) = (&self.work, &self.stages);
+        let count = self.blocks();
+        self.record_args(recorder, BLOCKS, count, 0, status);
+        self.record_args(recorder, CANDIDATES, self.candidates, 1, status);
+        self.record_args(recorder, PLACES, self.most, 2, status);
+        let buffers = pursuit_quanta::Buffers { error_sums: &w.error_sums, quanta: &w.quanta };
+        s.quanta.record(recorder, &buffers, &pursuit_quanta::Push { count }, 1);
+        let extent = Extent { count: &w.counts, index: BLOCKS, args: &w.args, dispatch: 0 };
+        let scan =
+            ScanBuffers { values: &w.quanta, index: None, block_sums: &w.block_sums, offsets: &w.quanta_firsts };
+        s.scan.record(recorder, &scan, extent, QUANTA);
+        recorder.fill(&w.candidates, NONE);
+        for page in &self.pages {
+            s.draw.record(
+                recorder,
+                &pursuit_draw::Buffers {
+                    views: &views.views,
+                    plots: &self.plots,
+                    quanta_total: &w.counts,
+                    quanta_firsts: &w.quanta_firsts,
+                    quanta: &w.quanta,
+                    error_sums: &w.error_sums,
+                    errors: &page.errors,
+                    surface_depths: &page.surface_depths,
+                    candidates: &w.candidates,
+                },
+                &pursuit_draw::Push {
+                    count: self.candidates,
+                    seed: self.seed,
+                    view_first: page.views.start,
+                    view_end: page.views.end,
+                    view_count: self.plot_list.len() as u32,
+                    block_first: page.blocks.start,
+                    block_end: page.blocks.end,
+                    total_index: QUANTA,
+                },
+                self.candidates,
+            );
+        }
+        recorder.fill(&w.gain_keys, NONE);
+    }
+
+    fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
+        let (w, s) = (&self.work, &self.stages);
+        let first = chunk * self.chunk;
+        let count = self.chunk.min(self.candidates - first);
+        let PursuitOptions { sizes, first_size, size_ratio, .. } = self.options;
+        for (k, page) in self.pages.iter().enumerate() {
+            s.score.record(
+                recorder,
+                &pursuit_score::Buffers {
+                    views: &views.views,
+                    plots: &self.plots,
+                    surface_depths: &page.surface_depths,
+                    candidates: &w.candidates,
+                    texels: &page.texels,
+                    sums: &w.sums,
+                },
+                &pursuit_score::Push {
+                    first,
+                    count,
+                    sizes,
+                    first_size,
+                    size_ratio,
+                    view_first: page.views.start,
+                    view_end: page.views.end,
+                    begin: u32::from(k == 0),
+                },
+                count * sizes,
+            );
+        }
+        let [lobe_worth, plain_worth] = self.worth;
+        s.fit.record(
+            recorder,
+            &pursuit_fit::Buffers { candidates: &w.candidates, sums: &w.sums, fits: &w.fits },
+            &pursuit_fit::Push { first, count, sizes, first_size, size_ratio, lobe_worth, plain_worth },
+            count,
+        );
+    }
+
+    fn record_round(&self, recorder: &mut Recorder, views: &Views) {
+        let (w, s) = (&self.work, &self.stages);
+        let count = self.candidates;
+        for (k, page) in self.pages.iter().enumerate() {
+            s.gain.record(
+                recorder,
+                &pursuit_gain::Buffers {
+                    views: &views.views,
+                    plots: &self.plots,
+                    surface_depths: &page.surface_depths,
+                    candidates: &w.candidates,
+                    texels: &page.texels,
+                    explained: &page.explained,
+                    fits: &w.fits,
+                    gain_keys: &w.gain_keys,
+                    gains: &w.gains,
+                },
+                &pursuit_gain::Push {
+                    count,
+                    view_first: page.views.start,
+                    view_end: page.views.end,
+                    begin: u32::from(k == 0),
+                },
+                count,
+            );
+        }
+        for check in [0, 1] {
+            for (k, page) in self.pages.iter().enumerate() {
+                if check == 0 {
+                    recorder.fill(&page.claims, 0);
+                }
+                s.claim[check].record(
+                    recorder,
+                    &pursuit_claim::Buffers {
+                        views: &views.views,
+                        plots: &self.plots,
+                        surface_depths: &page.surface_depths,
+                        candidates: &w.candidates,
+                        fits: &w.fits,
+                        gains: &w.gains,
+                        claims: &page.claims,
+                        beaten: &w.beaten,
+                    },
+                    &pursuit_claim::Push {
+                        count,
+                        view_first: page.views.start,
+                        view_end: page.views.end,
+                        begin: u32::from(k == 0),
+                    },
+                    count,
+                );
+            }
+        }
+        for (k, page) in self.pages.iter().enumerate() {
+            s.attenuate.record(
+                recorder,
+                &pursuit_attenuate::Buffers {
+                    views: &views.views,
+                    plots: &self.plots,
+                    surface_depths: &page.surface_depths,
+                    candidates: &w.candidates,
+                    texels: &page.texels,
+                    fits: &w.fits,
+                    gains: &w.gains,
+                    beaten: &w.beaten,
+                    explained: &page.explained,
+                    gain_keys: &w.gain_keys,
+                },
+                &pursuit_attenuate::Push {
+                    count,
+                    view_first: page.views.start,
+                    view_end: page.views.end,
+                    last: u32::from(k + 1 == self.pages.len()),
+                },
+                count,
+            );
+        }
+    }
+
+    fn record_place(&self, recorder: &mut Recorder, model: &Model, status: &Buffer<u32>) {
+        let (w, s) = (&self.work, &self.stages);
+        let [first, second] = self.pairs();
+        let input = Pairs { keys: &w.gain_keys, values: &w.gain_keys };
+        let scratch = RadixScratch { block_counts: &w.radix_counts, digit_totals: &w.digit_totals };
+        let extent = Extent { count: &w.counts, index: CANDIDATES, args: &w.args, dispatch: 1 };
+        let sorted = s.sort.record(recorder, input, [first, second], scratch, extent, KEPT);
+        s.place.record(
+            recorder,
+            &pursuit_place::Buffers {
+                kept: &w.counts,
+                order: sorted.values,
+                candidates: &w.candidates,
+                fits: &w.fits,
+                gain_keys: &w.gain_keys,
+                lifts: &w.lifts,
+                lift_flags: &w.lift_flags,
+                plain_flags: &w.plain_flags,
+            },
+            &pursuit_place::Push { most: self.most, kept_index: KEPT, least_gain: self.options.least_gain },
+            self.most,
+        );
+        for (segment, flags) in [(Segment::Base, &w.plain_flags), (Segment::Supplement, &w.lift_flags)] {
+            let lifts = Lifts {
+                lifts: &w.lifts,
+                flags,
+                ranks: &w.ranks,
+                block_sums: &w.block_sums,
+                extent: Extent { count: &w.counts, index: PLACES, args: &w.args, dispatch: 2 },
+                total_index: PLACED,
+                count: self.most,
+            };
+            s.append.record(recorder, segment, &lifts, model, status);
+        }
+    }
+}
+
+fn too_many() -> Error {
+    Error::Usage("the views have more pixels than can be counted".into())
+}
+
+struct Look<'a> {
+    placer: &'a Placer,
+    renderer: &'a mut Renderer,
+    model: &'a Model,
+    views: &'a Views,
+}
+
+impl Looped for Look<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        self.placer.record_look(recorder, self.renderer, self.model, self.views, step, status)
+    }
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.renderer.raster.grow(needed)?)
+    }
+}
+
+struct Choose<'a> {
+    placer: &'a Placer,
+    model: &'a Model,
+    views: &'a Views,
+}
+
+impl Looped for Choose<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let (placer, views) = (self.placer, self.views);
+        let fits = placer.candidates.div_ceil(placer.chunk);
+        match step {
+            0 => placer.record_draw(recorder, views, status),
+            step if step <= fits => placer.record_fit(recorder, views, step - 1),
+            step if step <= fits + placer.options.rounds => placer.record_round(recorder, views),
+            _ => placer.record_place(recorder, self.model, status),
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, resource: Resource, needed: u32) -> Result<()> {
+        Err(Error::Usage(format!("placing needs room for {needed} {resource}, which was not made")))
+    }
+}
