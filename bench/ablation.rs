@@ -126,6 +126,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "first" => options.pursuit.first_size = value,
             "ratio" => options.pursuit.size_ratio = value,
             "rounds" => options.pursuit.rounds = value as u32,
+            "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
             _ => return Err(bad()),
@@ -195,7 +196,7 @@ fn run(args: &Args) -> Result<()> {
                 }
                 Some(options) => {
                     let done = enhance(&session, &base, &views, options, |_| ())?;
-                    let plain = done.placed.as_ref().map_or(0, |placed| placed.plain);
+                    let plain = done.placed.iter().map(|placed| placed.plain).sum();
                     let times = done.times;
                     let place = (times.base + times.place + times.screen + times.lift).as_secs_f64();
                     (done.scene, done.lifted, plain, place)

@@ -9,7 +9,8 @@
 #include "../shared/lift.glsl"
 
 layout(push_constant, scalar) uniform Push {
-    uint most;
+    uint count; // of ranks
+    uint most;  // of Gaussians
     uint kept_index;
     float least_gain;
 } push;
@@ -25,8 +26,8 @@ layout(set = 0, binding = 7, scalar) writeonly buffer PlainFlags { uint plain_fl
 
 void main() {
     uint rank = thread_index();
-    if (rank >= push.most) return;
-    bool some = rank < kept[push.kept_index];
+    if (rank >= push.count) return;
+    bool some = rank < min(push.most, kept[push.kept_index]);
     Lift lift = Lift(vec3(0.0), vec3(0.0), vec4(0.0), vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u);
     if (some) {
         uint i = order[rank];

@@ -4,14 +4,14 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, Outcome, ReductionArgs,
-    enhance::{ChoiceArgs, Preset, run_with_progress},
+    enhance::{ChoiceArgs, Preset, Way, run_with_progress},
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
 };
 use crate::{
     Result,
-    data::{Dataset, Photo, Split, builtin::builtin_scene, write_png_bytes, write_scene},
+    data::{Dataset, Photo, Split, builtin::builtin_scene, write_augmented, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::Times,
@@ -60,8 +60,8 @@ pub(super) struct Args {
     /// Folder for the scenes and the pictures
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
-    #[arg(long, value_enum, default_value_t = Preset::Quick)]
-    preset: Preset,
+    #[arg(long, value_enum, default_value_t = Way::Pursuit)]
+    method: Way,
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON
@@ -98,6 +98,7 @@ struct Report<'a> {
     gain_over_base: f64,
     gain_over_plain: f64,
     seconds_base_renders: f64,
+    seconds_place: f64,
     seconds_screen: f64,
     seconds_lift: f64,
     seconds_join: f64,
@@ -126,13 +127,15 @@ impl Args {
         let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
         write_scene(self.output.join(BASE), &base)?;
 
-        let options = self.choices.options(self.preset);
+        let options = self.choices.options(self.method, Preset::Quick)?;
         let started = Instant::now();
         let enhanced = run_with_progress(&session, &base, &views, &options, None, None)?;
         let enhance_seconds = started.elapsed().as_secs_f64();
-        write_scene(self.output.join(AUGMENTED), &enhanced.scene)?;
+        let shown = enhanced.original.as_ref().unwrap_or(&enhanced.scene.base);
+        write_augmented(self.output.join(AUGMENTED), shown, &enhanced.scene)?;
 
-        let added = enhanced.lifted as usize;
+        let without = enhanced.scene.base.len() - base.base.len();
+        let added = enhanced.lifted as usize + without;
         let joint_steps = options.join.steps_per_view * train.len() as u32;
         let (plain, plain_seconds) = self.train(&session, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
 
@@ -150,7 +153,7 @@ impl Args {
         let rows = [
             row("base", POINTS, 0, ITERATIONS, base_seconds, &base_score),
             row("more plain Gaussians", POINTS + added, 0, ITERATIONS + joint_steps, plain_seconds, &plain_score),
-            row("augmented", POINTS, added, ITERATIONS + joint_steps, base_seconds + enhance_seconds, &score),
+            row("augmented", POINTS + without, added - without, ITERATIONS + joint_steps, base_seconds + enhance_seconds, &score),
         ];
         self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;
@@ -160,6 +163,7 @@ impl Args {
             gain_over_base: rows[2].psnr - rows[0].psnr,
             gain_over_plain: rows[2].psnr - rows[1].psnr,
             seconds_base_renders: times.base.as_secs_f64(),
+            seconds_place: times.place.as_secs_f64(),
             seconds_screen: times.screen.as_secs_f64(),
             seconds_lift: times.lift.as_secs_f64(),
             seconds_join: times.join.as_secs_f64(),
@@ -254,11 +258,10 @@ impl Args {
         }
         format!(
             "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             2D stage {:.1} s, lifting {:.2} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
+             placing {:.1} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
-            times.screen.as_secs_f64(),
-            times.lift.as_secs_f64(),
+            (times.base + times.place + times.screen + times.lift).as_secs_f64(),
             times.join.as_secs_f64(),
             self.output.display()
         )

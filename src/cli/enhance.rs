@@ -19,9 +19,9 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, scene_bytes, write_scene},
+    data::{Dataset, Photo, Split, scene_bytes, write_augmented},
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Enhancer, Event},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
         join::JoinOptions,
         lift::LiftOptions,
         render::RenderOptions,
@@ -36,21 +36,31 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Supplementary Gaussians, whose opacity depends on the view, are fitted to what the base gets wrong in each photo, lifted into \
-the scene and optimised together with the base's opacities. Only training photos are used; the gain is then measured on the \
-test photos.
+Gaussians are placed where they take most from the squared error of all training photos together: supplementary ones, whose \
+opacity depends on the view, or plain ones where those gain more. Then all learn together with the base. Only training photos are \
+used; the gain is then measured on the test photos. With --method augs the paper's own way is taken: 2D Gaussians are fitted to what \
+the base gets wrong in each photo, lifted into the scene and optimised together with the base's opacities.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
-  glint enhance garden --base point_cloud.ply -o augmented.ply --preset quick --max-size 800
+  glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
+  glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
   glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to resume";
 
-/// How many steps the stages take.
+/// How Gaussians are placed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Way {
+    /// By what they gain in all photos at once; then everything learns
+    Pursuit,
+    /// The paper's: fitted in each photo, lifted by its depth; then the base learns its opacities only
+    Augs,
+}
+
+/// How many steps the 2D stage of the paper's method takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
-    /// Residual pursuit
-    Pursuit,
     /// The same stages with shorter rounds, for previews and machines without a GPU
     Quick,
     /// The paper's numbers of steps
@@ -76,6 +86,9 @@ enum Weights {
 #[serde(rename_all = "kebab-case")]
 #[command(next_help_heading = "What the paper leaves open")]
 pub(super) struct ChoiceArgs {
+    /// Rounds of the 2D stage of --method augs [default: paper]
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share)]
     depth_threshold: f32,
@@ -97,14 +110,36 @@ pub(super) struct ChoiceArgs {
 }
 
 impl ChoiceArgs {
-    /// A preset's options with these choices.
-    pub(super) fn options(&self, preset: Preset) -> EnhanceOptions {
+    /// A method's options with these choices.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a choice that the method does not have.
+    pub(super) fn options(&self, way: Way, preset: Preset) -> Result<EnhanceOptions> {
+        if way == Way::Pursuit {
+            let of_augs = [
+                ("--preset", self.preset.is_some()),
+                ("--shared-steps", self.shared_steps),
+                ("--cluster-failure", self.cluster_failure != Failure::Largest),
+                ("--pca-weights", self.pca_weights != Weights::Squared),
+            ];
+            if let Some((name, _)) = of_augs.into_iter().find(|(_, given)| *given) {
+                return Err(Error::Usage(format!("{name} is a choice of --method augs")));
+            }
+        }
+        let preset = match (way, self.preset.unwrap_or(preset)) {
+            (Way::Pursuit, _) => return Ok(EnhanceOptions {
+                median_threshold: self.depth_threshold,
+                centre_depth: self.centre_depth,
+                join: JoinOptions { bias_correction: self.bias_correction, ..EnhanceOptions::pursuit().join },
+                ..EnhanceOptions::pursuit()
+            }),
+            (Way::Augs, preset) => preset,
+        };
         let preset = match preset {
-            Preset::Pursuit => EnhanceOptions::pursuit(),
             Preset::Quick => EnhanceOptions::quick(),
             Preset::Paper => EnhanceOptions::paper(),
         };
-        EnhanceOptions {
+        Ok(EnhanceOptions {
             method: preset.method,
             pursuit: preset.pursuit,
             median_threshold: self.depth_threshold,
@@ -116,7 +151,7 @@ impl ChoiceArgs {
             },
             join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
             ratio: preset.ratio,
-        }
+        })
     }
 }
 
@@ -133,17 +168,18 @@ pub(super) struct Args {
     #[arg(long, value_name = "PLY")]
     #[serde(skip)]
     base: PathBuf,
-    /// PLY file to write: the base as any viewer reads it, and an element `augmented`
+    /// PLY file to write: the base as any viewer reads it, and elements `augmented` and, if needed, `learned`
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// Supplementary Gaussians per Gaussian of the base
+    /// How Gaussians are placed
+    #[arg(long, value_enum, default_value_t = Way::Pursuit)]
+    method: Way,
+    /// Gaussians that may be added, per Gaussian of the base
     #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
     ratio: f64,
-    #[arg(long, value_enum, default_value_t = Preset::Paper)]
-    preset: Preset,
-    /// Keep each view's 2D Gaussians and lifts (safetensors), base render and depth (EXR) in this folder, with what the joint
-    /// stage has learned so far, and resume from it
+    /// Keep in this folder what the joint stage has learned so far, and with --method augs each view's 2D Gaussians and lifts
+    /// (safetensors), base render and depth (EXR), and resume from it
     #[arg(long, value_name = "DIR")]
     #[serde(skip)]
     work: Option<PathBuf>,
@@ -203,6 +239,10 @@ struct Report<'a> {
     budget: u32,
     refined: u32,
     supplementary_gaussians: u32,
+    /// Plain Gaussians that pursuit added to the base.
+    plain_gaussians: u32,
+    /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
+    original_kept: bool,
     seconds: Seconds,
     /// Mean loss over the first and over the last pass of the joint stage; null where it did not run.
     joint_loss_first: Option<f64>,
@@ -218,13 +258,14 @@ struct Gain {
     /// The base as it was given.
     before: Quality,
     after: Quality,
-    /// The `vertex` part of the result, which other viewers show. Its opacities were learned together with the supplement.
+    /// The `vertex` part of the result, which other viewers show: the base as it was given where what it became is worse alone.
     base_alone: Quality,
 }
 
 #[derive(Serialize)]
 struct Seconds {
     base: f64,
+    place: f64,
     screen: f64,
     lift: f64,
     join: f64,
@@ -254,7 +295,7 @@ impl Args {
             ));
         }
         let background = self.photos.background;
-        let options = EnhanceOptions { ratio: self.ratio, ..self.choices.options(self.preset) };
+        let options = EnhanceOptions { ratio: self.ratio, ..self.choices.options(self.method, Preset::Paper)? };
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
         }
@@ -277,7 +318,7 @@ impl Args {
             let interrupt = Interrupt::default();
             let kept = work.as_ref().map(|work| (work, self.keep.every()));
             let found = run_with_progress(&session, &scene, &views, &options, kept, Some(&interrupt))?;
-            write_scene(&self.output, &found.scene)?;
+            write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = options.join.steps_per_view * photos.len() as u32;
@@ -286,9 +327,13 @@ impl Args {
                 work.remove_joint()?;
             }
             // Whoever ends it early waits for nothing more.
-            let gain = if ended { None } else { gain(&session, &scene, &found.scene, &dataset)? };
-            let budget: u32 = found.budgets.iter().sum();
+            let gain = if ended { None } else { gain(&session, &scene, &found, &dataset)? };
+            let plain = (found.scene.base.len() - scene.base.len()) as u32;
             let cap = (self.ratio * scene.base.len() as f64).ceil();
+            let budget = match options.method {
+                Method::Pursuit => cap as u32,
+                Method::Augs => found.budgets.iter().sum(),
+            };
             if f64::from(budget) > 1.1 * cap {
                 note(format!(
                     "each view's share is rounded up: --ratio {} of {} Gaussians is {cap}, and {budget} were allowed",
@@ -303,8 +348,8 @@ impl Args {
                      added for them",
                     photos.len()
                 ));
-            } else if found.lifted == 0 {
-                note("nothing was added: no view had anything left that supplementary Gaussians made better");
+            } else if found.lifted + plain == 0 {
+                note("nothing was added: no view had anything left that more Gaussians made better");
             }
             let report = Report {
                 output: &self.output.to_string_lossy(),
@@ -315,8 +360,11 @@ impl Args {
                 budget,
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
+                plain_gaussians: plain,
+                original_kept: found.original.is_some(),
                 seconds: Seconds {
                     base: found.times.base.as_secs_f64(),
+                    place: found.times.place.as_secs_f64(),
                     screen: found.times.screen.as_secs_f64(),
                     lift: found.times.lift.as_secs_f64(),
                     join: found.times.join.as_secs_f64(),
@@ -329,12 +377,15 @@ impl Args {
                 print_json(&report)?;
             } else {
                 let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
+                let times = match options.method {
+                    Method::Pursuit => format!("placing {:.1} s", seconds.place),
+                    Method::Augs => format!("2D stage {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
+                };
+                let plain = if plain > 0 { format!(" and {plain} plain ones") } else { String::new() };
                 print(format_args!(
-                    "{output}: {supplementary_gaussians} supplementary Gaussians on {base_gaussians}\n\
-                     base {:.1} s, 2D stage {:.1} s, lifting {:.1} s, joint stage {:.1} s on {device}\n{}",
+                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}\n\
+                     base {:.1} s, {times}, joint stage {:.1} s on {device}\n{}",
                     seconds.base,
-                    seconds.screen,
-                    seconds.lift,
                     seconds.join,
                     gain.as_ref().map_or(String::new(), Gain::text)
                 ))?;
@@ -375,7 +426,7 @@ impl Args {
 }
 
 /// Compares the base and what became of it with the test views.
-fn gain(session: &Session, base: &Scene, augmented: &Scene, dataset: &Dataset) -> Result<Option<Gain>> {
+fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) -> Result<Option<Gain>> {
     let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
     if photos.is_empty() {
         return Ok(None);
@@ -388,22 +439,18 @@ fn gain(session: &Session, base: &Scene, augmented: &Scene, dataset: &Dataset) -
             Ok(())
         })
     };
-    let (before, after) = (compare(base)?, compare(augmented)?);
-    let (before, after, base_alone) = (before.augmented, after.augmented, after.base);
+    let (before, after) = (compare(base)?, compare(&found.scene)?);
+    let base_alone = if found.original.is_some() { before.augmented } else { after.base };
+    let (before, after) = (before.augmented, after.augmented);
     Ok(Some(Gain { views: photos.len(), before, after, base_alone }))
 }
 
 impl Gain {
     fn text(&self) -> String {
         let Gain { views, before, after, base_alone } = self;
-        let alone = if base_alone.psnr < before.psnr {
-            ": less than the base that was given, since its opacities were learned together with the supplement"
-        } else {
-            ""
-        };
         format!(
             "{views} test views: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
-             the base part alone, as other viewers show it: {:.2} dB ({:+.2}){alone}\n",
+             the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n",
             before.psnr,
             after.psnr,
             after.psnr - before.psnr,
@@ -504,7 +551,7 @@ pub(super) fn run_with_progress(
                     }
                 }
                 if asked {
-                    enhancer.stop()?;
+                    enhancer.stop(views)?;
                 }
             }
         }

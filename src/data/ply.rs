@@ -3,6 +3,9 @@
 //! A scene has the layout that the 3DGS reference trainer writes: element `vertex` with x y z, nx ny nz (ignored), f_dc_0..2,
 //! f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y z). Supplementary
 //! Gaussians are a second element `augmented` with the same properties and lobe_x lobe_y lobe_z lobe_width lobe_sharpness.
+//!
+//! Where a base has learned together with its supplement, `vertex` is the base as it was, which other viewers show, and an element
+//! `learned` has those properties that changed, row by row, and after them the plain Gaussians that were added.
 
 use std::collections::HashMap;
 use std::fs;
@@ -24,6 +27,7 @@ pub struct PointCloud {
 
 pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
+pub(super) const LEARNED: &str = "learned";
 pub(super) const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
 
 /// Everything but f_rest, in the order of [`Columns::fixed`].
@@ -53,30 +57,34 @@ pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> 
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) as a second element.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
+    write_augmented(path, &scene.base, scene)
+}
+
+/// Writes `scene`, whose base begins with what became of `original`: other viewers show `original`, [`read_scene`] gives `scene`.
+///
+/// # Errors
+/// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.
+pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Scene) -> Result<()> {
     let path = path.as_ref();
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
     sound::check(scene).map_err(refuse)?;
     if scene.supplement.as_ref().is_some_and(|s| s.gaussians.sh_degree != scene.base.sh_degree) {
         return Err(refuse("the supplement has another SH degree than the base".into()));
     }
+    if original.len() > scene.base.len() || original.sh_degree != scene.base.sh_degree {
+        return Err(refuse("it does not begin with the Gaussians of the original".into()));
+    }
+    let vertex = Rows::whole(original, None);
+    let learned = Rows::changed(original, &scene.base);
+    let supplement = scene.supplement.as_ref().map(|s| Rows::whole(&s.gaussians, Some(&s.lobes)));
+    let elements = [(BASE, Some(vertex)), (SUPPLEMENT, supplement), (LEARNED, learned)];
     write_whole(path, |file| {
-        let rest = 3 * (scene.base.sh_coefficients() - 1);
         writeln!(file, "ply\nformat binary_little_endian 1.0")?;
-        let supplement = scene.supplement.as_ref();
-        for (name, gaussians) in [(BASE, Some(&scene.base)), (SUPPLEMENT, supplement.map(|s| &s.gaussians))] {
-            let Some(gaussians) = gaussians else { continue };
-            writeln!(file, "element {name} {}", gaussians.len())?;
-            let mut property = |name: &str| writeln!(file, "property float {name}");
-            ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"].into_iter().try_for_each(&mut property)?;
-            (0..rest).try_for_each(|i| property(&format!("f_rest_{i}")))?;
-            FIXED[6..].iter().try_for_each(|name| property(name))?;
-            if name == SUPPLEMENT {
-                LOBE.into_iter().try_for_each(&mut property)?;
-            }
+        for (name, rows) in &elements {
+            rows.iter().try_for_each(|rows| rows.write_header(file, name))?;
         }
         writeln!(file, "end_header")?;
-        write_rows(file, &scene.base, None)?;
-        supplement.map_or(Ok(()), |s| write_rows(file, &s.gaussians, Some(&s.lobes)))
+        elements.iter().filter_map(|(_, rows)| rows.as_ref()).try_for_each(|rows| rows.write(file))
     })
 }
 
@@ -87,31 +95,94 @@ pub fn scene_bytes(base: u64, supplementary: u64, sh_degree: u32) -> u64 {
     4 * (base * row + supplementary * (row + LOBE.len() as u64))
 }
 
-fn write_rows(file: &mut impl Write, gaussians: &Gaussians, lobes: Option<&Lobes>) -> std::io::Result<()> {
-    let k = gaussians.sh_coefficients();
-    let mut row: Vec<f32> = Vec::new();
-    let mut bytes: Vec<u8> = Vec::new();
-    for i in 0..gaussians.len() {
-        let sh = &gaussians.sh[i * k..(i + 1) * k];
-        row.clear();
-        row.extend(gaussians.means[i]);
-        row.extend([0.0; 3]);
-        row.extend(sh[0]);
-        for channel in 0..3 {
-            row.extend(sh[1..].iter().map(|rgb| rgb[channel]));
-        }
-        row.push(gaussians.opacities[i]);
-        row.extend(gaussians.log_scales[i]);
-        row.extend(gaussians.quats[i]);
-        if let Some(lobes) = lobes {
-            row.extend(lobes.directions[i]);
-            row.extend([lobes.widths[i], lobes.sharpness[i]]);
-        }
-        bytes.clear();
-        bytes.extend(row.iter().flat_map(|value| value.to_le_bytes()));
-        file.write_all(&bytes)?;
+/// An element that is to be written.
+struct Rows<'a> {
+    gaussians: &'a Gaussians,
+    lobes: Option<&'a Lobes>,
+    /// Which of [`FIXED`].
+    fixed: Vec<usize>,
+    /// f_rest_*, channel-major.
+    rest: bool,
+    /// nx ny nz, all 0, as the reference trainer writes them.
+    normals: bool,
+}
+
+impl<'a> Rows<'a> {
+    fn whole(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>) -> Self {
+        Rows { gaussians, lobes, fixed: (0..FIXED.len()).collect(), rest: true, normals: true }
     }
-    Ok(())
+
+    /// What `now` has that `before` has not; `None` where they are the same.
+    fn changed(before: &Gaussians, now: &'a Gaussians) -> Option<Self> {
+        let (kept, more) = (before.len(), now.len() > before.len());
+        let differs = |p: usize| (0..kept).any(|i| fixed(before, i)[p].to_bits() != fixed(now, i)[p].to_bits());
+        let bits = |g: &Gaussians, i: usize| bands(g, i).iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let rest = (0..kept).any(|i| bits(before, i) != bits(now, i))
+            || (kept..now.len()).any(|i| bits(now, i).iter().any(|&bits| bits != 0));
+        let fixed: Vec<usize> = (0..FIXED.len()).filter(|&p| more || differs(p)).collect();
+        (rest || !fixed.is_empty()).then_some(Rows { gaussians: now, lobes: None, fixed, rest, normals: false })
+    }
+
+    fn write_header(&self, file: &mut impl Write, name: &str) -> std::io::Result<()> {
+        writeln!(file, "element {name} {}", self.gaussians.len())?;
+        let mut property = |name: &str| writeln!(file, "property float {name}");
+        let (head, tail): (Vec<usize>, Vec<usize>) = self.fixed.iter().partition(|&&p| p < DC);
+        head.into_iter().try_for_each(|p| property(FIXED[p]))?;
+        if self.normals {
+            ["nx", "ny", "nz"].into_iter().try_for_each(&mut property)?;
+        }
+        tail.iter().filter(|&&p| p < SHAPE).try_for_each(|&p| property(FIXED[p]))?;
+        if self.rest {
+            (0..3 * (self.gaussians.sh_coefficients() - 1)).try_for_each(|i| property(&format!("f_rest_{i}")))?;
+        }
+        tail.iter().filter(|&&p| p >= SHAPE).try_for_each(|&p| property(FIXED[p]))?;
+        self.lobes.map_or(Ok(()), |_| LOBE.into_iter().try_for_each(&mut property))
+    }
+
+    fn write(&self, file: &mut impl Write) -> std::io::Result<()> {
+        let mut row: Vec<f32> = Vec::new();
+        let mut bytes: Vec<u8> = Vec::new();
+        for i in 0..self.gaussians.len() {
+            let values = fixed(self.gaussians, i);
+            row.clear();
+            row.extend(self.fixed.iter().filter(|&&p| p < DC).map(|&p| values[p]));
+            if self.normals {
+                row.extend([0.0; 3]);
+            }
+            row.extend(self.fixed.iter().filter(|&&p| (DC..SHAPE).contains(&p)).map(|&p| values[p]));
+            if self.rest {
+                for channel in 0..3 {
+                    row.extend(bands(self.gaussians, i).iter().map(|rgb| rgb[channel]));
+                }
+            }
+            row.extend(self.fixed.iter().filter(|&&p| p >= SHAPE).map(|&p| values[p]));
+            if let Some(lobes) = self.lobes {
+                row.extend(lobes.directions[i]);
+                row.extend([lobes.widths[i], lobes.sharpness[i]]);
+            }
+            bytes.clear();
+            bytes.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+            file.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+}
+
+/// Where f_dc_* and where opacity, scales and rotation begin in [`FIXED`].
+const DC: usize = 3;
+const SHAPE: usize = 6;
+
+/// The values of [`FIXED`].
+fn fixed(gaussians: &Gaussians, i: usize) -> [f32; FIXED.len()] {
+    let ([x, y, z], [r, g, b]) = (gaussians.means[i], gaussians.sh[i * gaussians.sh_coefficients()]);
+    let ([sx, sy, sz], [qw, qx, qy, qz]) = (gaussians.log_scales[i], gaussians.quats[i]);
+    [x, y, z, r, g, b, gaussians.opacities[i], sx, sy, sz, qw, qx, qy, qz]
+}
+
+/// The coefficients above the constant one.
+fn bands(gaussians: &Gaussians, i: usize) -> &[[f32; 3]] {
+    let k = gaussians.sh_coefficients();
+    &gaussians.sh[i * k + 1..(i + 1) * k]
 }
 
 /// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
@@ -238,6 +309,59 @@ impl Columns {
     }
 }
 
+/// Property indices of `learned`: those of [`FIXED`] that changed, and all bands of harmonics or none.
+struct LearnedColumns {
+    fixed: [Option<usize>; FIXED.len()],
+    rest: Vec<[usize; 3]>,
+}
+
+impl LearnedColumns {
+    fn find(element: &Element, sh_degree: u32) -> Result<Self, String> {
+        let fixed = FIXED.map(|name| element.scalar(name));
+        let per_channel = ((sh_degree + 1) * (sh_degree + 1) - 1) as usize;
+        let rest: Vec<[Option<usize>; 3]> = (0..per_channel)
+            .map(|k| [0, 1, 2].map(|channel| element.scalar(&format!("f_rest_{}", channel * per_channel + k))))
+            .collect();
+        let there = rest.iter().flatten().flatten().count();
+        if there != 0 && there != 3 * per_channel {
+            return Err(format!("element `{LEARNED}` has {there} of {} properties `f_rest_*`", 3 * per_channel));
+        }
+        Ok(LearnedColumns { fixed, rest: rest.into_iter().filter_map(|[r, g, b]| Some([r?, g?, b?])).collect() })
+    }
+
+    /// What became of the Gaussians of `base`, and those after them.
+    fn apply(&self, rows: &[Vec<f64>], base: &mut Gaussians) -> Result<(), String> {
+        let (count, k) = (base.len(), base.sh_coefficients());
+        // guard: PLY: learned rows
+        if rows.len() < count || (rows.len() > count && self.fixed.contains(&None)) {
+            return Err(format!(
+                "element `{LEARNED}` has {} rows for {count} of `{BASE}`; expected as many, or more with all properties",
+                rows.len()
+            ));
+        }
+        base.means.resize(rows.len(), [0.0; 3]);
+        base.log_scales.resize(rows.len(), [0.0; 3]);
+        base.quats.resize(rows.len(), [0.0; 4]);
+        base.opacities.resize(rows.len(), 0.0);
+        base.sh.resize(rows.len() * k, [0.0; 3]);
+        for (i, row) in rows.iter().enumerate() {
+            for (p, value) in self.fixed.iter().enumerate().filter_map(|(p, &at)| Some((p, row[at?] as f32))) {
+                match p {
+                    0..DC => base.means[i][p] = value,
+                    DC..SHAPE => base.sh[i * k][p - DC] = value,
+                    SHAPE => base.opacities[i] = value,
+                    7..10 => base.log_scales[i][p - 7] = value,
+                    _ => base.quats[i][p - 10] = value,
+                }
+            }
+            for (band, rgb) in self.rest.iter().enumerate() {
+                base.sh[i * k + 1 + band] = rgb.map(|at| row[at] as f32);
+            }
+        }
+        Ok(())
+    }
+}
+
 /// `path` is only named in errors.
 pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
     let scene = parse_rows(bytes, path)?;
@@ -260,18 +384,26 @@ fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
     if let Some(other) = extra_columns.as_ref().map(Columns::sh_degree).filter(|&other| other != sh_degree) {
         return Err(fail(format!("`{SUPPLEMENT}` has SH degree {other}, but `{BASE}` has {sh_degree}")));
     }
+    let learned_columns = ply.element(LEARNED).map(|element| LearnedColumns::find(element, sh_degree));
+    let learned_columns = learned_columns.transpose().map_err(fail)?;
 
     let mut base = Gaussians { sh_degree, ..Default::default() };
     let mut extra = Gaussians { sh_degree, ..Default::default() };
     let mut lobes = Lobes::default();
+    let mut learned = Vec::new();
     ply.for_each_row(|element, _, values| {
         match (&element.name[..], &extra_columns) {
             (BASE, _) => base_columns.push(values, &mut base, &mut Lobes::default()),
             (SUPPLEMENT, Some(columns)) => columns.push(values, &mut extra, &mut lobes),
+            // It may come before `vertex`.
+            (LEARNED, _) => learned.push(values.to_vec()),
             _ => {}
         }
         Ok(())
     })?;
+    if let Some(columns) = learned_columns {
+        columns.apply(&learned, &mut base).map_err(fail)?;
+    }
     Ok(Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) })
 }
 
@@ -424,6 +556,57 @@ mod tests {
     }
 
     #[test]
+    fn a_base_that_learned_keeps_what_it_was_for_other_viewers() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ply");
+        let original = scene(2, true);
+        let bytes = |scene: &Scene| {
+            write_augmented(&path, &original.base, scene).unwrap();
+            assert_eq!(&read_scene(&path).unwrap(), scene);
+            let bytes = fs::read(&path).unwrap();
+            // A reader that skips elements it does not know.
+            let text = String::from_utf8_lossy(&bytes).replace("element learned", "element unknown");
+            let header = text.find("end_header").unwrap();
+            let strange = [text[..header].as_bytes(), &bytes[header..]].concat();
+            assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
+            bytes.len()
+        };
+        let same = bytes(&original);
+        let mut faded = original.clone();
+        faded.base.opacities[1] = -7.5;
+        assert!((4 * 3..100).contains(&(bytes(&faded) - same)), "three opacities");
+        let mut moved = faded.clone();
+        moved.base.means[0][2] = 9.0;
+        moved.base.sh[3 * 9 - 1][1] = -3.0;
+        bytes(&moved);
+        let mut more = faded.clone();
+        let one = gaussians(1, 2, 7.0);
+        more.base.means.extend(one.means);
+        more.base.log_scales.extend(one.log_scales);
+        more.base.quats.extend(one.quats);
+        more.base.opacities.extend(one.opacities);
+        more.base.sh.extend(one.sh);
+        let whole = bytes(&more);
+        // Harmonics of 0 are not written.
+        let mut lean = more.clone();
+        lean.base.sh[3 * 9 + 1..].fill([0.0; 3]);
+        assert_eq!(whole - bytes(&lean), 4 * 4 * 3 * 8 + "property float f_rest_0\n".len() * 10 + 14 * 25);
+        let fewer = Scene { base: gaussians(2, 2, 0.5), supplement: None };
+        assert!(write_augmented(&path, &original.base, &fewer).unwrap_err().to_string().contains("begin with"));
+    }
+
+    #[test]
+    fn a_damaged_learned_element_is_explained() {
+        let head = "ply\nformat ascii 1.0\nelement vertex 1\n";
+        let vertex: String = FIXED.iter().map(|name| format!("property float {name}\n")).collect();
+        let row = "0 0 0 0 0 0 0 0 0 0 1 0 0 0\n";
+        let with = |learned: &str, rows: &str| format!("{head}{vertex}{learned}end_header\n{row}{rows}");
+        expect(with("element learned 0\nproperty float opacity\n", "").as_bytes(), &["`learned` has 0 rows", "1 of"]);
+        expect(with("element learned 2\nproperty float opacity\n", "1\n2\n").as_bytes(), &["2 rows", "all properties"]);
+        expect(with("element learned 1\nproperty float opacity\n", "nan\n").as_bytes(), &["opacity"]);
+    }
+
+    #[test]
     fn the_layout_is_the_reference_trainers() {
         let bytes = written(&scene(1, false));
         let text = String::from_utf8_lossy(&bytes);
@@ -549,9 +732,9 @@ mod tests {
             let extra = row + 20;
             let base_at = bytes.len() - 2 * extra - n * row;
             let mut rows = Vec::new();
-            write_rows(&mut rows, &edited.base, None).unwrap();
+            Rows::whole(&edited.base, None).write(&mut rows).unwrap();
             let supplement = edited.supplement.unwrap();
-            write_rows(&mut rows, &supplement.gaussians, Some(&supplement.lobes)).unwrap();
+            Rows::whole(&supplement.gaussians, Some(&supplement.lobes)).write(&mut rows).unwrap();
             bytes.truncate(base_at);
             bytes.extend(rows);
             bytes
@@ -588,9 +771,9 @@ mod tests {
             let mut bytes = written(&sound);
             let rows = scene_bytes(3, 2, 1) as usize;
             bytes.truncate(bytes.len() - rows);
-            write_rows(&mut bytes, &edited.base, None).unwrap();
+            Rows::whole(&edited.base, None).write(&mut bytes).unwrap();
             let supplement = edited.supplement.unwrap();
-            write_rows(&mut bytes, &supplement.gaussians, Some(&supplement.lobes)).unwrap();
+            Rows::whole(&supplement.gaussians, Some(&supplement.lobes)).write(&mut bytes).unwrap();
             fs::write(&path, bytes).unwrap();
             assert_eq!(read_scene(&path).is_ok(), read_scene_leniently(&path).unwrap().1.first.is_none());
             let (found, dropped) = read_scene_leniently(&path).unwrap();

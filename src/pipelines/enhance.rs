@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    scene::Scene,
+    scene::{Gaussians, Scene},
     stages::types::Lift,
 };
 
@@ -109,8 +109,11 @@ pub struct Times {
 
 #[derive(Debug)]
 pub struct Enhanced {
+    /// Base and supplement as they learned together, and after the base what was added to it without lobes.
     pub scene: Scene,
-    /// Loss of the base render of each view.
+    /// The base as it was, where what it became is worse without the supplement: what other viewers should show.
+    pub original: Option<Gaussians>,
+    /// Loss of the base render of each view, as it was.
     pub base_losses: Vec<f64>,
     /// 2D Gaussians that each view was allowed.
     pub budgets: Vec<u32>,
@@ -120,8 +123,8 @@ pub struct Enhanced {
     /// Views whose lifts came from an earlier run.
     pub resumed: usize,
     pub times: Times,
-    /// What [`Method::Pursuit`] placed.
-    pub placed: Option<Placed>,
+    /// What [`Method::Pursuit`] placed, each time.
+    pub placed: Vec<Placed>,
     /// `None` where nothing was added.
     pub join: Option<TrainReport>,
 }
@@ -129,7 +132,8 @@ pub struct Enhanced {
 /// What is next.
 enum Next {
     Base,
-    Place(Box<Pursuit>),
+    /// By pursuit; with a trainer, the joint phase goes on afterwards.
+    Place(Option<Box<Trainer>>),
     Batch(usize),
     Screen(usize),
     Join(Box<Trainer>),
@@ -144,6 +148,10 @@ pub struct Enhancer {
     /// Of the base alone, with depth.
     renderer: Renderer,
     refiner: Option<Refiner>,
+    pursuit: Option<Pursuit>,
+    original: Gaussians,
+    /// What the base became is worse than the original.
+    worse_alone: bool,
     lift: LiftPhase,
     next: Next,
     lifted: Option<Lifted>,
@@ -152,7 +160,7 @@ pub struct Enhancer {
     refined: u32,
     resumed: usize,
     times: Times,
-    placed: Option<Placed>,
+    placed: Vec<Placed>,
     join: Option<TrainReport>,
 }
 
@@ -190,6 +198,9 @@ impl Enhancer {
             options: *options,
             model,
             refiner: None,
+            pursuit: None,
+            original: scene.base.clone(),
+            worse_alone: false,
             next: Next::Base,
             lifted: None,
             base_losses: Vec::new(),
@@ -197,7 +208,7 @@ impl Enhancer {
             refined: 0,
             resumed: 0,
             times: Times::default(),
-            placed: None,
+            placed: Vec::new(),
             join: None,
         })
     }
@@ -209,27 +220,37 @@ impl Enhancer {
             let started = Instant::now();
             match &mut self.next {
                 Next::Base if self.options.method == Method::Pursuit => {
-                    let most = most(self.model.count(), self.options.ratio);
+                    self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+                    let most = most(self.original.len() as u32, self.options.ratio);
                     let options = self.options.pursuit;
-                    let mut pursuit = Pursuit::new(&self.session, views, self.model.sh_degree, most, options)?;
-                    pursuit.start()?;
-                    self.next = Next::Place(Box::new(pursuit));
+                    let mut pursuit = Pursuit::new(&self.session, views, most, options)?;
+                    pursuit.start(share(most, 0, options.placements))?;
+                    self.pursuit = Some(pursuit);
+                    self.next = Next::Place(None);
                     self.times.base = started.elapsed();
                     return Ok(Some(Event::Base));
                 }
-                Next::Place(pursuit) => {
+                Next::Place(joining) => {
+                    let Some(pursuit) = &mut self.pursuit else { return Ok(None) };
                     let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
                     self.times.place += started.elapsed();
                     if let Some(progress) = progress {
                         return Ok(Some(Event::Place(progress)));
                     }
                     let started = Instant::now();
-                    self.placed = Some(pursuit.placed()?);
+                    let joining = joining.take();
+                    self.placed.push(pursuit.placed()?);
                     self.model.learn_counts()?;
-                    self.next = self.begin_join(views)?;
-                    self.times.join = started.elapsed();
-                    if let Next::Join(trainer) = &self.next {
-                        return Ok(Some(Event::Join { step: 0, steps: trainer.total() }));
+                    self.next = match joining {
+                        Some(trainer) => Next::Join(trainer),
+                        None => self.begin_join(views)?,
+                    };
+                    self.times.join += started.elapsed();
+                    let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+                    if let Next::Join(trainer) = &mut self.next {
+                        let steps = trainer.total();
+                        trainer.go_on_to(pause(steps, done, placements));
+                        return Ok(Some(Event::Join { step: pause(steps, done - 1, placements), steps }));
                     }
                 }
                 Next::Base => {
@@ -282,8 +303,17 @@ impl Enhancer {
                         self.times.join += started.elapsed();
                         return Ok(Some(Event::Join { step, steps }));
                     }
+                    let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+                    if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
+                        let most = most(self.original.len() as u32, self.options.ratio);
+                        let so_far: u32 = self.placed.iter().map(Placed::count).sum();
+                        pursuit.start(share(most, done, placements).min(most - so_far))?;
+                        let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else { return Ok(None) };
+                        self.next = Next::Place(Some(trainer));
+                        continue;
+                    }
                     self.join = Some(trainer.report());
-                    self.next = Next::Done;
+                    self.finish_join(views)?;
                 }
                 Next::Done => return Ok(None),
             }
@@ -318,10 +348,18 @@ impl Enhancer {
     }
 
     /// Ends the joint phase that [`Event::Join`] told of before its last step: what it has learned is in the scene. Waits.
-    pub fn stop(&mut self) -> Result<()> {
+    pub fn stop(&mut self, views: &Views) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
         self.join = Some(trainer.stop()?);
+        self.finish_join(views)
+    }
+
+    /// Whether the base that learned is still as good by itself.
+    fn finish_join(&mut self, views: &Views) -> Result<()> {
         self.next = Next::Done;
+        let now = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+        // guard: a base that is worse alone
+        self.worse_alone = !(now.iter().sum::<f64>() <= self.base_losses.iter().sum::<f64>());
         Ok(())
     }
 
@@ -334,6 +372,7 @@ impl Enhancer {
     pub fn finish(self) -> Result<Enhanced> {
         Ok(Enhanced {
             scene: self.model.download()?,
+            original: self.worse_alone.then_some(self.original),
             lifted: self.model.count_of(Segment::Supplement),
             base_losses: self.base_losses,
             budgets: self.budgets,
@@ -352,7 +391,7 @@ impl Enhancer {
     }
 
     fn begin_join(&self, views: &Views) -> Result<Next> {
-        let placed = self.placed.as_ref().map_or(0, |placed| placed.lobes + placed.plain);
+        let placed: u32 = self.placed.iter().map(Placed::count).sum();
         if self.model.count_of(Segment::Supplement) + placed == 0 {
             return Ok(Next::Done);
         }
@@ -365,6 +404,20 @@ impl Enhancer {
 /// Gaussians that may be added to `gaussians`.
 fn most(gaussians: u32, ratio: f64) -> u32 {
     (ratio * f64::from(gaussians)).ceil() as u32
+}
+
+/// Of `most` Gaussians those that may be placed up to placement `index` of `placements`, less those before: half at first.
+fn share(most: u32, index: u32, placements: u32) -> u32 {
+    match (index, placements) {
+        (_, 0 | 1) => most,
+        (0, _) => most.div_ceil(2),
+        _ => (most / 2).div_ceil(placements - 1),
+    }
+}
+
+/// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
+fn pause(steps: u32, done: u32, placements: u32) -> u32 {
+    if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
 }
 
 fn not_joining() -> Error {

@@ -33,7 +33,7 @@ use crate::{
 /// What may be placed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Kinds {
-    /// With a lobe or plain, whichever gains more for its bytes.
+    /// With a lobe or plain, whichever gains more.
     #[default]
     Both,
     Lobes,
@@ -51,6 +51,8 @@ pub struct PursuitOptions {
     /// Rounds of choosing, each of which takes all candidates that no overlapping one beats.
     pub rounds: u32,
     pub kinds: Kinds,
+    /// Placements in all: the first before the joint stage, the others in its first half, each of what is lacking by then.
+    pub placements: u32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
 }
@@ -64,6 +66,7 @@ impl Default for PursuitOptions {
             size_ratio: std::f32::consts::SQRT_2,
             rounds: 24,
             kinds: Kinds::Both,
+            placements: 1,
             least_gain: 0.0,
         }
     }
@@ -78,6 +81,13 @@ pub struct Placed {
     pub plain: u32,
     /// By rank: fall of the squared error that each was expected to bring.
     pub gains: Vec<f32>,
+}
+
+impl Placed {
+    /// Gaussians.
+    pub fn count(&self) -> u32 {
+        self.lobes + self.plain
+    }
 }
 
 /// Words of `counts`.
@@ -172,7 +182,9 @@ struct Placer {
     options: PursuitOptions,
     background: [f32; 3],
     seed: u32,
+    /// Gaussians that there is room for, and that may be placed now.
     most: u32,
+    limit: u32,
     candidates: u32,
     /// Candidates of a chunk.
     chunk: u32,
@@ -239,17 +251,11 @@ fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
 }
 
 impl Pursuit {
-    /// For at most `most` Gaussians in a scene of harmonics of degree `sh_degree`, over all of `views`, which have photographs. Waits.
+    /// For at most `most` Gaussians, over all of `views`, which have photographs. Waits.
     ///
     /// # Errors
     /// What the device lacks; [`Error::Usage`] for more views or pixels than can be counted.
-    pub fn new(
-        session: &Session,
-        views: &Views,
-        sh_degree: u32,
-        most: u32,
-        options: PursuitOptions,
-    ) -> Result<Self> {
+    pub fn new(session: &Session, views: &Views, most: u32, options: PursuitOptions) -> Result<Self> {
         let context = &session.context;
         let bound = context.info().max_storage_bytes;
         let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
@@ -302,11 +308,8 @@ impl Pursuit {
             chunk_items: chunk * options.sizes.max(1),
             most: most.max(1),
         };
-        // Bytes of a Gaussian in a file: a lobe has 5 numbers more.
-        let plain = 11.0 + 3.0 * ((sh_degree + 1) * (sh_degree + 1)) as f32;
-        let lobe_worth = plain / (plain + 5.0);
         let worth = match options.kinds {
-            Kinds::Both => [lobe_worth, 1.0],
+            Kinds::Both => [1.0, 1.0],
             Kinds::Lobes => [1.0, 0.0],
             Kinds::Plain => [0.0, 1.0],
         };
@@ -316,6 +319,7 @@ impl Pursuit {
             background: session.background,
             seed: session.seed as u32,
             most: most.max(1),
+            limit: most,
             candidates,
             chunk,
             worth,
@@ -328,8 +332,9 @@ impl Pursuit {
         Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done })
     }
 
-    /// Begins. Waits.
-    pub fn start(&mut self) -> Result<()> {
+    /// Begins; at most `most` Gaussians will be placed, and no more than it was made for. Waits.
+    pub fn start(&mut self, most: u32) -> Result<()> {
+        self.placer.limit = most;
         let p = &self.placer;
         p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0])?;
         self.job = Job::Look;
@@ -394,7 +399,7 @@ impl Placer {
         view: u32,
         status: &Buffer<u32>,
     ) -> Result<()> {
-        let show = Show { upto: Segment::Base, degree: model.sh_degree, background: self.background };
+        let show = Show::all(model, self.background);
         renderer.record(recorder, model, views, view, &show, status)?;
         let (w, camera) = (&self.work, &views.cameras[view as usize]);
         let page = self.pages.iter().find(|page| page.views.contains(&view));
@@ -633,7 +638,12 @@ impl Placer {
                 lift_flags: &w.lift_flags,
                 plain_flags: &w.plain_flags,
             },
-            &pursuit_place::Push { most: self.most, kept_index: KEPT, least_gain: self.options.least_gain },
+            &pursuit_place::Push {
+                count: self.most,
+                most: self.limit,
+                kept_index: KEPT,
+                least_gain: self.options.least_gain,
+            },
             self.most,
         );
         for (segment, flags) in [(Segment::Base, &w.plain_flags), (Segment::Supplement, &w.lift_flags)] {

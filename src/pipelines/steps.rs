@@ -41,6 +41,8 @@ pub struct Steps {
 #[derive(Default)]
 struct Run {
     total: u32,
+    /// Steps that may be recorded before the loop is let go on.
+    until: u32,
     next: u32,
     submitted: usize,
     timed: bool,
@@ -99,20 +101,25 @@ impl Steps {
         let mut kept = [0; words::WORDS];
         kept[words::STEPS] = done;
         self.status.upload(0, &kept)?;
-        self.run = Run { total, next: done, timed, ..Run::default() };
+        self.run = Run { total, until: total, next: done, timed, ..Run::default() };
         Ok(())
+    }
+
+    /// Lets the loop go on to step `step` and no further: [`Steps::advance`] then has nothing more to do.
+    pub fn go_on_to(&mut self, step: u32) {
+        self.run.until = step.min(self.run.total);
     }
 
     /// Keeps submissions on their way until one is done; the number of finished steps, or `None` once all are. Where a step
     /// needed more room than there was, nothing after it took effect: `work` makes room and the loop goes on from that step.
     pub fn advance(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { context, status, readback, batch, done, run } = self;
-        while run.next < run.total && run.in_flight.len() < IN_FLIGHT {
+        while run.next < run.until && run.in_flight.len() < IN_FLIGHT {
             let mut recorder = context.recorder("steps")?;
             if run.timed && run.submitted.is_multiple_of(TIMED_OF) {
                 recorder.time_stages();
             }
-            let end = run.total.min(run.next + *batch);
+            let end = run.until.min(run.next + *batch);
             for step in run.next..end {
                 work.record(&mut recorder, step, status)?;
                 done.record(&mut recorder, &step_done::Buffers { status }, &step_done::Push {}, 1);

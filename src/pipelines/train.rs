@@ -170,6 +170,11 @@ impl Trainer {
         self.work.schedule.len() as u32 / self.work.views_per_step
     }
 
+    /// Lets the loop go on to step `step` and no further: [`Trainer::advance`] then has nothing more to do until it is let go on.
+    pub fn go_on_to(&mut self, step: u32) {
+        self.steps.go_on_to(step);
+    }
+
     /// Goes on until some steps are done: how many are by now, or `None` once all are. `model` and `views` are those that it was
     /// made for.
     pub fn advance(&mut self, model: &Model, views: &Views) -> Result<Option<u32>> {
