@@ -174,13 +174,13 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
 
     let options = EnhanceOptions { ratio: 0.5, ..EnhanceOptions::quick() };
     let mut enhancer = Enhancer::new(&session, &scene, &views, &options).unwrap();
-    assert!(enhancer.stop().is_err());
+    assert!(enhancer.stop(&views).is_err());
     while let Some(event) = enhancer.next(&views).unwrap() {
         if let Event::Join { step, steps } = event {
             assert!(step < steps);
             // The first steps may have found no room, and are done again.
             if step > 0 {
-                enhancer.stop().unwrap();
+                enhancer.stop(&views).unwrap();
             }
         }
     }

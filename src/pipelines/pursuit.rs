@@ -66,7 +66,7 @@ impl Default for PursuitOptions {
             size_ratio: std::f32::consts::SQRT_2,
             rounds: 24,
             kinds: Kinds::Both,
-            placements: 1,
+            placements: 3,
             least_gain: 0.0,
         }
     }

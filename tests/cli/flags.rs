@@ -46,5 +46,5 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--max-size 16",
         "--test-every none",
     ];
-    work.changes("enhance data --base base.ply --preset quick", &options);
+    work.changes("enhance data --base base.ply --method augs --preset quick", &options);
 }

@@ -12,7 +12,7 @@ use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
 const TRAIN: &str = "train data --iterations 800 --sh-degree 1 --deterministic";
-const ENHANCE: &str = "enhance data --base base.ply --preset quick --ratio 0.2 --deterministic --work kept";
+const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic --work kept";
 
 impl Work {
     /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.
@@ -200,7 +200,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
 
     // Every other command ends as well, and leaves nothing.
     for arguments in [
-        "enhance data --base whole.ply --preset quick -o x.ply",
+        "enhance data --base whole.ply --method augs --preset quick -o x.ply",
         "render whole.ply data -o views",
         "eval whole.ply data",
     ] {
@@ -243,8 +243,8 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     // The same of what other commands write.
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
     for arguments in [
-        "enhance data --base base.ply --preset quick -o x.ply",
-        "enhance data --base base.ply --preset quick -o x.ply --work full",
+        "enhance data --base base.ply --method augs --preset quick -o x.ply",
+        "enhance data --base base.ply --method augs --preset quick -o x.ply --work full",
     ] {
         let output = full(arguments);
         let said = String::from_utf8(output.stderr).unwrap();
@@ -252,7 +252,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
         assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
     }
     // Whatever was whole is gone on with.
-    work.ok("enhance data --base base.ply --preset quick -o y.ply --deterministic");
-    work.ok("enhance data --base base.ply --preset quick -o x.ply --work full --deterministic");
+    work.ok("enhance data --base base.ply --method augs --preset quick -o y.ply --deterministic");
+    work.ok("enhance data --base base.ply --method augs --preset quick -o x.ply --work full --deterministic");
     assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
 }

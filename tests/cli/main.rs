@@ -420,7 +420,7 @@ fn a_closed_pipe_is_no_error() {
 fn an_augmentation_can_be_inspected_and_gone_on_with() {
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
-    let enhance = "enhance data --base base.ply --preset quick --ratio 0.2 --json";
+    let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --json";
     let report = work.json(&format!("{enhance} -o first.ply --work kept"));
     let added = report["supplementary_gaussians"].as_u64().unwrap();
     assert!(added > 0, "{report}");
@@ -456,7 +456,7 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     let mut bright = read_scene(work.path("base.ply")).unwrap();
     bright.base.sh.iter_mut().for_each(|rgb| rgb[0] = 1e30);
     write_scene(work.path("bright.ply"), &bright).unwrap();
-    let output = work.run("enhance data --base bright.ply --preset quick -o bright_more.ply");
+    let output = work.run("enhance data --base bright.ply --method augs --preset quick -o bright_more.ply");
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("of 7 photos is so far out of range"), "{said}");
 
@@ -469,7 +469,7 @@ fn a_scene_of_another_tool_is_a_base_for_any_dataset() {
     let work = Work::new();
     let base = splats.join("inria_sh3_9k.ply");
     let report =
-        work.json(&format!("enhance data --base {} -o a.ply --preset quick --ratio 0.01 --json", base.display()));
+        work.json(&format!("enhance data --base {} -o a.ply --method augs --preset quick --ratio 0.01 --json", base.display()));
     assert_eq!(report["base_gaussians"], 9080);
     assert_eq!(read_scene(work.path("a.ply")).unwrap().base.sh_degree, 3);
     let broken = splats.join("inria_header_says_100.ply");

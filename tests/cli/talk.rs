@@ -36,7 +36,7 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
     if cfg!(target_os = "linux") {
         assert!(said.contains("MB of memory at most"), "{said}");
     }
-    let said = stderr(&work, "enhance data --base x.ply -o y.ply --preset quick -v");
+    let said = stderr(&work, "enhance data --base x.ply -o y.ply --method augs --preset quick -v");
     for part in ["refining: ", "joining: 210 steps in", "comparing: 4 views in"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
@@ -61,7 +61,7 @@ fn quiet_says_nothing_but_errors() {
 fn an_augmentation_ends_with_what_it_gained() {
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
-    let enhance = "enhance data --base base.ply --preset quick --ratio 0.2";
+    let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2";
     let report = work.json(&format!("{enhance} -o a.ply --json"));
     let gain = &report["gain"];
     assert_eq!(keys(gain), set(["views", "before", "after", "base_alone"]));

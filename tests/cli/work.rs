@@ -4,7 +4,7 @@ use std::fs;
 
 use super::{Work, files};
 
-const ENHANCE: &str = "enhance data --base base.ply --preset quick --ratio 0.2 --work kept";
+const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --work kept";
 
 fn prepared() -> Work {
     let work = Work::new();
