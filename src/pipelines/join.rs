@@ -31,6 +31,7 @@ impl JoinOptions {
             direction: 1e-3,
             width: 2e-4,
             sharpness: 2e-3,
+            ..Default::default()
         }
     }
 

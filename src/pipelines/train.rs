@@ -8,9 +8,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{
     checkpoint::Checkpoint,
+    density::{Density, DensityOptions, ScoredView, Strategy},
     learn::{Learner, Lesson, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
+    raster::Grid,
     render::{Needs, RenderOptions, Renderer, Show},
     session::Session,
     steps::{Looped, StepReport, Steps},
@@ -51,6 +53,7 @@ struct Training {
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
+    density: Option<Density>,
 }
 
 /// What a training loop did.
@@ -111,6 +114,7 @@ impl Trainer {
                 views_per_step,
                 plan: Box::new(plan),
                 background: session.background,
+                density: None,
             },
             steps: Steps::new(context, BATCH)?,
         })
@@ -228,29 +232,35 @@ fn learned<'a>(model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Plane
 }
 
 impl On<'_> {
+    /// What the loss compares in one view.
+    fn batch(&self, view: u32) -> Batch<'_> {
+        let On { training, views, .. } = self;
+        Batch {
+            frames: &views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: training.tiles_per_frame,
+            image: &training.renderer.raster.buffers.image,
+            targets: views.targets(view as usize),
+        }
+    }
+
     /// The gradient records of one view.
-    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<()> {
+    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<Grid> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
         let view = training.schedule[at as usize];
         let show = Show { upto: Segment::Supplement, degree, background: training.background };
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         let buffers = &renderer.raster.buffers;
-        let batch = Batch {
-            frames: &views.frames,
-            frame_first: view,
-            frame_count: 1,
-            tiles_per_frame: training.tiles_per_frame,
-            image: &buffers.image,
-            targets: views.targets(view as usize),
-        };
+        let batch = self.batch(view);
         loss.record_forward(recorder, &batch, Tiles::All, None);
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
         loss.record_sum(recorder, &batch, at);
         // Segments before the first that learns more than its opacity need no other gradient.
         let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
         renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
-        Ok(())
+        Ok(grid)
     }
 }
 
@@ -264,19 +274,27 @@ impl Looped for On<'_> {
             training.learners.iter().for_each(|learner| learner.record_begin(recorder));
         }
         for at in step * views_per_step..(step + 1) * views_per_step {
-            self.record_view(recorder, at, degree, status)?;
-            let seen = Seen { model, views, view: training.schedule[at as usize], raster, degree, status };
+            let grid = self.record_view(recorder, at, degree, status)?;
+            let view = training.schedule[at as usize];
+            let seen = Seen { model, views, view, raster, degree, status };
             for learner in &training.learners {
                 match several {
                     false => learner.record_step(recorder, &seen, &rates, step),
                     true => learner.record_add(recorder, &seen),
                 }
             }
+            if let Some(density) = &training.density {
+                let seen = ScoredView { model, views, view, raster, grid: &grid, batch: self.batch(view), status };
+                density.record_scores(recorder, step, &seen);
+            }
         }
         if several {
             for learner in &training.learners {
                 learner.record_adam(recorder, model, degree, &rates, step, status);
             }
+        }
+        if let (Some(density), [learner, ..]) = (&training.density, &training.learners[..]) {
+            density.record(recorder, model, &learner.moments, &rates, step, status);
         }
         Ok(())
     }
@@ -338,8 +356,20 @@ impl BaseOptions {
     }
 }
 
-/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs.
+/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs, in a fixed number.
 pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
+    let fixed = DensityOptions { strategy: Strategy::Fixed, limit: 0, first: 0, iterations: options.iterations };
+    dense_trainer(session, model, views, options, &fixed)
+}
+
+/// The same, with density control as `density` has it: of `options.iterations` steps, in a model with room for its limit.
+pub fn dense_trainer(
+    session: &Session,
+    model: &Model,
+    views: &Views,
+    options: &BaseOptions,
+    density: &DensityOptions,
+) -> Result<Trainer> {
     let lesson = Lesson {
         segment: Segment::Base,
         opacity_only: false,
@@ -348,9 +378,16 @@ pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &B
         compensate: session.policy.compensate,
     };
     let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
-    let (extent, options) = (session.extent, *options);
-    let plan = move |step| options.plan(extent, step);
-    Trainer::new(session, model, views, &[lesson], schedule, 1, plan)
+    let (extent, options, density) = (session.extent, *options, *density);
+    let plan = move |step| {
+        let plan = options.plan(extent, step);
+        StepPlan { rates: density.rates(plan.rates), ..plan }
+    };
+    let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
+    if density.strategy != Strategy::Fixed {
+        trainer.work.density = Some(Density::new(session, model, &density)?);
+    }
+    Ok(trainer)
 }
 
 /// The whole of [`base_trainer`]; `progress` is called with the number of finished steps.

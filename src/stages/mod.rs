@@ -16,7 +16,8 @@ pub mod kernels {
 }
 
 pub use kernels::{
-    adam, blend, blend_backward, blend_backward_atomic, constants, dispatch_args, emit, fma_rate, gather, lift_append,
+    adam, blend, blend_backward, blend_backward_atomic, constants, density_apply, density_draw, density_image,
+    density_noise, density_place, density_plan, density_score, density_weigh, dispatch_args, emit, fma_rate, gather, lift_append,
     lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project, project_backward,
     radix_downsweep, radix_spine, radix_upsweep, recount, scan_apply, scan_reduce, scan_spine, screen_backward,
     screen_draw, screen_project, screen_prune, screen_tiles, ssim_backward, ssim_forward, step_done, tile_ranges,
@@ -50,7 +51,8 @@ macro_rules! units {
 }
 
 units! {
-    Thread: adam, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
+    Thread: adam, density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
+        density_weigh, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
         recount, screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
     Subgroup: blend, blend_backward, blend_backward_atomic, lift_count, lift_groups, lift_pca, lift_points, radix_downsweep,
         radix_upsweep, scan_apply, scan_reduce, screen_prune;
