@@ -7,7 +7,7 @@
 // BUDGET: two halves of it along its longest axis, which keep its second moment there and its opacity in the middle.
 // Moments of parents and children begin at 0, those of an ADC clone's parent go on. Then opacities are at most `most`, with new
 // moments where that is less than they were, and logits fall by `fade`.
-// Nothing happens once status says that the step did not fit.
+// Scores begin anew. Nothing happens once status says that the step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -41,6 +41,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer Copies { uint copies[]; };
 #define MODEL_LOADS
 #define MODEL_STORES
 #include "../shared/model.glsl"
+layout(set = 0, binding = 9, scalar) writeonly buffer Scores { float scores[]; };
 #include "../shared/view.glsl"
 #include "../shared/gaussian.glsl"
 
@@ -59,6 +60,7 @@ void main() {
     uint number = push.page_first + place;
     if (!(place < push.stride && number < count)) return;
     if (status[STATUS_FAILED] != 0) return; // guard: density: nothing changes after an overflow
+    for (uint p = 0; p < SCORES; ++p) scores[p * push.stride + place] = 0.0;
     uint parent = sources[number], n = copies[parent] + 1;
     bool child = number >= words[ALIVE], fresh = n > 1;
     float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit), rest = sigmoid(-logit);

@@ -5,7 +5,7 @@
 // MCMC: alive above least_opacity; the key is a weight in proportion to the opacity, so small that the sum of `capacity` of them has
 // 32 bits. ADC: alive from least_opacity on; the key is 0 where the mean pull is at least least_score, else NONE. BUDGET: alive from
 // least_opacity on; keys are those of Efraimidis and Spirakis ("Weighted random sampling with a reservoir", 2006), the bits of
-// -ln(u) / score, NONE where the score is not above 0: the smallest are a sample without replacement.
+// -ln(1 - u) / score, NONE where the score is not above 0: the smallest are a sample without replacement.
 // Limits: a Gaussian with a NaN opacity or scale is not alive.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -60,7 +60,7 @@ void main() {
             float score = pow(scores[ERROR * push.stride + place], push.power);
             if (score >= SCORE_MIN && score <= SCORE_MAX) { // guard: density: scores that can be drawn
                 uvec4 h = pcg4d(uvec4(number, push.step, HASH_KEY, push.seed));
-                key = floatBitsToUint(-log(uniform_of(h.x)) / score);
+                key = floatBitsToUint(exponential_of(h.x) / score);
             }
         }
     }

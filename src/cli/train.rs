@@ -220,6 +220,7 @@ impl Args {
             drop(found);
             let interrupt = Interrupt::default();
             interrupt.listen()?;
+            let mut gaussians = 0;
             let mut train = || -> Result<()> {
                 while !interrupt.asked()
                     && let Some(done) = trainer.advance(&model, &views)?
@@ -230,7 +231,9 @@ impl Args {
                 if interrupt.asked() {
                     kept.keep(|| trainer.checkpoint(&model, &views))?;
                 }
-                write_scene(&self.output, &model.download()?)
+                let scene = model.download()?;
+                gaussians = scene.base.len();
+                write_scene(&self.output, &scene)
             };
             if let Err(error) = train() {
                 drop(training);
@@ -259,7 +262,7 @@ impl Args {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
                 photos: photos.len(),
-                gaussians: count,
+                gaussians,
                 sh_degree,
                 iterations: steps,
                 iterations_resumed: resumed,
@@ -275,7 +278,7 @@ impl Args {
                 print_json(&report)?;
             } else {
                 print(format_args!(
-                    "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
+                    "{output}: {gaussians} Gaussians of SH degree {sh_degree} from {photos} photos\n\
                      {steps} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
                 ))?;
             }

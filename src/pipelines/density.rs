@@ -133,19 +133,22 @@ impl DensityOptions {
     }
 
     /// Rates of the strategy, from those of a base of fixed number.
-    pub fn rates(&self, rates: Rates) -> Rates {
+    pub fn rates(&self, rates: Rates, step: u32) -> Rates {
+        let t = f64::from(step) / f64::from(self.iterations.max(1));
+        let anneal = tune("ANNEAL", 1.0).powf(t);
+        let a = |name: &str, default: f64| (tune(name, default) * anneal) as f32;
         match self.strategy {
             Strategy::Fixed | Strategy::Adc => rates,
             Strategy::Mcmc => Rates { opacity: 0.05, mean_opacity: 0.01, mean_scale: 0.01, ..rates },
             Strategy::Budget => Rates {
-                opacity: tune("OPACITY_RATE", 0.05) as f32,
+                opacity: a("OPACITY_RATE", 0.05),
                 mean_opacity: tune("MEAN_OPACITY", 0.01) as f32,
                 mean_scale: tune("MEAN_SCALE", 0.01) as f32,
-                log_scale: tune("SCALE_RATE", 5e-3) as f32,
+                log_scale: a("SCALE_RATE", 5e-3),
                 mean: rates.mean * tune("MEAN_RATE", 1.0) as f32,
-                quat: tune("QUAT_RATE", 1e-3) as f32,
-                dc: tune("DC_RATE", 2.5e-3) as f32,
-                sh: (tune("DC_RATE", 2.5e-3) / tune("SH_DIV", 20.0)) as f32,
+                quat: a("QUAT_RATE", 1e-3),
+                dc: a("DC_RATE", 2.5e-3),
+                sh: a("DC_RATE", 2.5e-3) / tune("SH_DIV", 20.0) as f32,
                 ..rates
             },
         }
@@ -331,9 +334,6 @@ impl Density {
         for event in &events {
             self.record_event(recorder, model, moments, event, status);
         }
-        if !events.is_empty() {
-            self.scores.record_zero(recorder);
-        }
     }
 
     fn record_noise(&self, recorder: &mut Recorder, model: &Model, rate: f32, step: u32, status: &Buffer<u32>) {
@@ -456,6 +456,7 @@ impl Density {
                     geometry_moments: moments.geometry.page(k),
                     sh_moments: moments.sh.page(k),
                     lobe_moments: moments.lobes.page(k),
+                    scores: self.scores.page(k),
                 },
                 &density_apply::Push {
                     segment: page.segment,

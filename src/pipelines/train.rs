@@ -137,15 +137,30 @@ impl Trainer {
         }
         let seen = (step * self.work.views_per_step) as usize;
         let losses = checkpoint.floats(LOSSES, seen)?;
-        let mut kept = Vec::new();
+        let (mut kept, mut counts) = (Vec::new(), Vec::new());
         for learner in &self.work.learners {
-            let count = model.count_of(learner.lesson.segment) as usize;
-            for (name, planes) in learned(model, learner) {
+            let segment = learner.lesson.segment;
+            let all = self.work.learned(model, learner);
+            // Without density control there are as many as at the start.
+            let count = match all.first() {
+                Some((first, _)) if self.work.density.is_some() => checkpoint.columns(first)?,
+                _ => model.count_of(segment) as usize,
+            };
+            let room = model.part(segment).capacity() as usize;
+            // guard: checkpoints of more Gaussians than there is room for
+            if count > room {
+                return Err(Error::Usage(format!("the checkpoint has {count} Gaussians, the model room for {room}")));
+            }
+            counts.push((segment, count as u32));
+            for (name, planes) in all {
                 kept.push((planes, checkpoint.floats(&name, planes.planes() * count)?, count));
             }
         }
         for (planes, values, count) in kept {
             planes.restore(values, count)?;
+        }
+        for (segment, count) in counts {
+            model.set_count(segment, count)?;
         }
         // Their parts are only for `glint verify`.
         let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
@@ -160,9 +175,10 @@ impl Trainer {
         let seen = (step * self.work.views_per_step) as usize;
         let losses = self.work.loss.losses.mapped();
         checkpoint.put(LOSSES.into(), [1, seen], losses[..seen].iter().map(|l| l.total).collect());
+        let counts = model.counts()?;
         for learner in &self.work.learners {
-            let count = model.count_of(learner.lesson.segment) as usize;
-            for (name, planes) in learned(model, learner) {
+            let count = counts[learner.lesson.segment as usize] as usize;
+            for (name, planes) in self.work.learned(model, learner) {
                 checkpoint.put(name, [planes.planes(), count], planes.values(count)?);
             }
         }
@@ -213,22 +229,24 @@ impl Trainer {
 /// Name of the losses in a checkpoint.
 const LOSSES: &str = "losses";
 
-/// Everything that a learner changes, by its name in a checkpoint: parameters and their moments.
-fn learned<'a>(model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
-    let part = model.part(learner.lesson.segment);
-    let segment = match learner.lesson.segment {
-        Segment::Base => "base",
-        Segment::Supplement => "supplement",
-    };
-    let [geometry, sh, lobes] = learner.moments.all();
-    let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
-    // What has no moments is frozen.
-    let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
-    moving
-        .flat_map(|(what, planes, moments)| {
+impl Training {
+    /// Everything that a learner and density control change, by its name in a checkpoint: parameters, their moments, scores.
+    fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
+        let part = model.part(learner.lesson.segment);
+        let segment = match learner.lesson.segment {
+            Segment::Base => "base",
+            Segment::Supplement => "supplement",
+        };
+        let [geometry, sh, lobes] = learner.moments.all();
+        let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
+        // What has no moments is frozen.
+        let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
+        let named = moving.flat_map(|(what, planes, moments)| {
             [(format!("{segment}.{what}"), planes), (format!("{segment}.{what}_moments"), moments)]
-        })
-        .collect()
+        });
+        let scores = self.density.as_ref().filter(|_| learner.lesson.segment == Segment::Base);
+        named.chain(scores.map(|density| (format!("{segment}.scores"), &density.scores))).collect()
+    }
 }
 
 impl On<'_> {
@@ -381,7 +399,7 @@ pub fn dense_trainer(
     let (extent, options, density) = (session.extent, *options, *density);
     let plan = move |step| {
         let plan = options.plan(extent, step);
-        StepPlan { rates: density.rates(plan.rates), ..plan }
+        StepPlan { rates: density.rates(plan.rates, step), ..plan }
     };
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
