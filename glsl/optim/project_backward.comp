@@ -29,6 +29,7 @@ layout(push_constant, scalar) uniform Push {
     uint view;        // index in views
     uint by_gaussian; // records are by Gaussian, added up already
     StepRates rates;
+    float mean_opacity, mean_scale; // weights in the loss of the mean over the segment's opacities and over its scales
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
@@ -223,6 +224,12 @@ void main() {
         return;
     }
 
+    // Kheradmand 2024; of all Gaussians, those that the view does not blend too.
+    float of_all = float(segment_first[push.segment + 1] - segment_first[push.segment]);
+    if (push.mean_opacity != 0.0) g.opacity += push.mean_opacity / of_all * opacity * sigmoid(-logit);
+    if (push.mean_scale != 0.0) {
+        g.log_scale += push.mean_scale / (3.0 * of_all) * exp(load_geometry3(LOG_SCALE, place));
+    }
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
     ColourAt at = colour_at(to_mean);
     for (uint k = 0; k < COEFFICIENTS; ++k) {

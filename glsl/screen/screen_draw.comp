@@ -17,6 +17,7 @@
 #include "../shared/frame.glsl"
 #include "../shared/status.glsl"
 #include "../shared/screen.glsl"
+#include "../shared/hash.glsl"
 
 layout(push_constant, scalar) uniform Push {
     uint frame_count; // views in the batch
@@ -52,18 +53,7 @@ shared uint bins[BINS];
 shared uvec2 subgroup_sums[gl_WorkGroupSize.x / 8]; // a subgroup has 8 lanes or more
 shared uint found_bin, found_below, found_wanted;
 
-// The last word of pcg4d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
-uint hash(uint pixel, uint view) {
-    uvec4 v = uvec4(pixel, view, push.round, push.seed) * 1664525u + 1013904223u;
-    for (uint k = 0; k < 2; ++k) {
-        v.x += v.y * v.w;
-        v.y += v.z * v.x;
-        v.z += v.x * v.y;
-        v.w += v.y * v.z;
-        if (k == 0) v ^= v >> 16;
-    }
-    return v.w;
-}
+uint hash(uint pixel, uint view) { return pcg4d(uvec4(pixel, view, push.round, push.seed)).w; }
 
 // Bits of the key, which order as the keys do; NONE where the pixel cannot be drawn. `precise`: every pass must see the same.
 uint key_of(Frame frame, uint view, uint pixel) {

@@ -526,7 +526,10 @@ pub(super) fn run_with_progress(
             Event::Join { step, steps } => {
                 show("joining", step.into(), steps.into(), None);
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
-                    let (path, settings) = work.joint()?;
+                    let (path, settings) = match options.method {
+                        Method::Pursuit => work.joint_without_lifts(),
+                        Method::Augs => work.joint()?,
+                    };
                     let found = Kept::new(path, settings, every);
                     // Of lifts that were made anew: its settings are the folder's.
                     let other = |path: &Path, why: &str| {

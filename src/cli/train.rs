@@ -16,10 +16,11 @@ use crate::{
     Error, Result,
     data::{Photo, PointCloud, Split, scene_bytes, write_scene},
     pipelines::{
+        density::{DensityOptions, Strategy},
         model::{Model, Room},
         session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
-        train::{BaseOptions, base_trainer},
+        train::{BaseOptions, dense_trainer},
     },
     scene::{Scene, from_points},
 };
@@ -62,6 +63,12 @@ pub(super) struct Args {
     /// most 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
+    /// Gaussians at most, and as many as the default strategy comes to
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    gaussians: Option<u32>,
+    /// How their number changes
+    #[arg(long, value_enum, default_value_t)]
+    strategy: StrategyArg,
     /// Seed of the random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -87,6 +94,31 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
+}
+
+#[derive(Debug, Clone, Copy, Default, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum StrategyArg {
+    /// Their number stays
+    Fixed,
+    /// 3DGS-MCMC
+    Mcmc,
+    /// Adaptive density control of 3DGS
+    Adc,
+    /// A budget over the run, spent where errors are
+    #[default]
+    Budget,
+}
+
+impl From<StrategyArg> for Strategy {
+    fn from(arg: StrategyArg) -> Self {
+        match arg {
+            StrategyArg::Fixed => Strategy::Fixed,
+            StrategyArg::Mcmc => Strategy::Mcmc,
+            StrategyArg::Adc => Strategy::Adc,
+            StrategyArg::Budget => Strategy::Budget,
+        }
+    }
 }
 
 /// What `--json` prints.
@@ -161,15 +193,17 @@ impl Args {
             tracing::info!("on the device: {:.1} MB of {count} Gaussians and their moments", megabytes(scene));
             let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
             let scene = Scene { base, supplement: None };
-            let model = Model::upload_around(context, views.origin, &scene, Room::default())?;
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
+            let density = self.density(count as u32);
+            let room = Room { base: density.limit.saturating_sub(count as u32), ..Default::default() };
+            let model = Model::upload_around(context, views.origin, &scene, room)?;
             let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
             let options = BaseOptions { iterations, sh_degree };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let mut trainer = base_trainer(&session, &model, &views, &options)?;
+            let mut trainer = dense_trainer(&session, &model, &views, &options, &density)?;
             let settings = self.settings(&photos, &checksums, &first.cloud, &session, &options)?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
             let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
@@ -186,6 +220,7 @@ impl Args {
             drop(found);
             let interrupt = Interrupt::default();
             interrupt.listen()?;
+            let mut gaussians = 0;
             let mut train = || -> Result<()> {
                 while !interrupt.asked()
                     && let Some(done) = trainer.advance(&model, &views)?
@@ -196,7 +231,9 @@ impl Args {
                 if interrupt.asked() {
                     kept.keep(|| trainer.checkpoint(&model, &views))?;
                 }
-                write_scene(&self.output, &model.download()?)
+                let scene = model.download()?;
+                gaussians = scene.base.len();
+                write_scene(&self.output, &scene)
             };
             if let Err(error) = train() {
                 drop(training);
@@ -225,7 +262,7 @@ impl Args {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
                 photos: photos.len(),
-                gaussians: count,
+                gaussians,
                 sh_degree,
                 iterations: steps,
                 iterations_resumed: resumed,
@@ -241,7 +278,7 @@ impl Args {
                 print_json(&report)?;
             } else {
                 print(format_args!(
-                    "{output}: {count} Gaussians of SH degree {sh_degree} from {photos} photos\n\
+                    "{output}: {gaussians} Gaussians of SH degree {sh_degree} from {photos} photos\n\
                      {steps} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
                 ))?;
             }
@@ -254,6 +291,11 @@ impl Args {
             }
             Ok(())
         })
+    }
+
+    fn density(&self, first: u32) -> DensityOptions {
+        let limit = self.gaussians.unwrap_or(first).max(first);
+        DensityOptions { strategy: self.strategy.into(), limit, first, iterations: self.iterations }
     }
 
     /// Everything that training depends on.

@@ -45,6 +45,12 @@ impl Checkpoint {
         self.tensors.insert(name, Tensor { shape: shape.to_vec(), values: Values::F32(values) });
     }
 
+    /// Elements of the last dimension of a tensor: Gaussians, where it holds their planes.
+    pub(super) fn columns(&self, name: &str) -> Result<usize> {
+        let shape = self.tensors.get(name).and_then(|tensor| tensor.shape.last());
+        shape.copied().ok_or_else(|| Error::Usage(format!("the checkpoint has no `{name}`")))
+    }
+
     /// The values of a tensor, which must be so many.
     pub(super) fn floats(&self, name: &str, count: usize) -> Result<&[f32]> {
         match self.tensors.get(name) {

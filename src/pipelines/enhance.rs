@@ -224,7 +224,7 @@ impl Enhancer {
                     let most = most(self.original.len() as u32, self.options.ratio);
                     let options = self.options.pursuit;
                     let mut pursuit = Pursuit::new(&self.session, views, most, options)?;
-                    pursuit.start(share(most, 0, options.placements))?;
+                    pursuit.start(allowed(most, 0, options.placements))?;
                     self.pursuit = Some(pursuit);
                     self.next = Next::Place(None);
                     self.times.base = started.elapsed();
@@ -306,8 +306,8 @@ impl Enhancer {
                     let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
                     if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
                         let most = most(self.original.len() as u32, self.options.ratio);
-                        let so_far: u32 = self.placed.iter().map(Placed::count).sum();
-                        pursuit.start(share(most, done, placements).min(most - so_far))?;
+                        let so_far = self.model.count() - self.original.len() as u32;
+                        pursuit.start(allowed(most, done, placements).saturating_sub(so_far))?;
                         let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else { return Ok(None) };
                         self.next = Next::Place(Some(trainer));
                         continue;
@@ -338,13 +338,30 @@ impl Enhancer {
     /// [`Error::Usage`] where the checkpoint is of another scene or schedule, upon which the phase can still begin anew.
     pub fn resume_join(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
-        trainer.resume(&self.model, checkpoint, true)
+        if self.options.method == Method::Augs {
+            return trainer.resume(&self.model, checkpoint, true);
+        }
+        let placements = self.options.pursuit.placements;
+        let done = checkpoint.floats(PLACEMENTS, 1)?[0] as u32;
+        // guard: checkpoints of other placements
+        if !(1..=placements).contains(&done) {
+            return Err(Error::Usage(format!("{done} of {placements} placements are done")));
+        }
+        trainer.resume(&self.model, checkpoint, true)?;
+        self.model.learn_counts()?;
+        self.placed.resize(done as usize, Placed::default());
+        trainer.go_on_to(pause(trainer.total(), done, placements));
+        Ok(())
     }
 
     /// What the joint phase has learned so far. Waits; it can go on.
     pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
-        trainer.checkpoint(&self.model, views)
+        let mut checkpoint = trainer.checkpoint(&self.model, views)?;
+        if self.options.method == Method::Pursuit {
+            checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.placed.len() as f32]);
+        }
+        Ok(checkpoint)
     }
 
     /// Ends the joint phase that [`Event::Join`] told of before its last step: what it has learned is in the scene. Waits.
@@ -391,11 +408,13 @@ impl Enhancer {
     }
 
     fn begin_join(&self, views: &Views) -> Result<Next> {
-        let placed: u32 = self.placed.iter().map(Placed::count).sum();
-        if self.model.count_of(Segment::Supplement) + placed == 0 {
+        if self.model.count() == self.original.len() as u32 {
             return Ok(Next::Done);
         }
         let mut trainer = join(&self.session, &self.model, views, &self.options.join)?;
+        if self.options.method == Method::Pursuit {
+            trainer.let_counts_vary();
+        }
         trainer.start(true)?;
         Ok(Next::Join(Box::new(trainer)))
     }
@@ -406,12 +425,14 @@ fn most(gaussians: u32, ratio: f64) -> u32 {
     (ratio * f64::from(gaussians)).ceil() as u32
 }
 
-/// Of `most` Gaussians those that may be placed up to placement `index` of `placements`, less those before: half at first.
-fn share(most: u32, index: u32, placements: u32) -> u32 {
-    match (index, placements) {
-        (_, 0 | 1) => most,
-        (0, _) => most.div_ceil(2),
-        _ => (most / 2).div_ceil(placements - 1),
+/// Name of the number of placements in a checkpoint.
+const PLACEMENTS: &str = "placements";
+
+/// Of `most` Gaussians those that may be there after placement `index` of `placements`: half after the first.
+fn allowed(most: u32, index: u32, placements: u32) -> u32 {
+    match placements {
+        0 | 1 => most,
+        _ => most.div_ceil(2) + (u64::from(most / 2) * u64::from(index) / u64::from(placements - 1)) as u32,
     }
 }
 
@@ -437,4 +458,22 @@ pub fn enhance(
         watch(&event);
     }
     enhancer.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placements_end_with_all_and_lie_in_the_first_half() {
+        for most in [0, 1, 2, 7, 400] {
+            assert_eq!(allowed(most, 0, 1), most);
+            for placements in 2..5 {
+                let all: Vec<u32> = (0..placements).map(|k| allowed(most, k, placements)).collect();
+                assert!(all.is_sorted() && all[0] == most.div_ceil(2) && all[placements as usize - 1] == most, "{all:?}");
+            }
+        }
+        assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, 3)), [0, 100, 200, 600]);
+        assert_eq!([0, 1].map(|done| pause(600, done, 1)), [0, 600]);
+    }
 }

@@ -43,6 +43,7 @@ impl JoinOptions {
             direction: 1e-3,
             width: 2e-4,
             sharpness: 2e-3,
+            ..Default::default()
         };
         rates.times(self.pace * self.decay.powf(done))
     }

@@ -27,6 +27,10 @@ pub struct Rates {
     pub direction: f32,
     pub width: f32,
     pub sharpness: f32,
+    /// Weight in the loss of the mean of the segment's opacities. Of a learner that steps on each view.
+    pub mean_opacity: f32,
+    /// The same of the mean of its scales, per scene unit.
+    pub mean_scale: f32,
 }
 
 impl Rates {
@@ -34,12 +38,12 @@ impl Rates {
     pub fn times(&self, factor: f32) -> Rates {
         let [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness] =
             self.by_group().map(|rate| factor * rate);
-        Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness }
+        Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness, ..*self }
     }
 
     /// In the order of [`groups`](crate::scene::layout::groups).
     pub fn by_group(&self) -> [f32; 9] {
-        let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness } = *self;
+        let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness, .. } = *self;
         [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness]
     }
 }
@@ -170,7 +174,7 @@ impl Learner {
 
     /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
     pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
-        self.record_backward(recorder, seen, &self.fused, &self.moments, self.step_rates(rates, step));
+        self.record_backward(recorder, seen, &self.fused, &self.moments, rates, self.step_rates(rates, step));
     }
 
     /// Begins a step of several views.
@@ -183,7 +187,7 @@ impl Learner {
     /// Adds the gradients of one view.
     pub fn record_add(&self, recorder: &mut Recorder, seen: &Seen<'_>) {
         if let Some(a) = &self.accumulated {
-            self.record_backward(recorder, seen, &a.add, &a.gradients, StepRates::default());
+            self.record_backward(recorder, seen, &a.add, &a.gradients, &Rates::default(), StepRates::default());
         }
     }
 
@@ -234,6 +238,7 @@ impl Learner {
         seen: &Seen<'_>,
         stages: &[project_backward::Stage],
         into: &Beside,
+        weights: &Rates,
         rates: StepRates,
     ) {
         let Seen { model, views, view, raster, degree, status } = *seen;
@@ -265,6 +270,8 @@ impl Learner {
                     view,
                     by_gaussian: raster.by_gaussian().into(),
                     rates,
+                    mean_opacity: weights.mean_opacity,
+                    mean_scale: weights.mean_scale,
                 },
                 &model.population_args,
                 dispatch,

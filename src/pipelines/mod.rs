@@ -1,6 +1,7 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
 pub mod checkpoint;
+pub mod density;
 pub mod enhance;
 pub mod join;
 pub mod layers;

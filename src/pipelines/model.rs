@@ -240,6 +240,10 @@ impl Model {
                 Buffer::new(&self.context, "population_args", args_len(pages.len()), Location::Device)?;
         }
         self.pages.upload(0, &pages)?;
+        self.recount_now()
+    }
+
+    fn recount_now(&self) -> Result<()> {
         let status = Buffer::<u32>::zeroed(&self.context, "recount status", status::WORDS)?;
         let mut recorder = self.context.recorder("recount")?;
         self.record_recount(&mut recorder, None, &status);
@@ -277,11 +281,30 @@ impl Model {
         );
     }
 
+    /// How many Gaussians the device has of each segment. Waits.
+    pub fn counts(&self) -> Result<[u32; 2]> {
+        let counts = self.segment_counts.download()?;
+        Ok([counts[0], counts[1]])
+    }
+
     /// Asks the device how many Gaussians there are. Waits.
     pub fn learn_counts(&mut self) -> Result<[u32; 2]> {
-        let counts = self.segment_counts.download()?;
-        self.known = [counts[0], counts[1]];
+        self.known = self.counts()?;
         Ok(self.known)
+    }
+
+    /// Tells the device how many Gaussians a segment has; what new ones are is undefined. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where there is no room for them.
+    pub fn set_count(&self, segment: Segment, count: u32) -> Result<()> {
+        let capacity = self.part(segment).capacity();
+        // guard: density: a count beyond the room
+        if count > capacity {
+            return Err(Error::Usage(format!("there is room for {capacity} {}, not for {count}", segment.resource())));
+        }
+        self.segment_counts.upload(segment as usize, &[count])?;
+        self.recount_now()
     }
 
     /// Room for at least so many Gaussians in a segment: more pages, beside those that there are. Waits.

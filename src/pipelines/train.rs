@@ -8,9 +8,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{
     checkpoint::Checkpoint,
+    density::{Density, DensityOptions, ScoredView, Strategy},
     learn::{Learner, Lesson, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
+    raster::Grid,
     render::{Needs, RenderOptions, Renderer, Show},
     session::Session,
     steps::{Looped, StepReport, Steps},
@@ -51,6 +53,9 @@ struct Training {
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
+    density: Option<Density>,
+    /// Segments may come to have other numbers of Gaussians while it goes on.
+    varies: bool,
 }
 
 /// What a training loop did.
@@ -111,6 +116,8 @@ impl Trainer {
                 views_per_step,
                 plan: Box::new(plan),
                 background: session.background,
+                density: None,
+                varies: false,
             },
             steps: Steps::new(context, BATCH)?,
         })
@@ -133,15 +140,29 @@ impl Trainer {
         }
         let seen = (step * self.work.views_per_step) as usize;
         let losses = checkpoint.floats(LOSSES, seen)?;
-        let mut kept = Vec::new();
+        let (mut kept, mut counts) = (Vec::new(), Vec::new());
         for learner in &self.work.learners {
-            let count = model.count_of(learner.lesson.segment) as usize;
-            for (name, planes) in learned(model, learner) {
+            let segment = learner.lesson.segment;
+            let all = self.work.learned(model, learner);
+            let count = match all.first() {
+                Some((first, _)) if self.work.varies => checkpoint.columns(first)?,
+                _ => model.count_of(segment) as usize,
+            };
+            let room = model.part(segment).capacity() as usize;
+            // guard: checkpoints of more Gaussians than there is room for
+            if count > room {
+                return Err(Error::Usage(format!("the checkpoint has {count} Gaussians, the model room for {room}")));
+            }
+            counts.push((segment, count as u32));
+            for (name, planes) in all {
                 kept.push((planes, checkpoint.floats(&name, planes.planes() * count)?, count));
             }
         }
         for (planes, values, count) in kept {
             planes.restore(values, count)?;
+        }
+        for (segment, count) in counts {
+            model.set_count(segment, count)?;
         }
         // Their parts are only for `glint verify`.
         let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
@@ -156,9 +177,10 @@ impl Trainer {
         let seen = (step * self.work.views_per_step) as usize;
         let losses = self.work.loss.losses.mapped();
         checkpoint.put(LOSSES.into(), [1, seen], losses[..seen].iter().map(|l| l.total).collect());
+        let counts = model.counts()?;
         for learner in &self.work.learners {
-            let count = model.count_of(learner.lesson.segment) as usize;
-            for (name, planes) in learned(model, learner) {
+            let count = counts[learner.lesson.segment as usize] as usize;
+            for (name, planes) in self.work.learned(model, learner) {
                 checkpoint.put(name, [planes.planes(), count], planes.values(count)?);
             }
         }
@@ -168,6 +190,11 @@ impl Trainer {
     /// Steps of the whole schedule.
     pub fn total(&self) -> u32 {
         self.work.schedule.len() as u32 / self.work.views_per_step
+    }
+
+    /// A checkpoint may have more or fewer Gaussians than the model at the start.
+    pub fn let_counts_vary(&mut self) {
+        self.work.varies = true;
     }
 
     /// Lets the loop go on to step `step` and no further: [`Trainer::advance`] then has nothing more to do until it is let go on.
@@ -214,48 +241,56 @@ impl Trainer {
 /// Name of the losses in a checkpoint.
 const LOSSES: &str = "losses";
 
-/// Everything that a learner changes, by its name in a checkpoint: parameters and their moments.
-fn learned<'a>(model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
-    let part = model.part(learner.lesson.segment);
-    let segment = match learner.lesson.segment {
-        Segment::Base => "base",
-        Segment::Supplement => "supplement",
-    };
-    let [geometry, sh, lobes] = learner.moments.all();
-    let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
-    // What has no moments is frozen.
-    let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
-    moving
-        .flat_map(|(what, planes, moments)| {
+impl Training {
+    /// Everything that a learner and density control change, by its name in a checkpoint: parameters, their moments, scores.
+    fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
+        let part = model.part(learner.lesson.segment);
+        let segment = match learner.lesson.segment {
+            Segment::Base => "base",
+            Segment::Supplement => "supplement",
+        };
+        let [geometry, sh, lobes] = learner.moments.all();
+        let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
+        // What has no moments is frozen.
+        let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
+        let named = moving.flat_map(|(what, planes, moments)| {
             [(format!("{segment}.{what}"), planes), (format!("{segment}.{what}_moments"), moments)]
-        })
-        .collect()
+        });
+        let scores = self.density.as_ref().filter(|_| learner.lesson.segment == Segment::Base);
+        named.chain(scores.map(|density| (format!("{segment}.scores"), &density.scores))).collect()
+    }
 }
 
 impl On<'_> {
+    /// What the loss compares in one view.
+    fn batch(&self, view: u32) -> Batch<'_> {
+        let On { training, views, .. } = self;
+        Batch {
+            frames: &views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: training.tiles_per_frame,
+            image: &training.renderer.raster.buffers.image,
+            targets: views.targets(view as usize),
+        }
+    }
+
     /// The gradient records of one view.
-    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<()> {
+    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<Grid> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
         let view = training.schedule[at as usize];
         let show = Show { upto: Segment::Supplement, degree, background: training.background };
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         let buffers = &renderer.raster.buffers;
-        let batch = Batch {
-            frames: &views.frames,
-            frame_first: view,
-            frame_count: 1,
-            tiles_per_frame: training.tiles_per_frame,
-            image: &buffers.image,
-            targets: views.targets(view as usize),
-        };
+        let batch = self.batch(view);
         loss.record_forward(recorder, &batch, Tiles::All, None);
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
         loss.record_sum(recorder, &batch, at);
         // Segments before the first that learns more than its opacity need no other gradient.
         let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
         renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
-        Ok(())
+        Ok(grid)
     }
 }
 
@@ -269,19 +304,27 @@ impl Looped for On<'_> {
             training.learners.iter().for_each(|learner| learner.record_begin(recorder));
         }
         for at in step * views_per_step..(step + 1) * views_per_step {
-            self.record_view(recorder, at, degree, status)?;
-            let seen = Seen { model, views, view: training.schedule[at as usize], raster, degree, status };
+            let grid = self.record_view(recorder, at, degree, status)?;
+            let view = training.schedule[at as usize];
+            let seen = Seen { model, views, view, raster, degree, status };
             for learner in &training.learners {
                 match several {
                     false => learner.record_step(recorder, &seen, &rates, step),
                     true => learner.record_add(recorder, &seen),
                 }
             }
+            if let Some(density) = &training.density {
+                let seen = ScoredView { model, views, view, raster, grid: &grid, batch: self.batch(view), status };
+                density.record_scores(recorder, step, &seen);
+            }
         }
         if several {
             for learner in &training.learners {
                 learner.record_adam(recorder, model, degree, &rates, step, status);
             }
+        }
+        if let (Some(density), [learner, ..]) = (&training.density, &training.learners[..]) {
+            density.record(recorder, model, &learner.moments, &rates, step, status);
         }
         Ok(())
     }
@@ -343,8 +386,20 @@ impl BaseOptions {
     }
 }
 
-/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs.
+/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs, in a fixed number.
 pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
+    let fixed = DensityOptions { strategy: Strategy::Fixed, limit: 0, first: 0, iterations: options.iterations };
+    dense_trainer(session, model, views, options, &fixed)
+}
+
+/// The same, with density control as `density` has it: of `options.iterations` steps, in a model with room for its limit.
+pub fn dense_trainer(
+    session: &Session,
+    model: &Model,
+    views: &Views,
+    options: &BaseOptions,
+    density: &DensityOptions,
+) -> Result<Trainer> {
     let lesson = Lesson {
         segment: Segment::Base,
         opacity_only: false,
@@ -353,9 +408,17 @@ pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &B
         compensate: session.policy.compensate,
     };
     let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
-    let (extent, options) = (session.extent, *options);
-    let plan = move |step| options.plan(extent, step);
-    Trainer::new(session, model, views, &[lesson], schedule, 1, plan)
+    let (extent, options, density) = (session.extent, *options, *density);
+    let plan = move |step| {
+        let plan = options.plan(extent, step);
+        StepPlan { rates: density.rates(plan.rates, step), ..plan }
+    };
+    let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
+    if density.strategy != Strategy::Fixed {
+        trainer.work.density = Some(Density::new(session, model, &density)?);
+        trainer.let_counts_vary();
+    }
+    Ok(trainer)
 }
 
 /// The whole of [`base_trainer`]; `progress` is called with the number of finished steps.

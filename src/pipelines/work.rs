@@ -118,6 +118,11 @@ impl WorkDir {
         Ok((self.folder.join(JOINT), settings))
     }
 
+    /// The same of a joint phase whose Gaussians were placed without lifts.
+    pub fn joint_without_lifts(&self) -> (PathBuf, Value) {
+        (self.folder.join(JOINT), json!({"work": self.settings}))
+    }
+
     /// The joint phase is done and its result is written: nothing of it is left to go on with.
     pub fn remove_joint(&self) -> Result<()> {
         let file = self.folder.join(JOINT);

@@ -35,6 +35,20 @@ pub fn project_backward(
     }
 }
 
+/// Adds the gradient of `mean_opacity` times the mean of `of_all` Gaussians' opacities and `mean_scale` times that of their scales
+/// (Kheradmand 2024), of the first `count`.
+pub fn regularise(params: &Params, count: usize, of_all: usize, mean_opacity: f64, mean_scale: f64, grads: &mut Params) {
+    let of_all = of_all as f64;
+    for i in 0..count {
+        let logit = params.logit(i);
+        grads.geometry[OPACITY * params.stride + i] += mean_opacity / of_all * sigmoid(logit) * sigmoid(-logit);
+        for p in LOG_SCALE..LOG_SCALE + 3 {
+            let at = p * params.stride + i;
+            grads.geometry[at] += mean_scale / (3.0 * of_all) * params.geometry[at].exp();
+        }
+    }
+}
+
 /// Records summed over slots, by Gaussian index.
 pub fn sum_records(tile_counts: &[u32], isects: &Intersections, isect_grads: &[Record]) -> Vec<Record> {
     let sum = |(&first, &tiles): (&u32, &u32)| {

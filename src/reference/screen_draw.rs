@@ -2,6 +2,7 @@
 //!
 //! One call is one workgroup of the kernel.
 
+use super::hash::pcg4d;
 use super::screen_backward::FIRST_SCALE_MIN;
 use super::screen_project::{COLOUR, LOG_SCALE, LOGIT, ScreenGaussian};
 
@@ -19,18 +20,9 @@ pub struct Draw {
     pub round: u32,
 }
 
-/// The last word of pcg4d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
+/// Of a draw and a pixel.
 fn hash(draw: Draw, pixel: u32) -> u32 {
-    let mut v = [pixel, draw.view, draw.round, draw.seed].map(|x| x.wrapping_mul(1664525).wrapping_add(1013904223));
-    for k in 0..2 {
-        for (to, a, b) in [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)] {
-            v[to] = v[to].wrapping_add(v[a].wrapping_mul(v[b]));
-        }
-        if k == 0 {
-            v = v.map(|x| x ^ x >> 16);
-        }
-    }
-    v[3]
+    pcg4d([pixel, draw.view, draw.round, draw.seed])[3]
 }
 
 /// −ln(u) / loss², u a hash of the draw and the pixel; none where the pixel cannot be drawn.

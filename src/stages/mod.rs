@@ -16,7 +16,8 @@ pub mod kernels {
 }
 
 pub use kernels::{
-    adam, blend, blend_backward, blend_backward_atomic, constants, dispatch_args, emit, fma_rate, gather, lift_append,
+    adam, blend, blend_backward, blend_backward_atomic, constants, density_apply, density_draw, density_image,
+    density_noise, density_place, density_plan, density_score, density_weigh, dispatch_args, emit, fma_rate, gather, lift_append,
     lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project, project_backward,
     pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
     pursuit_residual, pursuit_score,
@@ -52,8 +53,10 @@ macro_rules! units {
 }
 
 units! {
-    Thread: adam, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
-        pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_score, recount, screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
+    Thread: adam, density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
+        density_weigh, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
+        pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_score, recount,
+        screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
     Subgroup: blend, blend_backward, blend_backward_atomic, lift_count, lift_groups, lift_pca, lift_points, pursuit_attenuate,
         pursuit_residual, radix_downsweep,
         radix_upsweep, scan_apply, scan_reduce, screen_prune;

@@ -40,7 +40,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
-pub const BOUNDS: [Bound; 36] = [
+pub const BOUNDS: [Bound; 44] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -231,6 +231,46 @@ pub const BOUNDS: [Bound; 36] = [
         ..EXACT
     },
     Bound::exact("lift_append", "Copies words; none is computed."),
+    Bound {
+        stage: "density_image",
+        max: 1e-6,
+        relative_l2: 1e-6,
+        reason: "A quotient by 255, three differences of up to 1 and their mean: six roundings of 6e-8.",
+        ..EXACT
+    },
+    Bound {
+        stage: "density_score",
+        max: 2e-6,
+        relative_l2: 1e-6,
+        reason: "Sums of up to nine terms, a length of two products, and the sum so far: a dozen roundings of 6e-8.",
+        ..EXACT
+    },
+    Bound {
+        stage: "density_weigh",
+        max: 1e-5,
+        relative_l2: 1e-5,
+        reason: "A power, a logarithm and an exponential of 1e-6 each; an integer below 1e5 more or less as a weight.",
+        ..EXACT
+    },
+    Bound::exact("density_plan", INTEGERS),
+    Bound::exact("density_draw", INTEGERS),
+    Bound::exact("density_place", INTEGERS),
+    Bound {
+        stage: "density_apply",
+        max: 1e-4,
+        relative_l2: 1e-5,
+        reason: "An opacity from 0.005 on is 1 less a power that has an error of 2e-7: 4e-5 of itself, and as much of its logit. \
+                 Sums of binomials alternate, for eight copies below 2^8 roundings of 6e-8.",
+        ..EXACT
+    },
+    Bound {
+        stage: "density_noise",
+        max: 1e-5,
+        relative_l2: 1e-5,
+        reason: "The gate is an exponential of 100 times an opacity that has an error of 6e-8, e and Sigma products of logarithms, \
+                 exponentials and cosines of 1e-6.",
+        ..EXACT
+    },
 ];
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! that time could be at best. Needs no data.
 
 mod bounds;
+mod density;
 mod floor;
 mod judge;
 pub mod lift;
@@ -63,6 +64,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     loss::cases(&mut bench, options.quick)?;
     screen::cases(&mut bench, options.quick)?;
     lift::cases(&mut bench, options.quick)?;
+    density::cases(&mut bench, options.quick)?;
     let Bench { rates, rows, .. } = bench;
     let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
     for row in &mut report.rows {

@@ -38,6 +38,8 @@ const RATES: Rates = Rates {
     direction: 0.015,
     width: 0.008,
     sharpness: 0.019,
+    mean_opacity: 0.0,
+    mean_scale: 0.0,
 };
 /// Step of the bias correction: the second moment's is 2 there, and steps are about as long as the rate.
 const STEP: u32 = 700;

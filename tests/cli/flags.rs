@@ -47,4 +47,6 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--test-every none",
     ];
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
+    let options = ["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--bias-correction", "--centre-depth"];
+    work.changes("enhance data --base base.ply", &options);
 }

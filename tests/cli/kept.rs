@@ -256,3 +256,23 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     work.ok("enhance data --base base.ply --method augs --preset quick -o x.ply --work full --deterministic");
     assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
 }
+
+#[test]
+fn pursuit_that_was_killed_goes_on_to_the_same_bits_and_places_what_is_lacking() {
+    const PURSUE: &str = "enhance data --base base.ply --ratio 0.3 --deterministic --work kept";
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    let report = work.json(&format!("{PURSUE} -o whole.ply --json"));
+    let added = report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap();
+    assert!(added > 0 && added <= report["budget"].as_u64().unwrap(), "{report}");
+    assert_eq!(files(&work.path("kept")), ["settings.json"]);
+    // Before the second placement and, most likely, after it.
+    work.killed(&format!("{PURSUE} -o out.ply"), "kept/joint.safetensors");
+    work.killed(&format!("{PURSUE} -o out.ply"), "kept/joint.safetensors");
+    let said = work.said(&format!("{PURSUE} -o out.ply"));
+    assert!(said.contains("going on after step"), "{said}");
+    assert_eq!(fs::read(work.path("out.ply")).unwrap(), fs::read(work.path("whole.ply")).unwrap());
+    // Another method is another folder.
+    work.refused(&format!("{PURSUE} -o x.ply --method augs"), &["settings.json", "method"]);
+    work.refused("enhance data --base base.ply -o x.ply --preset quick", &["--preset", "--method augs"]);
+}

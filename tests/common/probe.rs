@@ -35,6 +35,8 @@ pub const RATES: Rates = Rates {
     direction: 1.5e-3,
     width: 2e-4,
     sharpness: 2e-3,
+    mean_opacity: 0.0,
+    mean_scale: 0.0,
 };
 
 #[derive(Clone, Copy)]

@@ -9,7 +9,7 @@ use crate::{
         adam::{PlaneRate, adam_one, unit_before_step},
         blend_backward::Record,
         lobe,
-        project_backward::sum_records,
+        project_backward::{regularise, sum_records},
         tiles::Tiling,
     },
     scene::layout::{self, Array, GEOMETRY_PLANES, LOBE_DIRECTION, OPACITY, QUAT},
@@ -197,7 +197,16 @@ fn scale(
 }
 
 pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcome {
-    let kernels::project_backward::Push { segment, page_first, stride, view: view_index, by_gaussian, rates } = h.push;
+    let kernels::project_backward::Push {
+        segment,
+        page_first,
+        stride,
+        view: view_index,
+        by_gaussian,
+        rates,
+        mean_opacity,
+        mean_scale,
+    } = h.push;
     let kernels::project_backward::Spec { compensate, has_lobes, opacity_only, sparse, accumulate, sh_degree, .. } =
         h.spec;
     if failed(h.status) {
@@ -251,7 +260,13 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     let options = Options { active_degree: sh_degree, compensate, ..Default::default() };
     // The kernel too goes through the projection again.
     let splats = twin::project::project(&params, &view, &options).splats;
-    let grads = twin::project_backward::project_backward(&params, &view, &options, &splats, &counts, &isects, &records);
+    let mut grads =
+        twin::project_backward::project_backward(&params, &view, &options, &splats, &counts, &isects, &records);
+    if !opacity_only {
+        let of_all = (h.population[segment as usize + 1] - h.population[segment as usize]) as usize;
+        let [mean_opacity, mean_scale] = [mean_opacity, mean_scale].map(f64::from);
+        regularise(&params, count, of_all, mean_opacity, mean_scale, &mut grads.params);
+    }
     let moved: Vec<bool> =
         (0..count).map(|place| (blended[place] || !sparse) && is_sound(&grads.params, moves, place)).collect();
     if accumulate {

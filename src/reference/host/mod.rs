@@ -4,6 +4,7 @@
 //! An adapter does what the kernel does with the buffers, in every variant: it takes no more items than the dispatch has threads for, leaves
 //! alone what the kernel leaves alone, and does not look at what the variant does not use. What it computes with them is the twin's.
 
+mod density;
 mod learn;
 mod lift;
 mod loss;
@@ -40,6 +41,8 @@ macro_rules! twins {
 
 // Not fma_rate: it measures a rate, which the host's is not.
 twins! {
+    density: density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
+        density_weigh;
     learn: adam, project_backward, step_done;
     lift: lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points;
     loss: loss_sum, ssim_backward, ssim_forward;

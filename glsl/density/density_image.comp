@@ -1,0 +1,34 @@
+#version 460
+// What a Gaussian's score is made of, pixel by pixel, in place of an image's gradient: blend_backward then sums it by blend weight.
+//
+// One thread takes one pixel of a frame. frames, image, targets -> image_grad: mean |difference| of the channels, 1, 0; all 0 where
+// the pixel does not count or has no error that is a number.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/unit.glsl"
+#include "../shared/ssim.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint frame; // index in frames
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Targets { uint targets[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer ImageGrad { float image_grad[]; };
+
+void main() {
+    Frame frame = frames[push.frame];
+    uint pixel = thread_index();
+    if (!(pixel < frame.width * frame.height)) return;
+    uint target = targets[frame.target_first + pixel];
+    vec3 shown = image[frame.image_first + pixel].rgb, wanted;
+    for (uint c = 0; c < 3; ++c) wanted[c] = target_channel(target, c);
+    vec3 off = abs(shown - wanted);
+    float error = (off.x + off.y + off.z) / 3.0;
+    bool fine = counts(target) && error <= FLOAT_MAX; // guard: scores of pixels that are no number
+    uint at = 3 * (frame.image_first + pixel);
+    image_grad[at] = fine ? error : 0.0;
+    image_grad[at + 1] = fine ? 1.0 : 0.0;
+    image_grad[at + 2] = 0.0;
+}

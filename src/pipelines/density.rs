@@ -1,0 +1,476 @@
+//! Density control (method, section 2): Gaussians are pruned and multiplied while they train, wholly on the device and the same
+//! every run.
+//!
+//! A refinement is weigh → scan of what is alive → scan or sort of the keys → plan → draw → place → gather → apply. How many
+//! Gaussians there are afterwards is the device's to know; every dispatch follows.
+
+use super::{
+    learn::{Beside, Rates},
+    loss::Batch,
+    model::{Model, Planes, Rearrange, Segment, Sources},
+    plan::buffers,
+    raster::{Grid, Raster},
+    session::Session,
+    sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    views::Views,
+};
+use crate::{
+    error::{Error, Result},
+    gpu::{Buffer, Recorder},
+    scene::layout::sh_planes,
+    stages::{
+        WORKGROUP,
+        blocks::{block_counts_len, block_sums_len, digit_totals_len},
+        constants::density::{ADC, ALIVE, BUDGET, CANDIDATES, MCMC, NEW, OLD, SCORES, WORDS},
+        density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
+        density_weigh,
+    },
+};
+
+/// How the number of Gaussians changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Strategy {
+    /// It does not.
+    Fixed,
+    /// 3DGS-MCMC (Kheradmand 2024).
+    Mcmc,
+    /// Adaptive density control of 3DGS (Kerbl 2023).
+    Adc,
+    /// A budget in closed form over the run, spent where errors are.
+    #[default]
+    Budget,
+}
+
+/// What density control does over a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DensityOptions {
+    pub strategy: Strategy,
+    /// Gaussians at most; what [`Strategy::Budget`] comes to.
+    pub limit: u32,
+    /// Gaussians at the start.
+    pub first: u32,
+    /// Steps of the run.
+    pub iterations: u32,
+}
+
+/// One refinement.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Event {
+    /// Gaussians afterwards, and that share (one in `nth`) more than before, whichever is more.
+    target: u32,
+    nth: u32,
+    least_opacity: f32,
+    /// Opacities afterwards at most, and by how much they fall.
+    most: f32,
+    fade: f32,
+    /// For the hash: several events of a step differ.
+    number: u32,
+}
+
+fn tune(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+impl DensityOptions {
+    /// Steps between refinements.
+    pub fn interval(&self) -> u32 {
+        match self.strategy {
+            Strategy::Fixed => u32::MAX,
+            // Of 30,000 steps every 100th; a run that is shorter keeps the proportion, but sees some photos between two.
+            Strategy::Mcmc | Strategy::Adc => (self.iterations / 300).clamp(20.min(self.iterations.max(1)), 100),
+            Strategy::Budget => (self.iterations as f64 / tune("EVENTS", 40.0)).clamp(10.0, 100.0) as u32,
+        }
+    }
+
+    /// The refinements after step `step` (from 0).
+    fn events(&self, step: u32) -> Vec<Event> {
+        let done = step + 1;
+        if self.strategy == Strategy::Fixed || !done.is_multiple_of(self.interval()) {
+            return Vec::new();
+        }
+        let t = f64::from(done) / f64::from(self.iterations);
+        let plain = Event { most: 1.0, least_opacity: 0.005, number: 2 * step, ..Default::default() };
+        match self.strategy {
+            Strategy::Fixed => Vec::new(),
+            Strategy::Mcmc if (500.0 / 30e3..25.0 / 30.0).contains(&t) => {
+                let nth = if self.growth_nth() > 0 { self.growth_nth() } else { 20 };
+                vec![plain, Event { nth, number: 2 * step + 1, ..plain }]
+            }
+            Strategy::Adc if (500.0 / 30e3..0.5).contains(&t) => {
+                let reset = (done / self.interval()).is_multiple_of(30);
+                vec![Event { target: self.limit, most: if reset { 0.01 } else { 1.0 }, ..plain }]
+            }
+            Strategy::Budget if t > tune("BEGIN", 0.02) && t <= tune("END", 0.85) => {
+                let x = ((t - tune("BEGIN", 0.02)) / (tune("FULL", 0.6) - tune("BEGIN", 0.02))).clamp(0.0, 1.0);
+                let (first, limit) = (f64::from(self.first.min(self.limit)), f64::from(self.limit));
+                let curve = 1.0 - (1.0 - x).powf(tune("CURVE", 2.0));
+                let target = first + (limit - first) * curve;
+                vec![Event {
+                    target: target as u32,
+                    fade: (tune("FADE", 0.0) * (1.0 - t)) as f32,
+                    least_opacity: tune("LEAST", 0.005) as f32,
+                    ..plain
+                }]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn growth_nth(&self) -> u32 {
+        20
+    }
+
+    /// Whether step `step` looks at the scores of its view.
+    fn scores(&self, step: u32) -> bool {
+        match self.strategy {
+            Strategy::Fixed | Strategy::Mcmc => false,
+            Strategy::Adc => step < self.iterations / 2 + 1,
+            Strategy::Budget => {
+                step.is_multiple_of(tune("SCORE_EVERY", 3.0) as u32)
+                    && f64::from(step) < tune("END", 0.85) * f64::from(self.iterations)
+            }
+        }
+    }
+
+    /// Rates of the strategy, from those of a base of fixed number.
+    pub fn rates(&self, rates: Rates, step: u32) -> Rates {
+        let t = f64::from(step) / f64::from(self.iterations.max(1));
+        let anneal = tune("ANNEAL", 1.0).powf(t);
+        let a = |name: &str, default: f64| (tune(name, default) * anneal) as f32;
+        match self.strategy {
+            Strategy::Fixed | Strategy::Adc => rates,
+            Strategy::Mcmc => Rates { opacity: 0.05, mean_opacity: 0.01, mean_scale: 0.01, ..rates },
+            Strategy::Budget => Rates {
+                opacity: a("OPACITY_RATE", 0.05),
+                mean_opacity: tune("MEAN_OPACITY", 0.01) as f32,
+                mean_scale: tune("MEAN_SCALE", 0.01) as f32,
+                log_scale: a("SCALE_RATE", 5e-3),
+                mean: rates.mean * tune("MEAN_RATE", 1.0) as f32,
+                quat: a("QUAT_RATE", 1e-3),
+                dc: a("DC_RATE", 2.5e-3),
+                sh: a("DC_RATE", 2.5e-3) / tune("SH_DIV", 20.0) as f32,
+                ..rates
+            },
+        }
+    }
+
+    /// Times the rate of positions, of the noise after each step; `None` for none.
+    fn noise(&self) -> Option<f32> {
+        match self.strategy {
+            Strategy::Mcmc => Some(5e5),
+            Strategy::Budget if tune("NOISE", 5e5) > 0.0 => Some(tune("NOISE", 5e5) as f32),
+            _ => None,
+        }
+    }
+}
+
+buffers! {
+    /// By number of a Gaussian, of `limit` at most.
+    struct DensityBuffers(limit: u32) {
+        words: u32 = WORDS,
+        args: u32 = 3,
+        alive: u32 = *limit,
+        ranks: u32 = *limit,
+        keys: u32 = *limit,
+        sources: u32 = *limit,
+        copies: u32 = *limit,
+        sorted_keys: u32 = *limit,
+        sorted: u32 = *limit,
+        sorted_keys_1: u32 = *limit,
+        sorted_1: u32 = *limit,
+        block_sums: u32 = block_sums_len(*limit),
+        block_counts: u32 = block_counts_len(*limit, RadixSort::digit_bits_for(KEY_BITS)),
+        digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(KEY_BITS)),
+    }
+}
+
+const KEY_BITS: u32 = 32;
+
+/// Density control of a model's base, with all that it needs.
+pub struct Density {
+    options: DensityOptions,
+    seed: u32,
+    extent: f32,
+    buffers: DensityBuffers,
+    /// Sums over the views since the last refinement.
+    pub scores: Planes,
+    image: density_image::Stage,
+    score: density_score::Stage,
+    weigh: density_weigh::Stage,
+    scan: Scan,
+    sort: RadixSort,
+    plan: density_plan::Stage,
+    draw: density_draw::Stage,
+    place: density_place::Stage,
+    rearrange: Rearrange,
+    apply: density_apply::Stage,
+    noise: density_noise::Stage,
+}
+
+/// The view of a step, whose splats and lists `raster` still has.
+#[derive(Clone, Copy)]
+pub(super) struct ScoredView<'a> {
+    pub model: &'a Model,
+    pub views: &'a Views,
+    pub view: u32,
+    pub raster: &'a Raster,
+    pub grid: &'a Grid,
+    pub batch: Batch<'a>,
+    pub status: &'a Buffer<u32>,
+}
+
+impl Density {
+    /// For `model`, which has room for `options.limit` Gaussians in its base.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where it has not; else what the device lacks.
+    pub fn new(session: &Session, model: &Model, options: &DensityOptions) -> Result<Self> {
+        let (context, limit) = (&session.context, options.limit);
+        let part = model.part(Segment::Base);
+        if part.capacity() < limit || limit == 0 {
+            return Err(Error::Usage(format!("the base has room for {} Gaussians, not for {limit}", part.capacity())));
+        }
+        let workgroup_size = context.info().workgroup(WORKGROUP);
+        let strategy = match options.strategy {
+            Strategy::Fixed | Strategy::Mcmc => MCMC,
+            Strategy::Adc => ADC,
+            Strategy::Budget => BUDGET,
+        };
+        let replacement = strategy == MCMC;
+        Ok(Density {
+            options: *options,
+            seed: session.seed as u32 ^ (session.seed >> 32) as u32,
+            extent: session.extent,
+            buffers: DensityBuffers::new(context, &part.capacity())?,
+            scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
+            image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
+            score: density_score::Stage::new(
+                context,
+                &density_score::Spec { workgroup_size, pulls: options.strategy == Strategy::Adc },
+            )?,
+            weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
+            scan: Scan::new(context, false)?,
+            sort: RadixSort::new(context, KEY_BITS, true)?,
+            plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
+            draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
+            place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,
+            rearrange: Rearrange::new(context, part.capacity())?,
+            apply: density_apply::Stage::new(
+                context,
+                &density_apply::Spec { workgroup_size, strategy, sh_planes: sh_planes(model.sh_degree) as u32 },
+            )?,
+            noise: density_noise::Stage::new(context, &density_noise::Spec { workgroup_size })?,
+        })
+    }
+
+    /// What it was made with.
+    pub fn options(&self) -> &DensityOptions {
+        &self.options
+    }
+
+    /// After the step on a view: adds its scores where the step looks at them. The raster's gradient records may be written anew.
+    pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
+        if !self.options.scores(step) {
+            return;
+        }
+        let ScoredView { model, views, view, raster, grid, batch, status } = *seen;
+        let camera = &views.cameras[view as usize];
+        if self.options.strategy == Strategy::Budget {
+            self.image.record(
+                recorder,
+                &density_image::Buffers {
+                    frames: &views.frames,
+                    image: batch.image,
+                    targets: batch.targets,
+                    image_grad: &raster.buffers.image_grad,
+                },
+                &density_image::Push { frame: view },
+                camera.pixels(),
+            );
+            raster.record_blend_backward(recorder, grid, &views.frames, &model.population, 0);
+        }
+        for (k, dispatch, page) in model.pages(Segment::Base) {
+            self.score.record_indirect(
+                recorder,
+                &density_score::Buffers {
+                    population: &model.population,
+                    status,
+                    tile_counts: &raster.buffers.tile_counts,
+                    first_slot: &raster.buffers.first_slot,
+                    splats: &raster.buffers.splats,
+                    record_centres: &raster.records.record_centres,
+                    record_shapes: &raster.records.record_shapes,
+                    record_colours: &raster.records.record_colours,
+                    scores: self.scores.page(k),
+                },
+                &density_score::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    by_gaussian: raster.by_gaussian().into(),
+                    half_width: camera.width as f32 / 2.0,
+                    half_height: camera.height as f32 / 2.0,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    /// After all else of step `step`: noise, and the refinements that are due. `moments` go with the Gaussians.
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        moments: &Beside,
+        rates: &Rates,
+        step: u32,
+        status: &Buffer<u32>,
+    ) {
+        if let Some(noise) = self.options.noise() {
+            self.record_noise(recorder, model, noise * rates.mean, step, status);
+        }
+        let events = self.options.events(step);
+        for event in &events {
+            self.record_event(recorder, model, moments, event, status);
+        }
+    }
+
+    fn record_noise(&self, recorder: &mut Recorder, model: &Model, rate: f32, step: u32, status: &Buffer<u32>) {
+        let part = model.part(Segment::Base);
+        for (k, dispatch, page) in model.pages(Segment::Base) {
+            self.noise.record_indirect(
+                recorder,
+                &density_noise::Buffers { population: &model.population, status, geometry: part.geometry.page(k) },
+                &density_noise::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    rate,
+                    step,
+                    seed: self.seed,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    fn record_event(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        moments: &Beside,
+        event: &Event,
+        status: &Buffer<u32>,
+    ) {
+        let (b, seed, part) = (&self.buffers, self.seed, model.part(Segment::Base));
+        let replacement = self.options.strategy == Strategy::Mcmc;
+        let threads = self.draw.workgroup_size();
+        recorder.copy(&model.population, 1, &b.words, OLD as usize, 1);
+        recorder.fill(&b.copies, 0);
+        for (k, dispatch, page) in model.pages(Segment::Base) {
+            self.weigh.record_indirect(
+                recorder,
+                &density_weigh::Buffers {
+                    population: &model.population,
+                    geometry: part.geometry.page(k),
+                    scores: self.scores.page(k),
+                    alive: &b.alive,
+                    keys: &b.keys,
+                },
+                &density_weigh::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    capacity: part.capacity(),
+                    least_opacity: event.least_opacity,
+                    least_score: 2e-4,
+                    power: tune("POWER", 1.0) as f32,
+                    step: event.number,
+                    seed,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+        let extent = Extent {
+            count: &b.words,
+            index: OLD,
+            args: &model.population_args,
+            dispatch: model.blocks_dispatch(Segment::Base),
+        };
+        let scan = |values, offsets| ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets };
+        self.scan.record(recorder, &scan(&b.alive, &b.ranks), extent, ALIVE);
+        let order = if replacement {
+            self.scan.record(recorder, &scan(&b.keys, &b.sorted), extent, CANDIDATES);
+            &b.sorted
+        } else {
+            let pairs = [
+                Pairs { keys: &b.sorted_keys, values: &b.sorted },
+                Pairs { keys: &b.sorted_keys_1, values: &b.sorted_1 },
+            ];
+            let scratch = RadixScratch { block_counts: &b.block_counts, digit_totals: &b.digit_totals };
+            let input = Pairs { keys: &b.keys, values: &b.keys };
+            self.sort.record(recorder, input, pairs, scratch, extent, CANDIDATES).values
+        };
+        self.plan.record(
+            recorder,
+            &density_plan::Buffers { status, words: &b.words, dispatch_args: &b.args },
+            &density_plan::Push {
+                capacity: self.options.limit,
+                target: event.target,
+                nth: event.nth,
+                threads_per_group: threads,
+            },
+            1,
+        );
+        self.draw.record_indirect(
+            recorder,
+            &density_draw::Buffers { words: &b.words, order, sources: &b.sources, copies: &b.copies },
+            &density_draw::Push { step: event.number, seed },
+            &b.args,
+            0,
+        );
+        for (_, dispatch, page) in model.pages(Segment::Base) {
+            self.place.record_indirect(
+                recorder,
+                &density_place::Buffers { words: &b.words, alive: &b.alive, ranks: &b.ranks, sources: &b.sources },
+                &density_place::Push { page_first: page.first, stride: page.capacity },
+                &model.population_args,
+                dispatch,
+            );
+        }
+        let sources = Sources { sources: &b.sources, count: &b.words, index: NEW };
+        self.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
+        for (k, dispatch, page) in model.pages(Segment::Base) {
+            self.apply.record_indirect(
+                recorder,
+                &density_apply::Buffers {
+                    population: &model.population,
+                    status,
+                    words: &b.words,
+                    sources: &b.sources,
+                    copies: &b.copies,
+                    geometry: part.geometry.page(k),
+                    geometry_moments: moments.geometry.page(k),
+                    sh_moments: moments.sh.page(k),
+                    lobe_moments: moments.lobes.page(k),
+                    scores: self.scores.page(k),
+                },
+                &density_apply::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    small: 0.01 * self.extent,
+                    most: event.most,
+                    fade: event.fade,
+                    step: event.number,
+                    seed,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+}

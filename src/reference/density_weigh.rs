@@ -1,0 +1,86 @@
+//! Which Gaussians stay, and how likely each is to be drawn.
+
+use super::{
+    FLOAT_MAX, Params,
+    hash::{pcg4d, uniform},
+    sigmoid,
+};
+use crate::stages::constants::density::{ADC, ERROR, HASH_KEY, MCMC, PULL, SEEN};
+
+/// Scores that a key can be made of.
+const SCORES: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
+
+/// What all are weighed by; see `glsl/density/density_weigh.comp`.
+#[derive(Debug, Clone, Copy)]
+pub struct Weigh {
+    pub strategy: u32,
+    pub capacity: u32,
+    pub least_opacity: f64,
+    pub least_score: f64,
+    pub power: f64,
+    pub step: u32,
+    pub seed: u32,
+}
+
+/// Whether Gaussian i, `number` of its segment, stays, and its key: a weight for MCMC; else none where it cannot be drawn.
+pub fn density_weigh(w: &Weigh, params: &Params, i: usize, number: u32, scores: [f64; 4]) -> (bool, Option<f64>) {
+    let opacity = sigmoid(params.logit(i));
+    let sized = params.log_scale(i).to_array().iter().all(|s| s.abs() <= FLOAT_MAX);
+    let stays = sized && if w.strategy == MCMC { opacity > w.least_opacity } else { opacity >= w.least_opacity };
+    let key = match w.strategy {
+        MCMC if stays => Some((opacity * f64::from(u32::MAX / w.capacity.max(1) / 2)).floor()),
+        MCMC => Some(0.0),
+        _ if !stays => None,
+        ADC => {
+            let (seen, pull) = (scores[SEEN as usize], scores[PULL as usize]);
+            (seen > 0.0 && pull / seen >= w.least_score).then_some(0.0)
+        }
+        _ => {
+            let score = scores[ERROR as usize].powf(w.power);
+            let h = pcg4d([number, w.step, HASH_KEY, w.seed]);
+            SCORES.contains(&score).then(|| -(-uniform(h[0])).ln_1p() / score)
+        }
+    };
+    (stays, key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{reference::random_scene, stages::constants::density::BUDGET};
+
+    fn weigh(strategy: u32) -> Weigh {
+        Weigh { strategy, capacity: 10, least_opacity: 0.005, least_score: 2e-4, power: 1.0, step: 3, seed: 4 }
+    }
+
+    #[test]
+    fn what_is_no_number_does_not_stay_and_is_not_drawn() {
+        let mut params = Params::from_scene(&random_scene(5, 3, 0, 0)).unwrap();
+        params.geometry[10 * 3] = f64::NAN;
+        params.geometry[4 * 3 + 1] = f64::NAN;
+        for strategy in [MCMC, ADC, BUDGET] {
+            let none = if strategy == MCMC { Some(0.0) } else { None };
+            for i in 0..2 {
+                assert_eq!(density_weigh(&weigh(strategy), &params, i, i as u32, [1.0; 4]), (false, none));
+            }
+            let (stays, key) = density_weigh(&weigh(strategy), &params, 2, 2, [1.0; 4]);
+            assert!(stays && key.is_some());
+            let (stays, key) = density_weigh(&weigh(strategy), &params, 2, 2, [0.0; 4]);
+            assert!(stays && key.is_some() == (strategy == MCMC));
+        }
+    }
+
+    /// Of two Gaussians the one with three times the score has the smaller key in three of four draws.
+    #[test]
+    fn the_smallest_key_is_drawn_in_proportion_to_the_score() {
+        let params = Params::from_scene(&random_scene(5, 2, 0, 0)).unwrap();
+        let first = |step: u32| {
+            let w = Weigh { step, least_opacity: 0.0, ..weigh(BUDGET) };
+            let key = |i: usize, score: f64| density_weigh(&w, &params, i, i as u32, [score, 0.0, 0.0, 0.0]).1;
+            key(0, 3.0).unwrap() < key(1, 1.0).unwrap()
+        };
+        let share = (0..4000).filter(|&step| first(step)).count() as f64 / 4000.0;
+        // Five deviations of √(3/16/4000).
+        assert!((share - 0.75).abs() < 0.035, "{share}");
+    }
+}

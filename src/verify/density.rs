@@ -1,0 +1,510 @@
+//! Density control: scores, what stays and what is drawn, and what becomes of it.
+
+use super::{Bench, sort::noise};
+use crate::{
+    error::Result,
+    gpu::Buffer,
+    reference::{
+        self as twin, NONE, Params, Splat,
+        density_apply::{Apply, Begins, Geometry},
+        density_draw::Draw,
+        density_plan::Plan,
+        density_weigh::Weigh,
+        random_scene,
+    },
+    scene::layout::{GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, sh_planes},
+    stages::{
+        WORKGROUP,
+        constants::density::{ADC, BUDGET, MCMC, PULL, SCORES, WORDS},
+        density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
+        density_weigh,
+        status::{self, Resource, Status},
+        types::{self, Frame},
+    },
+};
+
+const STRATEGIES: [(u32, &str); 3] = [(MCMC, "mcmc"), (ADC, "adc"), (BUDGET, "budget")];
+const SEED: u32 = 77;
+const STEP: u32 = 5;
+/// The page begins here in its segment, and the segment in the Gaussian index.
+const PAGE_FIRST: u32 = 64;
+const SEGMENT_FIRST: u32 = 30;
+
+pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+    let count = if quick { 3000 } else { 300_000 };
+    image(bench, if quick { (101, 67) } else { (1000, 701) })?;
+    let page = Page::new(bench, count)?;
+    for pulls in [false, true] {
+        score(bench, &page, pulls)?;
+    }
+    for (strategy, name) in STRATEGIES {
+        weigh(bench, &page, strategy, name)?;
+    }
+    plan(bench)?;
+    for replacement in [true, false] {
+        draw(bench, count, replacement)?;
+    }
+    place(bench, count)?;
+    for (strategy, name) in STRATEGIES {
+        apply(bench, &page, strategy, name)?;
+    }
+    moved(bench, &page)
+}
+
+fn unit(i: u32) -> f32 {
+    (noise(i) >> 8) as f32 / 16_777_216.0
+}
+
+/// A page of a segment, not the first.
+struct Page {
+    count: usize,
+    population: Buffer<u32>,
+    status: Buffer<u32>,
+    /// Some scales and opacities are no number, some opacities are low.
+    planes: Vec<f32>,
+    params: Params,
+    workgroup_size: u32,
+}
+
+impl Page {
+    fn new(bench: &Bench<'_>, count: usize) -> Result<Self> {
+        let mut params = Params::from_scene(&random_scene(61, count, 0, 1))?;
+        for i in 0..count {
+            let logit = &mut params.geometry[OPACITY * count + i];
+            match i % 11 {
+                3 => *logit = -7.0 + 3.0 * f64::from(unit(i as u32)),
+                5 if i % 7 == 0 => *logit = f64::NAN,
+                6 if i % 7 == 0 => params.geometry[LOG_SCALE * count + i] = f64::INFINITY,
+                _ => {}
+            }
+        }
+        let planes: Vec<f32> = params.geometry.iter().map(|&v| v as f32).collect();
+        params.geometry = planes.iter().map(|&v| f64::from(v)).collect();
+        let end = SEGMENT_FIRST + PAGE_FIRST + count as u32;
+        Ok(Page {
+            count,
+            population: Buffer::from_slice(bench.context, "population", &[0, SEGMENT_FIRST, end])?,
+            status: Buffer::zeroed(bench.context, "status", status::WORDS)?,
+            planes,
+            params,
+            workgroup_size: bench.context.info().workgroup(WORKGROUP),
+        })
+    }
+
+    fn geometry(&self, i: usize) -> Geometry {
+        let Page { params, .. } = self;
+        Geometry {
+            mean: params.mean(i),
+            log_scale: params.log_scale(i),
+            quat: params.quat(i),
+            logit: params.logit(i),
+        }
+    }
+}
+
+fn image(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
+    let context = bench.context;
+    let pixels = width * height;
+    let frames = [Frame { image_first: 0, target_first: 0, width: 3, height: 3 }, Frame {
+        image_first: 5,
+        target_first: 9,
+        width,
+        height,
+    }];
+    let channel = |k: u32| if k % 97 == 13 { f32::NAN } else { 1.2 * unit(k) };
+    let image: Vec<[f32; 4]> = (0..pixels + 5).map(|p| [0, 1, 2, 3].map(|c| channel(4 * p + c))).collect();
+    let targets: Vec<u32> = (0..pixels + 9).map(|p| noise(p) | if p % 5 == 0 { 0 } else { 255 << 24 }).collect();
+    let targets: Vec<u32> = targets.into_iter().enumerate().map(|(p, t)| if p % 5 == 0 { t & 0xFF_FFFF } else { t }).collect();
+    let frames_there = Buffer::from_slice(context, "frames", &frames)?;
+    let image_there = Buffer::from_slice(context, "image", &image)?;
+    let targets_there = Buffer::from_slice(context, "targets", &targets)?;
+    let image_grad = Buffer::<f32>::zeroed(context, "image_grad", 3 * image.len())?;
+    let workgroup_size = context.info().workgroup(WORKGROUP);
+    let stage = density_image::Stage::new(context, &density_image::Spec { workgroup_size })?;
+    let buffers = density_image::Buffers {
+        frames: &frames_there,
+        image: &image_there,
+        targets: &targets_there,
+        image_grad: &image_grad,
+    };
+    let times = bench.time(|r| stage.record(r, &buffers, &density_image::Push { frame: 1 }, pixels))?;
+    let wide: Vec<[f64; 4]> = image[5..].iter().map(|p| p.map(f64::from)).collect();
+    let want = twin::density_image::density_image(&wide, &targets[9..]);
+    let mut row = bench.row("density_image", "");
+    row.numbers(image_grad.download()?[15..].iter().copied().zip(want.into_iter().flatten()));
+    row.time = times.of("density_image");
+    row.work.bytes = 32.0 * f64::from(pixels);
+    bench.push(row);
+    Ok(())
+}
+
+fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
+    let (context, count) = (bench.context, page.count);
+    let before = (SEGMENT_FIRST + PAGE_FIRST) as usize;
+    let tile_counts: Vec<u32> = (0..(before + count) as u32).map(|i| noise(i) % 9).collect();
+    let mut slots = 0;
+    let first_slot: Vec<u32> = tile_counts.iter().map(|n| { slots += n; slots - n }).collect();
+    let triple = |k: u32, of: u32| [0, 1, 2].map(|c| if of == 0 { unit(3 * k + c) - 0.5 } else { unit(7 * k + c) });
+    let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
+    let colours: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
+    let splats: Vec<types::Splat> = (0..(before + count) as u32)
+        .map(|i| types::Splat { x: 1.0, y: 2.0, l11: 0.1 + unit(i), l12: unit(i + 1) - 0.5, l22: 0.1 + unit(i + 2), opacity: 0.5 })
+        .collect();
+    let start: Vec<f32> = (0..SCORES * count as u32).map(|i| unit(i + 3)).collect();
+    let there = (
+        Buffer::from_slice(context, "tile_counts", &tile_counts)?,
+        Buffer::from_slice(context, "first_slot", &first_slot)?,
+        Buffer::from_slice(context, "splats", &splats)?,
+        Buffer::from_slice(context, "centres", &centres)?,
+        Buffer::from_slice(context, "colours", &colours)?,
+        Buffer::from_slice(context, "scores", &start)?,
+    );
+    let spec = density_score::Spec { workgroup_size: page.workgroup_size, pulls };
+    let stage = density_score::Stage::new(context, &spec)?;
+    let buffers = density_score::Buffers {
+        population: &page.population,
+        status: &page.status,
+        tile_counts: &there.0,
+        first_slot: &there.1,
+        splats: &there.2,
+        record_centres: &there.3,
+        record_shapes: &there.3,
+        record_colours: &there.4,
+        scores: &there.5,
+    };
+    let push = density_score::Push {
+        segment: 1,
+        page_first: PAGE_FIRST,
+        stride: count as u32,
+        by_gaussian: 0,
+        half_width: 50.0,
+        half_height: 33.5,
+    };
+    let prepare = || Ok(there.5.upload(0, &start)?);
+    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
+    let mut want: Vec<f64> = start.iter().map(|&s| f64::from(s)).collect();
+    for i in 0..count {
+        let mut record = [0.0; 9];
+        for slot in (first_slot[before + i]..).take(tile_counts[before + i] as usize) {
+            for c in 0..3 {
+                record[c] += f64::from(centres[slot as usize][c]);
+                record[6 + c] += f64::from(colours[slot as usize][c]);
+            }
+        }
+        let s = &splats[before + i];
+        let splat = Splat { l11: s.l11.into(), l12: s.l12.into(), l22: s.l22.into(), ..Splat::default() };
+        let add = twin::density_score::density_score(&record, &splat, pulls.then_some([50.0, 33.5]));
+        let first = if pulls { PULL as usize } else { 0 };
+        (0..2).for_each(|p| want[(first + p) * count + i] += add[p]);
+    }
+    let mut row = bench.row("density_score", if pulls { "pulls" } else { "errors" });
+    let got = there.5.download()?;
+    for (got, want) in got.chunks(count).zip(want.chunks(count)) {
+        row.numbers(got.iter().copied().zip(want.iter().copied()));
+    }
+    row.time = times.of("density_score");
+    row.work.bytes = 12.0 * f64::from(slots) + 24.0 * count as f64;
+    bench.push(row);
+    Ok(())
+}
+
+fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
+    let (context, count) = (bench.context, page.count);
+    // A fifth of the scores is 0.
+    let scores: Vec<f32> = (0..SCORES * count as u32).map(|i| (unit(i) - 0.2).max(0.0)).collect();
+    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let scores_there = Buffer::from_slice(context, "scores", &scores)?;
+    let numbers = PAGE_FIRST as usize + count;
+    let alive = Buffer::<u32>::zeroed(context, "alive", numbers)?;
+    let keys = Buffer::<u32>::zeroed(context, "keys", numbers)?;
+    let spec = density_weigh::Spec { workgroup_size: page.workgroup_size, strategy };
+    let stage = density_weigh::Stage::new(context, &spec)?;
+    let buffers = density_weigh::Buffers {
+        population: &page.population,
+        geometry: &geometry,
+        scores: &scores_there,
+        alive: &alive,
+        keys: &keys,
+    };
+    let capacity = 2 * numbers as u32;
+    let push = density_weigh::Push {
+        segment: 1,
+        page_first: PAGE_FIRST,
+        stride: count as u32,
+        capacity,
+        least_opacity: 0.005,
+        least_score: 0.9,
+        power: 0.7,
+        step: STEP,
+        seed: SEED,
+    };
+    let times = bench.time(|r| stage.record(r, &buffers, &push, count as u32))?;
+    let (least_opacity, least_score) = (f64::from(push.least_opacity), f64::from(push.least_score));
+    let w = Weigh { strategy, capacity, least_opacity, least_score, power: push.power.into(), step: STEP, seed: SEED };
+    let want: Vec<(bool, Option<f64>)> = (0..count)
+        .map(|i| {
+            let scores = std::array::from_fn(|p| f64::from(scores[p * count + i]));
+            twin::density_weigh::density_weigh(&w, &page.params, i, PAGE_FIRST + i as u32, scores)
+        })
+        .collect();
+    let first = PAGE_FIRST as usize;
+    let mut row = bench.row("density_weigh", name);
+    row.words(&alive.download()?[first..], &want.iter().map(|&(stays, _)| u32::from(stays)).collect::<Vec<_>>());
+    let got = keys.download()?;
+    let differ = got[first..].iter().zip(&want).filter(|&(&got, (_, key))| (got == NONE) != key.is_none()).count();
+    row.unequal(differ as u64);
+    let value = |word: u32| if strategy == BUDGET { f32::from_bits(word) } else { word as f32 };
+    let keys = got[first..].iter().zip(&want).filter_map(|(&got, &(_, key))| Some((value(got), key?)));
+    row.numbers(keys);
+    row.time = times.of("density_weigh");
+    row.work.bytes = 40.0 * count as f64;
+    bench.push(row);
+    Ok(())
+}
+
+fn plan(bench: &mut Bench<'_>) -> Result<()> {
+    let context = bench.context;
+    let mut failed = Status::default();
+    failed.fail(Resource::Intersections, 5);
+    for replacement in [true, false] {
+        let stage = density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?;
+        let mut row = bench.row("density_plan", if replacement { "with replacement" } else { "without" });
+        // Usual; at the cap; nothing alive; nothing drawable; nothing there; one.
+        let cases = [
+            ([100_000, 90_000, 80_000], Status::default()),
+            ([120_000, 120_000, 9], Status::default()),
+            ([100, 0, 0], Status::default()),
+            ([100, 50, 0], Status::default()),
+            ([0, 0, 0], Status::default()),
+            ([1, 1, 1], Status::default()),
+            ([100, 90, 80], failed),
+        ];
+        for (known, status) in cases {
+            for (target, nth) in [(0, 20), (110_000, 0), (u32::MAX, 0)] {
+                let mut words = [0; WORDS as usize];
+                words[..3].copy_from_slice(&known);
+                let there = Buffer::from_slice(context, "words", &words)?;
+                let args = Buffer::<u32>::zeroed(context, "args", 3)?;
+                let status_there = Buffer::from_slice(context, "status", &status.0)?;
+                let buffers = density_plan::Buffers { status: &status_there, words: &there, dispatch_args: &args };
+                let push = density_plan::Push { capacity: 120_000, target, nth, threads_per_group: 64 };
+                let times = bench.time_after(
+                    || Ok(there.upload(0, &words)?),
+                    |r| stage.record(r, &buffers, &push, 1),
+                )?;
+                let [old, alive, candidates] = known;
+                let failed = status.failed();
+                let want = Plan { old, alive, candidates, capacity: 120_000, target, nth, replacement, failed };
+                let [stay, children, new] = twin::density_plan::density_plan(&want);
+                row.words(&there.download()?, &[old, stay, candidates, children, new]);
+                row.words(&args.download()?, &twin::dispatch_args::dispatch_args(children, u32::MAX, 64).2);
+                row.time = times.of("density_plan");
+            }
+        }
+        row.work.bytes = 40.0;
+        bench.push(row);
+    }
+    Ok(())
+}
+
+fn draw(bench: &mut Bench<'_>, count: usize, replacement: bool) -> Result<()> {
+    let context = bench.context;
+    let old = count as u32;
+    let children = old / 3;
+    // Every third has no weight.
+    let weight = |i: u32| if i % 3 == 1 { 0 } else { noise(i) % (u32::MAX / old / 2) };
+    let mut total = 0;
+    let order: Vec<u32> = match replacement {
+        true => (0..old).map(|i| { total += weight(i); total - weight(i) }).collect(),
+        false => (0..old).map(|i| old - 1 - i).collect(),
+    };
+    let words = [old, old - 50, if replacement { total } else { old }, children, old - 50 + children];
+    let words_there = Buffer::from_slice(context, "words", &words)?;
+    let order_there = Buffer::from_slice(context, "order", &order)?;
+    let sources = Buffer::<u32>::zeroed(context, "sources", 2 * count)?;
+    let copies = Buffer::<u32>::zeroed(context, "copies", count)?;
+    let workgroup_size = context.info().workgroup(WORKGROUP);
+    let stage = density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?;
+    let buffers =
+        density_draw::Buffers { words: &words_there, order: &order_there, sources: &sources, copies: &copies };
+    let push = density_draw::Push { step: STEP, seed: SEED };
+    let times = bench.time_after(
+        || Ok(copies.upload(0, &vec![0; count])?),
+        |r| stage.record(r, &buffers, &push, children),
+    )?;
+    let draw = replacement.then_some(Draw { total, step: STEP, seed: SEED });
+    let want: Vec<u32> = (0..children).map(|child| twin::density_draw::density_draw(child, &order, draw)).collect();
+    let mut copied = vec![0u32; count];
+    want.iter().for_each(|&parent| copied[parent as usize] += 1);
+    let mut row = bench.row("density_draw", if replacement { "with replacement" } else { "without" });
+    row.words(&sources.download()?[(old - 50) as usize..][..children as usize], &want);
+    row.words(&copies.download()?, &copied);
+    row.time = times.of("density_draw");
+    row.work.bytes = 12.0 * f64::from(children);
+    bench.push(row);
+    Ok(())
+}
+
+fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
+    let context = bench.context;
+    let workgroup_size = context.info().workgroup(WORKGROUP);
+    let stage = density_place::Stage::new(context, &density_place::Spec { workgroup_size })?;
+    let mut row = bench.row("density_place", "");
+    for all in [false, true] {
+        let alive: Vec<u32> = (0..count as u32).map(|i| u32::from(!all && noise(i) % 4 != 0)).collect();
+        let mut rank = 0;
+        let ranks: Vec<u32> = alive.iter().map(|a| { rank += a; rank - a }).collect();
+        let stays = if all { count as u32 } else { rank };
+        let words = Buffer::from_slice(context, "words", &[count as u32, stays, 0, 0, stays])?;
+        let alive_there = Buffer::from_slice(context, "alive", &alive)?;
+        let ranks_there = Buffer::from_slice(context, "ranks", &ranks)?;
+        let sources = Buffer::<u32>::zeroed(context, "sources", count)?;
+        let buffers =
+            density_place::Buffers { words: &words, alive: &alive_there, ranks: &ranks_there, sources: &sources };
+        // Two pages.
+        let half = count as u32 / 2;
+        let times = bench.time(|r| {
+            for (page_first, stride) in [(0, half), (half, count as u32)] {
+                stage.record(r, &buffers, &density_place::Push { page_first, stride }, stride);
+            }
+        })?;
+        let mut want = vec![0; count];
+        for (number, place) in twin::density_place::density_place(&alive, &ranks, stays).into_iter().enumerate() {
+            if let Some(place) = place {
+                want[place as usize] = number as u32;
+            }
+        }
+        row.words(&sources.download()?, &want);
+        row.time = times.all("density_place");
+    }
+    row.work.bytes = 12.0 * count as f64;
+    bench.push(row);
+    Ok(())
+}
+
+fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
+    let (context, count) = (bench.context, page.count);
+    let numbers = PAGE_FIRST as usize + count;
+    // What is no number had no children; the last third are children.
+    let sound = |i: usize| page.params.logit(i).is_finite() && page.params.log_scale(i).is_finite();
+    let copies: Vec<u32> = (0..numbers)
+        .map(|n| match n.checked_sub(PAGE_FIRST as usize) {
+            Some(i) if sound(i) && page.params.logit(i) < 6.0 => [0, 1, 2, 0, 7][noise(n as u32) as usize % 5],
+            _ => 0,
+        })
+        .map(|n| if strategy == MCMC { n } else { n.min(1) })
+        .collect();
+    let sources: Vec<u32> = (0..numbers as u32).collect();
+    let stays = numbers as u32 * 2 / 3;
+    let sh = sh_planes(1);
+    let moments: Vec<f32> = (0..(2 * GEOMETRY_PLANES * count) as u32).map(|i| 0.5 + unit(i)).collect();
+    let sh_moments: Vec<f32> = (0..(2 * sh * count) as u32).map(|i| 0.5 + unit(i)).collect();
+    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let moments_there = Buffer::from_slice(context, "moments", &moments)?;
+    let sh_there = Buffer::from_slice(context, "sh_moments", &sh_moments)?;
+    let scores = Buffer::from_slice(context, "scores", &vec![1.0f32; SCORES as usize * count])?;
+    let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
+    let sources_there = Buffer::from_slice(context, "sources", &sources)?;
+    let copies_there = Buffer::from_slice(context, "copies", &copies)?;
+    let spec = density_apply::Spec { workgroup_size: page.workgroup_size, strategy, sh_planes: sh as u32 };
+    let stage = density_apply::Stage::new(context, &spec)?;
+    let buffers = density_apply::Buffers {
+        population: &page.population,
+        status: &page.status,
+        words: &words,
+        sources: &sources_there,
+        copies: &copies_there,
+        geometry: &geometry,
+        geometry_moments: &moments_there,
+        sh_moments: &sh_there,
+        lobe_moments: &sh_there,
+        scores: &scores,
+    };
+    let small = 0.05;
+    let push = density_apply::Push {
+        segment: 1,
+        page_first: PAGE_FIRST,
+        stride: count as u32,
+        small,
+        most: 0.8,
+        fade: 0.01,
+        step: STEP,
+        seed: SEED,
+    };
+    let prepare = || {
+        geometry.upload(0, &page.planes)?;
+        moments_there.upload(0, &moments)?;
+        Ok(sh_there.upload(0, &sh_moments)?)
+    };
+    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
+    let [small, most, fade] = [small, push.most, push.fade].map(f64::from);
+    let a = Apply { strategy, small, most, fade, step: STEP, seed: SEED };
+    let want: Vec<(Geometry, Begins)> = (0..count)
+        .map(|i| {
+            let number = PAGE_FIRST + i as u32;
+            twin::density_apply::density_apply(&a, &page.geometry(i), number, copies[number as usize], number >= stays)
+        })
+        .collect();
+    let (got, got_moments, got_sh) = (geometry.download()?, moments_there.download()?, sh_there.download()?);
+    let mut row = bench.row("density_apply", name);
+    for c in 0..3 {
+        let plane = |p: usize| got[p * count..][..count].iter().copied();
+        row.numbers(plane(MEAN + c).zip(want.iter().map(|(g, _)| g.mean[c])).filter(|(_, want)| want.is_finite()));
+        let scales = plane(LOG_SCALE + c).zip(want.iter().map(|(g, _)| g.log_scale[c]));
+        row.numbers(scales.filter(|(_, want)| want.is_finite()));
+    }
+    let logits = got[OPACITY * count..][..count].iter().copied().zip(&want);
+    row.numbers(logits.filter(|(_, (g, _))| g.logit.is_finite()).map(|(got, (g, _))| (got, g.logit)));
+    for (planes, got, before) in [(GEOMETRY_PLANES, &got_moments, &moments), (sh, &got_sh, &sh_moments)] {
+        for m in 0..2 * planes {
+            let kept = |i: usize| {
+                let begins = &want[i].1;
+                let opacity = planes == GEOMETRY_PLANES && m / 2 == OPACITY;
+                if begins.all || (opacity && begins.opacity) { 0.0 } else { before[m * count + i] }
+            };
+            let want: Vec<u32> = (0..count).map(|i| kept(i).to_bits()).collect();
+            let got: Vec<u32> = got[m * count..][..count].iter().map(|v| v.to_bits()).collect();
+            row.words(&got, &want);
+        }
+    }
+    row.words(&scores.download()?, &vec![0.0; SCORES as usize * count]);
+    row.time = times.of("density_apply");
+    row.work.bytes = count as f64 * 4.0 * (2 + 2 * GEOMETRY_PLANES + GEOMETRY_PLANES + sh) as f64;
+    bench.push(row);
+    Ok(())
+}
+
+fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
+    let (context, count) = (bench.context, page.count);
+    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let stage = density_noise::Stage::new(context, &density_noise::Spec { workgroup_size: page.workgroup_size })?;
+    let buffers =
+        density_noise::Buffers { population: &page.population, status: &page.status, geometry: &geometry };
+    // So that the faintest move by about their own size.
+    let push = density_noise::Push {
+        segment: 1,
+        page_first: PAGE_FIRST,
+        stride: count as u32,
+        rate: 100.0,
+        step: STEP,
+        seed: SEED,
+    };
+    let prepare = || Ok(geometry.upload(0, &page.planes)?);
+    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
+    let got = geometry.download()?;
+    let mut row = bench.row("density_noise", "");
+    let off: Vec<glam::DVec3> = (0..count)
+        .map(|i| {
+            let rate = f64::from(push.rate);
+            twin::density_noise::density_noise(&page.geometry(i), rate, PAGE_FIRST + i as u32, STEP, SEED)
+        })
+        .collect();
+    for c in 0..3 {
+        let means = got[(MEAN + c) * count..][..count].iter().copied();
+        row.numbers(means.zip((0..count).map(|i| page.params.mean(i)[c] + off[i][c])));
+    }
+    row.time = times.of("density_noise");
+    row.work.bytes = 68.0 * count as f64;
+    bench.push(row);
+    Ok(())
+}
