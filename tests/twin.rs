@@ -109,9 +109,25 @@ const AUGMENTATION: Stages = &[
     ("lift_append", Near::Same),
 ];
 
+/// What is placed is few and chosen by order: one candidate more or less moves all ranks behind it by one, and gains with them by
+/// a per cent or so.
+const PURSUIT: Stages = &[
+    ("pursuit_residual", Near::Within(0.1)),
+    ("pursuit_blur", Near::Within(0.1)),
+    ("pursuit_quanta", Near::Within(0.1)),
+    ("pursuit_draw", Near::Within(0.1)),
+    ("pursuit_score", Near::Within(0.1)),
+    ("pursuit_fit", Near::Within(0.1)),
+    ("pursuit_gain", Near::Within(0.1)),
+    ("pursuit_claim", Near::Within(0.1)),
+    ("pursuit_attenuate", Near::Within(0.1)),
+    ("pursuit_place", Near::Within(1e-5)),
+    ("lift_append", Near::Same),
+];
+
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, AUGMENTATION];
+    let lists = [VIEW, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, PURSUIT, AUGMENTATION];
     let tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
     assert_eq!(tried, twins().iter().map(|twin| twin.stage).collect());
 }

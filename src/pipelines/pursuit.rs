@@ -92,9 +92,9 @@ impl Placed {
 
 /// Words of `counts`.
 const BLOCKS: u32 = 0;
-const QUANTA: u32 = 1;
+pub(crate) const QUANTA: u32 = 1;
 const CANDIDATES: u32 = 2;
-const KEPT: u32 = 3;
+pub(crate) const KEPT: u32 = 3;
 const PLACES: u32 = 4;
 const PLACED: u32 = 5;
 const COUNTS: usize = 6;
@@ -105,18 +105,18 @@ const STEPS_PER_SUBMISSION: u32 = 8;
 const CHUNK_BYTES: u64 = 128 << 20;
 
 /// Views whose pyramids lie in the same buffers.
-struct Page {
-    views: std::ops::Range<u32>,
-    blocks: std::ops::Range<u32>,
-    texels: Buffer<Texel>,
-    surface_depths: Buffer<f32>,
-    errors: Buffer<f32>,
-    explained: Buffer<u32>,
-    claims: Buffer<u32>,
+pub(crate) struct Page {
+    pub(crate) views: std::ops::Range<u32>,
+    pub(crate) blocks: std::ops::Range<u32>,
+    pub(crate) texels: Buffer<Texel>,
+    pub(crate) surface_depths: Buffer<f32>,
+    pub(crate) errors: Buffer<f32>,
+    pub(crate) explained: Buffer<u32>,
+    pub(crate) claims: Buffer<u32>,
 }
 
 /// Sizes of [`Work`].
-struct Sizes {
+pub(crate) struct Sizes {
     pixels: u32,
     blocks: u32,
     candidates: u32,
@@ -125,31 +125,31 @@ struct Sizes {
 }
 
 buffers! {
-    struct Work(o: Sizes) {
+    pub(crate) struct Work(o: Sizes) {
         /// Unblurred texels of one view.
-        raw_texels: Texel = o.pixels,
-        counts: u32 = COUNTS,
-        args: u32 = 9,
-        error_sums: f32 = o.blocks,
-        quanta: u32 = o.blocks,
-        quanta_firsts: u32 = o.blocks,
-        block_sums: u32 = block_sums_len(o.blocks.max(o.most)),
-        candidates: Candidate = o.candidates,
-        fits: Fit = o.candidates,
-        sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
-        gains: f32 = o.candidates,
-        beaten: u32 = o.candidates,
-        gain_keys: u32 = o.candidates,
-        sorted_keys: u32 = o.candidates,
-        order: u32 = o.candidates,
-        other_keys: u32 = o.candidates,
-        other_order: u32 = o.candidates,
-        radix_counts: u32 = block_counts_len(o.candidates, RadixSort::digit_bits_for(32)),
-        digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(32)),
-        lifts: Lift = o.most,
-        lift_flags: u32 = o.most,
-        plain_flags: u32 = o.most,
-        ranks: u32 = o.most,
+        pub(crate) raw_texels: Texel = o.pixels,
+        pub(crate) counts: u32 = COUNTS,
+        pub(crate) args: u32 = 9,
+        pub(crate) error_sums: f32 = o.blocks,
+        pub(crate) quanta: u32 = o.blocks,
+        pub(crate) quanta_firsts: u32 = o.blocks,
+        pub(crate) block_sums: u32 = block_sums_len(o.blocks.max(o.most)),
+        pub(crate) candidates: Candidate = o.candidates,
+        pub(crate) fits: Fit = o.candidates,
+        pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
+        pub(crate) gains: f32 = o.candidates,
+        pub(crate) beaten: u32 = o.candidates,
+        pub(crate) gain_keys: u32 = o.candidates,
+        pub(crate) sorted_keys: u32 = o.candidates,
+        pub(crate) order: u32 = o.candidates,
+        pub(crate) other_keys: u32 = o.candidates,
+        pub(crate) other_order: u32 = o.candidates,
+        pub(crate) radix_counts: u32 = block_counts_len(o.candidates, RadixSort::digit_bits_for(32)),
+        pub(crate) digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(32)),
+        pub(crate) lifts: Lift = o.most,
+        pub(crate) lift_flags: u32 = o.most,
+        pub(crate) plain_flags: u32 = o.most,
+        pub(crate) ranks: u32 = o.most,
     }
 }
 
@@ -171,13 +171,13 @@ pub struct Progress {
 
 /// A placement on its way.
 pub struct Pursuit {
-    placer: Placer,
+    pub(crate) placer: Placer,
     steps: Steps,
     job: Job,
 }
 
 /// Everything that a placement needs, made once.
-struct Placer {
+pub(crate) struct Placer {
     context: Context,
     options: PursuitOptions,
     background: [f32; 3],
@@ -185,14 +185,14 @@ struct Placer {
     /// Gaussians that there is room for, and that may be placed now.
     most: u32,
     limit: u32,
-    candidates: u32,
+    pub(crate) candidates: u32,
     /// Candidates of a chunk.
     chunk: u32,
     worth: [f32; 2],
-    plots: Buffer<Plot>,
-    plot_list: Vec<Plot>,
-    pages: Vec<Page>,
-    work: Work,
+    pub(crate) plots: Buffer<Plot>,
+    pub(crate) plot_list: Vec<Plot>,
+    pub(crate) pages: Vec<Page>,
+    pub(crate) work: Work,
     stages: Stages,
 }
 
@@ -240,7 +240,7 @@ impl Stages {
 }
 
 /// Where level k of a view lies: first texel, width, height.
-fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
+pub(crate) fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
     let mut level = [plot.texel_first, width, height];
     for j in 1..=k {
         level[0] += level[1] * level[2];
@@ -401,6 +401,18 @@ impl Placer {
     ) -> Result<()> {
         let show = Show::all(model, self.background);
         renderer.record(recorder, model, views, view, &show, status)?;
+        self.record_pyramid(recorder, views, view, &renderer.raster.buffers.image, &renderer.depths)
+    }
+
+    /// The residual of a view that was rendered, and its pyramid.
+    pub(crate) fn record_pyramid(
+        &self,
+        recorder: &mut Recorder,
+        views: &Views,
+        view: u32,
+        image: &Buffer<[f32; 4]>,
+        depths: &Buffer<f32>,
+    ) -> Result<()> {
         let (w, camera) = (&self.work, &views.cameras[view as usize]);
         let page = self.pages.iter().find(|page| page.views.contains(&view));
         let Some(page) = page else { return Err(too_many()) };
@@ -410,9 +422,9 @@ impl Placer {
             &pursuit_residual::Buffers {
                 frames: &views.frames,
                 plots: &self.plots,
-                image: &renderer.raster.buffers.image,
+                image,
                 targets: views.targets(view as usize),
-                depths: &renderer.depths,
+                depths,
                 texels: &w.raw_texels,
                 surface_depths: &page.surface_depths,
                 errors: &page.errors,
@@ -459,7 +471,7 @@ impl Placer {
         );
     }
 
-    fn record_draw(&self, recorder: &mut Recorder, views: &Views, status: &Buffer<u32>) {
+    pub(crate) fn record_draw(&self, recorder: &mut Recorder, views: &Views, status: &Buffer<u32>) {
         let (w, s) = (&self.work, &self.stages);
         let count = self.blocks();
         self.record_args(recorder, BLOCKS, count, 0, status);
@@ -502,7 +514,7 @@ impl Placer {
         recorder.fill(&w.gain_keys, NONE);
     }
 
-    fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
+    pub(crate) fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
         let (w, s) = (&self.work, &self.stages);
         let first = chunk * self.chunk;
         let count = self.chunk.min(self.candidates - first);
@@ -540,7 +552,7 @@ impl Placer {
         );
     }
 
-    fn record_round(&self, recorder: &mut Recorder, views: &Views) {
+    pub(crate) fn record_round(&self, recorder: &mut Recorder, views: &Views) {
         let (w, s) = (&self.work, &self.stages);
         let count = self.candidates;
         for (k, page) in self.pages.iter().enumerate() {
@@ -619,7 +631,7 @@ impl Placer {
         }
     }
 
-    fn record_place(&self, recorder: &mut Recorder, model: &Model, status: &Buffer<u32>) {
+    pub(crate) fn record_place(&self, recorder: &mut Recorder) {
         let (w, s) = (&self.work, &self.stages);
         let [first, second] = self.pairs();
         let input = Pairs { keys: &w.gain_keys, values: &w.gain_keys };
@@ -646,6 +658,10 @@ impl Placer {
             },
             self.most,
         );
+    }
+
+    fn record_append(&self, recorder: &mut Recorder, model: &Model, status: &Buffer<u32>) {
+        let (w, s) = (&self.work, &self.stages);
         for (segment, flags) in [(Segment::Base, &w.plain_flags), (Segment::Supplement, &w.lift_flags)] {
             let lifts = Lifts {
                 lifts: &w.lifts,
@@ -696,7 +712,10 @@ impl Looped for Choose<'_> {
             0 => placer.record_draw(recorder, views, status),
             step if step <= fits => placer.record_fit(recorder, views, step - 1),
             step if step <= fits + placer.options.rounds => placer.record_round(recorder, views),
-            _ => placer.record_place(recorder, self.model, status),
+            _ => {
+                placer.record_place(recorder);
+                placer.record_append(recorder, self.model, status);
+            }
         }
         Ok(())
     }

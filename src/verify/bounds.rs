@@ -40,7 +40,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
-pub const BOUNDS: [Bound; 44] = [
+pub const BOUNDS: [Bound; 54] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -269,6 +269,78 @@ pub const BOUNDS: [Bound; 44] = [
         relative_l2: 1e-5,
         reason: "The gate is an exponential of 100 times an opacity that has an error of 6e-8, e and Sigma products of logarithms, \
                  exponentials and cosines of 1e-6.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_residual",
+        max: 1e-3,
+        relative_l2: 1e-4,
+        reason: "Texels are rounded to halves: what float32 and float64 round otherwise is one unit of a half, 2^-11 of itself, and that is \
+                 rare. Errors and their sums of 256 have a dozen roundings of 6e-8.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_blur",
+        max: 1e-3,
+        relative_l2: 1e-4,
+        reason: "As pursuit_residual: rounded to halves, seldom otherwise; sums of 64 products err by 1e-6.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_quanta",
+        max: 1e-5,
+        relative_l2: 1e-5,
+        reason: "A sum of up to a million terms, some thousand in a row for each thread, and a quotient: 1e-6; whole numbers from there.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_draw",
+        max: 1e-5,
+        relative_l2: 1e-5,
+        flips: 0.02,
+        reason: "A point is a sum of products of coordinates up to 10 with a few roundings, an angle one of atan. Which pixel it is flips where \
+                 a draw falls within 2e-5 of a block's errors of a border between two of its 256 pixels.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_score",
+        max: 1e-4,
+        relative_l2: 2e-5,
+        flips: 0.03,
+        reason: "Places in an image are known to 1e-5 px, between texels whose difference is 1 at most; sums over views have 1e-6 besides. Flips \
+                 are candidates that float32 may see otherwise (within 2e-4 px of a border of a pixel in one of five views, or of the edge \
+                 of the same depth); they are left out from here on.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_fit",
+        max: 1e-3,
+        relative_l2: 1e-4,
+        flips: 0.01,
+        reason: "Opacity and colour are quotients of differences of sums that cancel by up to a factor of a thousand; the gain is flat around \
+                 them. Another size or width may be taken where it gains the same to 1e-3.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_gain",
+        max: 1e-4,
+        relative_l2: 2e-5,
+        reason: "As pursuit_score: a place to 1e-5 px, differences of squares of up to 1.",
+        ..EXACT
+    },
+    Bound::exact("pursuit_claim", "Windows end at whole pixels and gains are compared by their bits; what may fall otherwise is left out."),
+    Bound {
+        stage: "pursuit_attenuate",
+        max: 1e-4,
+        relative_l2: 2e-5,
+        reason: "A share of the residual to 1e-5, its logarithm in units of 2^-16; whole numbers are added up.",
+        ..EXACT
+    },
+    Bound {
+        stage: "pursuit_place",
+        max: 1e-5,
+        relative_l2: 1e-6,
+        reason: "Logarithms of a size and of a ratio whose parts have 6e-8.",
         ..EXACT
     },
 ];

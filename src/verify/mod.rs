@@ -3,6 +3,7 @@
 
 mod bounds;
 mod density;
+mod pursuit;
 mod floor;
 mod judge;
 pub mod lift;
@@ -65,6 +66,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     screen::cases(&mut bench, options.quick)?;
     lift::cases(&mut bench, options.quick)?;
     density::cases(&mut bench, options.quick)?;
+    pursuit::cases(&mut bench, options.quick)?;
     let Bench { rates, rows, .. } = bench;
     let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
     for row in &mut report.rows {
@@ -155,6 +157,11 @@ impl Times {
     fn of(&self, stage: &str) -> Option<f64> {
         let times: Vec<f64> = self.stages.iter().filter(|(name, _)| *name == stage).map(|(_, time)| *time).collect();
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
+    }
+
+    /// Seconds of the n-th call of a stage; none without timestamps.
+    fn nth(&self, stage: &str, n: usize) -> Option<f64> {
+        self.stages.iter().filter(|(name, _)| *name == stage).nth(n).map(|(_, time)| *time)
     }
 
     /// Seconds of all calls of a stage together; none without timestamps.

@@ -161,7 +161,7 @@ pub(super) fn lift_pca(h: kernels::lift_pca::Host<'_>) -> Outcome {
     Ok(())
 }
 
-fn narrow(l: &Lift) -> types::Lift {
+pub(super) fn narrow(l: &Lift) -> types::Lift {
     types::Lift {
         mean: l.mean.map(|v| v as f32),
         log_scale: l.log_scale.map(|v| v as f32),

@@ -9,6 +9,7 @@ mod learn;
 mod lift;
 mod loss;
 mod model;
+mod pursuit;
 mod raster;
 mod screen;
 mod sort;
@@ -47,6 +48,8 @@ twins! {
     lift: lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points;
     loss: loss_sum, ssim_backward, ssim_forward;
     model: gather, recount;
+    pursuit: pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
+        pursuit_residual, pursuit_score;
     raster: blend, blend_backward, blend_backward_atomic, emit, median_depth, project, tile_ranges;
     screen: screen_backward, screen_draw, screen_project, screen_prune, screen_tiles;
     sort: dispatch_args, radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine;

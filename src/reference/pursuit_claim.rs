@@ -1,0 +1,49 @@
+//! Candidates claim the cells that they would change most; whoever gains most has them.
+
+use super::pursuit::{CORE, Candidate, Fit, Ground, footprint_px, lobe_factor};
+use crate::stages::constants::pursuit::CELL;
+
+/// The cells of a page that a candidate asks for.
+pub fn cells(ground: &Ground<'_>, c: &Candidate, fit: &Fit) -> Vec<usize> {
+    let mut cells = Vec::new();
+    for (v, s) in ground.sights(c) {
+        if !(fit.opacity * lobe_factor(s.theta, fit.width) > 0.0) {
+            continue;
+        }
+        let view = &ground.views[v as usize];
+        let [x0, y0, x1, y1] = ground.window(v, &s, CORE * footprint_px(view, s.z, fit.sigma));
+        let across = view.width.div_ceil(CELL);
+        for y in y0 / CELL..=y1 / CELL {
+            cells.extend((x0 / CELL..=x1 / CELL).map(|x| (ground.plots[v as usize].cell_first + y * across + x) as usize));
+        }
+    }
+    cells
+}
+
+/// Claims for a candidate of gain `gain`, whose bits order as it does.
+pub fn pursuit_claim(cells: &[usize], gain: f32, claims: &mut [u32]) {
+    for &cell in cells.iter().filter(|_| gain > 0.0) {
+        claims[cell] = claims[cell].max(gain.to_bits());
+    }
+}
+
+/// Whether it lost one of its cells.
+pub fn beaten(cells: &[usize], gain: f32, claims: &[u32]) -> bool {
+    gain > 0.0 && cells.iter().any(|&cell| claims[cell] > gain.to_bits())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_greatest_gain_has_a_cell_and_equals_share_it() {
+        let (a, b, c) = (vec![0, 1], vec![1, 2], vec![2, 3]);
+        let mut claims = [0; 4];
+        for (cells, gain) in [(&a, 2.0), (&b, 1.0), (&c, 1.0), (&c, -3.0)] {
+            pursuit_claim(cells, gain, &mut claims);
+        }
+        let lost = [beaten(&a, 2.0, &claims), beaten(&b, 1.0, &claims), beaten(&c, 1.0, &claims), beaten(&c, -3.0, &claims)];
+        assert_eq!(lost, [false, true, false, false]);
+    }
+}

@@ -1,0 +1,118 @@
+//! The size, lobe width, opacity and colour of a candidate that gain most over all views.
+
+use glam::DVec3;
+
+use super::{
+    FLOAT_MAX,
+    pursuit::{Candidate, Fit, lobe_width, sigma_of},
+    pursuit_score::Sums,
+};
+use crate::stages::constants::pursuit::WIDTHS;
+
+const OPACITY_FIRST: f64 = 0.6;
+const OPACITY_MIN: f64 = 0.1;
+const OPACITY_MAX: f64 = 0.95;
+const ROUNDS: usize = 3;
+
+/// What gains most of one size and width; `None` where no view is within the lobe.
+pub fn best_of(x: &[f64; 9]) -> Option<(f64, DVec3, f64)> {
+    let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
+    if !(x[6] > 0.0) {
+        return None;
+    }
+    let bend = |colour: DVec3| x[8] - 2.0 * colour.dot(b) + colour.length_squared() * x[6];
+    let (mut opacity, mut colour) = (OPACITY_FIRST, DVec3::ZERO);
+    for _ in 0..ROUNDS {
+        colour = ((a / opacity + b) / x[6]).clamp(DVec3::ZERO, DVec3::ONE);
+        if bend(colour) > 0.0 {
+            opacity = ((colour.dot(a) - x[7]) / bend(colour)).clamp(OPACITY_MIN, OPACITY_MAX);
+        }
+    }
+    let gain = 2.0 * opacity * (colour.dot(a) - x[7]) - opacity * opacity * bend(colour);
+    Some((opacity, colour, gain))
+}
+
+/// `sums` by size; sizes in pixels of the view that the candidate was drawn in. `worth` is what a gain counts with a lobe and without.
+pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2]) -> Fit {
+    let (mut best, mut most) = (Fit::default(), 0.0);
+    for (sums, &size) in sums.iter().zip(sizes) {
+        for (w, x) in sums.iter().enumerate() {
+            let worth = worth[usize::from(w as u32 == WIDTHS - 1)];
+            let Some((opacity, colour, gain)) = best_of(x).filter(|_| worth > 0.0) else { continue };
+            if gain * worth > most && gain <= FLOAT_MAX {
+                most = gain * worth;
+                let width = lobe_width(w as u32, c.theta_bar);
+                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain };
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Views of residual r, render b, lobe factor l and area a, one after the other.
+    const VIEWS: [([f64; 3], [f64; 3], f64, f64); 3] = [
+        ([0.3, 0.1, 0.2], [0.2, 0.3, 0.1], 1.0, 6.0),
+        ([0.25, 0.2, 0.1], [0.3, 0.3, 0.2], 0.7, 9.0),
+        ([-0.05, 0.0, 0.02], [0.5, 0.4, 0.4], 0.2, 5.0),
+    ];
+
+    fn brute(opacity: f64, colour: DVec3) -> f64 {
+        let one = |&(r, b, l, a): &([f64; 3], [f64; 3], f64, f64)| {
+            let (r, b) = (DVec3::from_array(r), DVec3::from_array(b));
+            a * (r.length_squared() - (r - opacity * l * (colour - b)).length_squared())
+        };
+        VIEWS.iter().map(one).sum()
+    }
+
+    fn sums() -> [f64; 9] {
+        let mut x = [0.0; 9];
+        for (r, b, l, a) in VIEWS {
+            for k in 0..3 {
+                x[k] += a * l * r[k];
+                x[3 + k] += a * l * l * b[k];
+                x[7] += a * l * r[k] * b[k];
+                x[8] += a * l * l * b[k] * b[k];
+            }
+            x[6] += a * l * l;
+        }
+        x
+    }
+
+    #[test]
+    fn the_gain_is_the_fall_of_the_squared_error_and_nearly_the_best() {
+        let (opacity, colour, gain) = best_of(&sums()).unwrap();
+        assert!((gain - brute(opacity, colour)).abs() < 1e-12);
+        let steps = |n: usize| (0..=n).map(move |i| i as f64 / n as f64);
+        let grid = steps(17).flat_map(|o| {
+            let o = OPACITY_MIN + o * (OPACITY_MAX - OPACITY_MIN);
+            steps(20).flat_map(move |r| steps(20).flat_map(move |g| steps(20).map(move |b| brute(o, DVec3::new(r, g, b)))))
+        });
+        let most = grid.fold(f64::MIN, f64::max);
+        // Three turns leave a little: the gain is flat along opacity times contrast.
+        assert!(gain > 0.98 * most, "{gain} of {most}");
+    }
+
+    #[test]
+    fn nothing_is_gained_where_there_is_no_residual_or_no_view() {
+        let mut x = sums();
+        assert!(best_of(&[0.0; 9]).is_none());
+        x[..3].fill(0.0);
+        x[7] = 0.0;
+        assert!(best_of(&x).unwrap().2 <= 0.0);
+    }
+
+    #[test]
+    fn what_is_worth_nothing_is_not_taken() {
+        let mean = DVec3::ZERO;
+        let c = Candidate { mean, toward: DVec3::X, px: 0.01, theta_bar: 0.2, view: 0, pixel: 0 };
+        let all = [[sums(); WIDTHS as usize]; 2];
+        let [lobes, plain, none] = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth));
+        assert!(lobes.width > 0.0 && plain.width == 0.0 && plain.gain == lobes.gain && none.gain == 0.0);
+        // The first of equals.
+        assert_eq!(plain.sigma, sigma_of(1.0, 0.01));
+    }
+}
