@@ -15,6 +15,7 @@ use glint::{
         learn::Lesson,
         lift::{LiftOptions, LiftPhase},
         model::{Model, Rearrange, Room, Segment, Sources},
+        pursuit::{Pursuit, PursuitOptions},
         render::{Needs, RenderOptions, Renderer},
         screen::{Refiner, Schedule},
         session::{Reduction, Session},
@@ -315,6 +316,53 @@ fn augment(gpu: &Gpu) -> Outcome {
 #[test]
 fn the_stages_of_the_augmentation_have_twins() {
     stand_in(augment, AUGMENTATION);
+}
+
+/// A wall, photographed three times with a stripe that it lacks in all of them and a spot that is there in one.
+fn pursue(gpu: &Gpu) -> Outcome {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
+        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
+        base.log_scales.push([-0.4, -0.4, -4.0]);
+        base.quats.push([1.0, 0.0, 0.0, 0.0]);
+        base.opacities.push(4.0);
+        base.sh.push([0.3, -0.2, 0.5]);
+    }
+    let (width, height) = (60, 50);
+    let camera = |v: usize| {
+        let translation = DVec3::new(0.4 * v as f64, 0.0, 0.0);
+        Camera { width, height, fx: 65.0, fy: 65.0, cx: 30.0, cy: 25.0, rotation: DMat3::IDENTITY, translation }
+    };
+    let photo = |v: usize| -> Vec<u8> {
+        let stripe = |p: u32| (20..26).contains(&(p % width).wrapping_sub(6 * v as u32));
+        let spot = |p: u32| v == 1 && (p % width).abs_diff(45) < 4 && (p / width).abs_diff(12) < 4;
+        let colour = |p| if spot(p) { [250, 250, 240] } else if stripe(p) { [220, 200, 60] } else { [150, 115, 165] };
+        (0..width * height).flat_map(colour).collect()
+    };
+    let views = Views::upload(gpu, &[0, 1, 2].map(camera), &[&photo(0)[..], &photo(1), &photo(2)]).unwrap();
+    let scene = Scene { base, supplement: None };
+    let room = Room { supplement: 20, base: 20, page: Some(25) };
+    let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
+    let options = RenderOptions { depth: true, ..Default::default() };
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, options).unwrap();
+    let options = PursuitOptions { rounds: 6, sizes: 2, first_size: 1.0, size_ratio: 2.0, ..Default::default() };
+    let mut pursuit = Pursuit::new(&session(gpu), &views, 20, options).unwrap();
+    pursuit.start(20).unwrap();
+    while pursuit.advance(&mut renderer, &model, &views).unwrap().is_some() {}
+    let placed = pursuit.placed().unwrap();
+    assert!(placed.lobes > 0 && placed.plain > 0 && placed.count() <= 20, "{placed:?}");
+    model.learn_counts().unwrap();
+    let there = [Segment::Base, Segment::Supplement].map(|segment| model.count_of(segment));
+    assert_eq!(there, [25 + placed.plain, placed.lobes]);
+    let after = model.download().unwrap();
+    let mut scales: Vec<f32> = after.base.log_scales.iter().map(|s| s[0]).collect();
+    scales.sort_by(f32::total_cmp);
+    vec![("gains", placed.gains), ("scales", scales)]
+}
+
+#[test]
+fn the_stages_of_pursuit_have_twins() {
+    stand_in(pursue, PURSUIT);
 }
 
 /// Every variant of every kernel, as `glint verify` has them: where all stages are their twins, what is left between a row's two

@@ -93,5 +93,5 @@ void main() {
     c.theta_bar = nearest < 4.0 ? nearest : 0.5 * PI;
     c.view = v;
     c.pixel = pixel;
-    if (max(abs(c.mean.x), max(abs(c.mean.y), abs(c.mean.z))) <= FLOAT_MAX) candidates[i] = c; // guard: pursuit: candidates that are numbers
+    if (max(abs(c.mean.x), max(abs(c.mean.y), abs(c.mean.z))) <= FLOAT_MAX) candidates[i] = c;
 }

@@ -28,7 +28,7 @@ void main() {
     uint i = push.first + k;
     Candidate candidate = candidates[i];
     Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0);
-    // guard: pursuit: a pixel that is drawn twice
+   
     bool again = i > 0 && candidates[i - 1].view == candidate.view && candidates[i - 1].pixel == candidate.pixel;
     if (candidate.view != NONE && !again) {
         float most = 0.0;
@@ -39,7 +39,7 @@ void main() {
                 float x[SUMS];
                 [[unroll]] for (uint q = 0; q < SUMS; ++q) x[q] = sums[(w * SUMS + q) * items + item];
                 vec3 a = vec3(x[0], x[1], x[2]), b = vec3(x[3], x[4], x[5]), colour = vec3(0.0);
-                if (!(worth > 0.0 && x[6] > 0.0)) continue; // guard: pursuit: lobes that no view is in
+                if (!(worth > 0.0 && x[6] > 0.0)) continue;
                 float opacity = OPACITY_FIRST;
                 for (uint round = 0; round < ROUNDS; ++round) {
                     colour = clamp((a / opacity + b) / x[6], vec3(0.0), vec3(1.0));

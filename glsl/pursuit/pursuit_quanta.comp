@@ -23,7 +23,7 @@ void main() {
     barrier();
     float total = 0.0;
     for (uint s = 0; s < gl_NumSubgroups; ++s) total += subgroup_sums[s];
-    bool usable = total > 0.0 && total <= FLOAT_MAX; // guard: pursuit: nothing is drawn without an error
+    bool usable = total > 0.0 && total <= FLOAT_MAX;
     for (uint b = gl_LocalInvocationIndex; b < push.count; b += gl_WorkGroupSize.x) {
         quanta[b] = usable ? uint(clamp(error_sums[b] / total, 0.0, 1.0) * 1073741824.0) : 0u;
     }

@@ -92,7 +92,7 @@ float angle_between(vec3 a, vec3 b) { return atan(length(cross(a, b)), dot(a, b)
 bool project_point(View view, vec3 mean, out vec3 at) {
     vec3 p = to_camera(view, mean);
     at = vec3(0.0);
-    if (!(p.z > NEAR)) return false; // guard: pursuit: points before the near plane
+    if (!(p.z > NEAR)) return false;
     at = vec3(view.fx * p.x / p.z + view.cx, view.fy * p.y / p.z + view.cy, p.z);
     return at.x >= 0.0 && at.y >= 0.0 && at.x < float(view.width) && at.y < float(view.height);
 }

@@ -332,7 +332,6 @@ impl LearnedColumns {
     /// What became of the Gaussians of `base`, and those after them.
     fn apply(&self, rows: &[Vec<f64>], base: &mut Gaussians) -> Result<(), String> {
         let (count, k) = (base.len(), base.sh_coefficients());
-        // guard: PLY: learned rows
         if rows.len() < count || (rows.len() > count && self.fixed.contains(&None)) {
             return Err(format!(
                 "element `{LEARNED}` has {} rows for {count} of `{BASE}`; expected as many, or more with all properties",

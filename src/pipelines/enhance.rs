@@ -343,7 +343,6 @@ impl Enhancer {
         }
         let placements = self.options.pursuit.placements;
         let done = checkpoint.floats(PLACEMENTS, 1)?[0] as u32;
-        // guard: checkpoints of other placements
         if !(1..=placements).contains(&done) {
             return Err(Error::Usage(format!("{done} of {placements} placements are done")));
         }
@@ -375,7 +374,7 @@ impl Enhancer {
     fn finish_join(&mut self, views: &Views) -> Result<()> {
         self.next = Next::Done;
         let now = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
-        // guard: a base that is worse alone
+        // NaN counts as worse.
         self.worse_alone = !(now.iter().sum::<f64>() <= self.base_losses.iter().sum::<f64>());
         Ok(())
     }

@@ -55,6 +55,8 @@ pub struct PursuitOptions {
     pub placements: u32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
+    /// Texels of a page at most; `None` for as many as the device binds at once.
+    pub page: Option<u32>,
 }
 
 impl Default for PursuitOptions {
@@ -68,6 +70,7 @@ impl Default for PursuitOptions {
             kinds: Kinds::Both,
             placements: 3,
             least_gain: 0.0,
+            page: None,
         }
     }
 }
@@ -258,6 +261,7 @@ impl Pursuit {
     pub fn new(session: &Session, views: &Views, most: u32, options: PursuitOptions) -> Result<Self> {
         let context = &session.context;
         let bound = context.info().max_storage_bytes;
+        let most_texels = u64::from(options.page.unwrap_or(u32::MAX)).min(bound / size_of::<Texel>() as u64);
         let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
         let mut begin = (0usize, 0u32);
         let (mut texels, mut pixels, mut cells, mut blocks) = (0u64, 0u64, 0u64, 0u64);
@@ -277,7 +281,7 @@ impl Pursuit {
             let (w, h) = (u64::from(camera.width), u64::from(camera.height));
             let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
             let own: u64 = (0..LEVELS).map(level).sum();
-            if v > begin.0 && ((texels + own) * size_of::<Texel>() as u64 > bound || texels + own > u64::from(u32::MAX)) {
+            if v > begin.0 && (texels + own > most_texels) {
                 pages.push(make(begin.0 as u32..v as u32, begin.1..blocks as u32, texels, pixels, cells)?);
                 begin = (v, blocks as u32);
                 (texels, pixels, cells) = (0, 0, 0);

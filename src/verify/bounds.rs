@@ -306,16 +306,15 @@ pub const BOUNDS: [Bound; 54] = [
         stage: "pursuit_score",
         max: 1e-4,
         relative_l2: 2e-5,
-        flips: 0.03,
-        reason: "Places in an image are known to 1e-5 px, between texels whose difference is 1 at most; sums over views have 1e-6 besides. Flips \
-                 are candidates that float32 may see otherwise (within 2e-4 px of a border of a pixel in one of five views, or of the edge \
-                 of the same depth); they are left out from here on.",
+        reason: "Places in an image are known to 1e-5 px, between texels whose difference is 1 at most; sums over views have 1e-6 besides. \
+                 Candidates that float32 may see otherwise (within 2e-4 px of a border of a pixel in one of five views, or of the edge \
+                 of the same depth) are left out from here on, one in twenty at most.",
         ..EXACT
     },
     Bound {
         stage: "pursuit_fit",
-        max: 1e-3,
-        relative_l2: 1e-4,
+        max: 1.5e-3,
+        relative_l2: 5e-4,
         flips: 0.01,
         reason: "Opacity and colour are quotients of differences of sums that cancel by up to a factor of a thousand; the gain is flat around \
                  them. Another size or width may be taken where it gains the same to 1e-3.",

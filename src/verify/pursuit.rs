@@ -23,7 +23,7 @@ use crate::{
         pursuit_score::Sums,
     },
     stages::{
-        constants::pursuit::{ERROR_BLOCK, LEVELS, SUMS, WIDTHS},
+        constants::pursuit::{LEVELS, SUMS, WIDTHS},
         status, types,
     },
 };
@@ -271,7 +271,8 @@ impl Here<'_> {
             bytes: 12.0 * texels.len() as f64 + 4.0 * got.len() as f64 + 40.0 * count as f64,
             operations: meetings * (80.0 + 25.0 * f64::from(WIDTHS)),
         };
-        row.flips(left_out, count);
+        // One in twenty at most, so that what is compared is nearly all.
+        row.unequal(u64::from(20 * left_out > count));
         let mut want: Vec<Vec<Sums>> = Vec::new();
         for c in &candidates {
             let c = Candidate::from(c);
@@ -423,7 +424,6 @@ impl Here<'_> {
         row.numbers(pairs().map(|(a, b)| (a.lobe_width, b.lobe_width)));
         row.numbers(pairs().map(|(a, b)| (a.theta_bar, b.theta_bar)));
         bench.push(row);
-        debug_assert!(ERROR_BLOCK > 0);
         Ok(())
     }
 }

@@ -1,0 +1,203 @@
+//! Residual pursuit where scenes, photographs and views are not what they usually are.
+
+mod common;
+
+use common::{Gpu, session};
+use glam::{DMat3, DVec3};
+use glint::{
+    pipelines::{
+        enhance::{EnhanceOptions, enhance},
+        model::{Model, Room, Segment},
+        pursuit::{Kinds, Placed, Pursuit, PursuitOptions},
+        render::{Needs, RenderOptions, Renderer},
+        views::{Views, pack},
+    },
+    scene::{Camera, Gaussians, Scene},
+};
+
+const SIZE: (u32, u32) = (60, 50);
+const GREY: [u8; 3] = [150, 115, 165];
+
+/// A wall at z = 4.
+fn wall() -> Scene {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+        base.means.push([0.6 * (i as f32 - 4.0), 0.6 * (j as f32 - 4.0), 4.0]);
+        base.log_scales.push([-0.7, -0.7, -4.0]);
+        base.quats.push([1.0, 0.0, 0.0, 0.0]);
+        base.opacities.push(5.0);
+        base.sh.push([0.3, -0.2, 0.5]);
+    }
+    Scene { base, supplement: None }
+}
+
+fn camera(v: usize) -> Camera {
+    let translation = DVec3::new(0.4 * v as f64, 0.0, 0.0);
+    let (width, height) = SIZE;
+    Camera { width, height, fx: 65.0, fy: 65.0, cx: 30.0, cy: 25.0, rotation: DMat3::IDENTITY, translation }
+}
+
+/// A stripe on the wall in all views, and a spot in the second.
+fn striped(v: usize) -> Vec<[u8; 3]> {
+    let (width, height) = SIZE;
+    let stripe = |p: u32| (20..26).contains(&(p % width).wrapping_sub(6 * v as u32));
+    let spot = |p: u32| v == 1 && (p % width).abs_diff(45) < 4 && (p / width).abs_diff(12) < 4;
+    let colour = |p| if spot(p) { [250, 250, 240] } else if stripe(p) { [220, 200, 60] } else { GREY };
+    (0..width * height).map(colour).collect()
+}
+
+struct Outcome {
+    placed: Placed,
+    model: Scene,
+}
+
+fn place(gpu: &Gpu, scene: &Scene, cameras: &[Camera], photos: &[Vec<u32>], most: u32, options: PursuitOptions) -> Outcome {
+    let views = Views::without_photographs(gpu, DVec3::ZERO, cameras, true).unwrap();
+    photos.iter().enumerate().for_each(|(v, photo)| views.upload_photograph(v, photo).unwrap());
+    let room = Room { base: most, supplement: most, page: None };
+    let mut model = Model::upload_around(gpu, DVec3::ZERO, scene, room).unwrap();
+    let render = RenderOptions { depth: true, ..Default::default() };
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, render).unwrap();
+    let mut pursuit = Pursuit::new(&session(gpu), &views, most, options).unwrap();
+    pursuit.start(most).unwrap();
+    while pursuit.advance(&mut renderer, &model, &views).unwrap().is_some() {}
+    let placed = pursuit.placed().unwrap();
+    model.learn_counts().unwrap();
+    assert_eq!(model.count_of(Segment::Base), scene.base.len() as u32 + placed.plain);
+    assert_eq!(model.count_of(Segment::Supplement), placed.lobes);
+    assert!(placed.count() <= most && placed.gains.is_sorted_by(|a, b| a >= b) && placed.gains.iter().all(|&g| g > 0.0));
+    Outcome { placed, model: model.download().unwrap() }
+}
+
+fn words(photo: &[[u8; 3]]) -> Vec<u32> {
+    pack(photo.as_flattened())
+}
+
+fn three(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
+    let photos: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v))).collect();
+    place(gpu, &wall(), &[0, 1, 2].map(camera), &photos, most, options)
+}
+
+/// What all views lack is plain, what one has alone gets a lobe, and both lie on the wall.
+#[test]
+fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
+    let Outcome { placed, .. } = three(&Gpu::new(), 60, PursuitOptions::default());
+    assert!(placed.count() > 20, "{}", placed.count());
+    let (mut spots, mut stripes) = (0, 0);
+    for lift in &placed.lifts {
+        let [x, y, z] = lift.mean;
+        assert!((z - 4.0).abs() < 0.3, "{lift:?}");
+        // As the second camera has it.
+        let (u, v) = (65.0 * (x + 0.4) / z + 30.0, 65.0 * y / z + 25.0);
+        if (40.0..50.0).contains(&u) && (7.0..17.0).contains(&v) {
+            spots += 1;
+            assert!(lift.lobe_width > 0.0, "{lift:?}");
+            assert!(lift.dc.iter().all(|dc| *dc > 1.0), "{lift:?}");
+        } else if (24.0..34.0).contains(&u) {
+            stripes += 1;
+        }
+    }
+    assert!(spots >= 2 && stripes >= 10 && placed.plain > 0, "{spots} {stripes} {}", placed.plain);
+}
+
+#[test]
+fn the_same_every_run_and_in_any_pages() {
+    let gpu = Gpu::new();
+    let options = PursuitOptions::default();
+    let first = three(&gpu, 40, options);
+    let again = three(&gpu, 40, options);
+    assert_eq!((&first.placed, &first.model), (&again.placed, &again.model));
+    // A page holds a view of 3,000 pixels and its smaller levels, but not two.
+    let paged = three(&gpu, 40, PursuitOptions { page: Some(4000), ..options });
+    assert_eq!(first.placed.lobes, paged.placed.lobes);
+    // Sums are made page by page, so that they may differ in their last bits.
+    for (a, b) in first.placed.gains.iter().zip(&paged.placed.gains) {
+        assert!((a - b).abs() <= 1e-4 * a, "{a} {b}");
+    }
+}
+
+#[test]
+fn kinds_rooms_and_numbers_are_kept() {
+    let gpu = Gpu::new();
+    let of = |most, options| three(&gpu, most, options).placed;
+    let lobes = of(40, PursuitOptions { kinds: Kinds::Lobes, ..Default::default() });
+    assert!(lobes.lobes > 0 && lobes.plain == 0);
+    let plain = of(40, PursuitOptions { kinds: Kinds::Plain, ..Default::default() });
+    assert!(plain.plain > 0 && plain.lobes == 0);
+    assert_eq!(of(1, PursuitOptions::default()).count(), 1);
+    let all = of(40, PursuitOptions::default());
+    // The greatest gains first, and none below what is asked for.
+    let middle = all.gains[all.gains.len() / 2];
+    let few = of(40, PursuitOptions { least_gain: middle, ..Default::default() });
+    assert!(few.gains.iter().all(|&gain| gain >= middle) && few.count() < all.count());
+    // More draws than there are pixels that lack anything.
+    assert!(of(2000, PursuitOptions { draws: 20, ..Default::default() }).count() > 0);
+}
+
+/// A render that is the photograph to within its 8 bits leaves nothing worth a Gaussian; none is placed where pixels do not count or have
+/// no surface.
+#[test]
+fn nothing_is_placed_where_nothing_is_lacking() {
+    let gpu = Gpu::new();
+    let cameras = [0, 1, 2].map(camera);
+    let masked: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v)).into_iter().map(|w| w & 0xFF_FFFF).collect()).collect();
+    let none = place(&gpu, &wall(), &cameras, &masked, 40, PursuitOptions::default());
+    assert_eq!((none.placed.count(), none.model), (0, wall()));
+    // Cameras that look away see no surface.
+    let away = cameras.map(|camera| Camera { rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)), ..camera });
+    let photos: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v))).collect();
+    assert_eq!(place(&gpu, &wall(), &away, &photos, 40, PursuitOptions::default()).placed.count(), 0);
+}
+
+/// Where a base lacks nothing but is NaN in places, the rest is done as usual.
+#[test]
+fn colours_that_are_no_numbers_and_single_views_are_borne() {
+    let gpu = Gpu::new();
+    let mut scene = wall();
+    scene.base.sh[40] = [f32::MAX; 3];
+    let photos = [words(&striped(0))];
+    let found = place(&gpu, &scene, &[camera(0)], &photos, 40, PursuitOptions::default());
+    assert!(found.placed.count() > 0);
+    let finite = |lift: &glint::stages::types::Lift| lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite());
+    assert!(found.placed.lifts.iter().all(finite));
+    // One pixel.
+    let tiny = Camera { width: 1, height: 1, cx: 0.5, cy: 0.5, ..camera(0) };
+    place(&gpu, &wall(), &[tiny], &[vec![u32::MAX]], 3, PursuitOptions::default());
+}
+
+#[test]
+fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
+    let gpu = Gpu::new();
+    let photos: Vec<Vec<u8>> = (0..3).map(|v| striped(v).concat()).collect();
+    let views = Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
+    let options = EnhanceOptions { ratio: 0.0, ..EnhanceOptions::pursuit() };
+    let found = enhance(&session(&gpu), &wall(), &views, &options, |_| ()).unwrap();
+    assert!(found.join.is_none() && found.original.is_none());
+    assert_eq!(found.scene, wall());
+}
+
+/// The whole of it makes a scene better, more so than without lobes, and what other viewers see is never worse than before.
+#[test]
+fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
+    let gpu = Gpu::new();
+    let photos: Vec<Vec<u8>> = (0..3).map(|v| striped(v).concat()).collect();
+    let views = Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
+    let run = |kinds| {
+        let mut options = EnhanceOptions { ratio: 0.5, ..EnhanceOptions::pursuit() };
+        options.pursuit.kinds = kinds;
+        let found = enhance(&session(&gpu), &wall(), &views, &options, |_| ()).unwrap();
+        let losses = &found.join.as_ref().unwrap().losses;
+        (losses[losses.len() - 3..].iter().sum::<f32>() / 3.0, found)
+    };
+    let (lobes, both) = run(Kinds::Both);
+    let (plain, without) = run(Kinds::Plain);
+    let before = both.base_losses.iter().sum::<f64>() as f32 / 3.0;
+    assert!(lobes < 0.6 * before && lobes < plain, "{before} {lobes} {plain}");
+    assert_eq!(both.placed.len(), 3);
+    // Half of them before the joint phase.
+    assert!(both.placed[0].count() <= 21 && both.scene.base.means != wall().base.means);
+    if let Some(original) = &both.original {
+        assert_eq!(original, &wall().base);
+    }
+    assert!(without.scene.supplement.is_none() && without.original.is_none(), "plain Gaussians make the base better alone");
+}
