@@ -1,6 +1,6 @@
 //! From splats to pixels and back: depth order, tile lists, blending and its gradient.
 //!
-//! Splats come from a projection stage (`project` for scenes, `plane_project` for the 2D stage), which fills `splats`,
+//! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
 use super::{
