@@ -69,6 +69,7 @@ pub struct Kernel {
     pub software: Option<Vec<u32>>,
     pub interface: Interface,
     pub demands: Demands,
+    pub unit: &'static str,
 }
 
 impl Kernel {
@@ -79,12 +80,13 @@ impl Kernel {
         let in_kernel = |e: String| format!("{file}: {e}");
         let spirv = compile(&source, &file, false)?;
         let demands = Demands::of(&spirv).map_err(in_kernel)?;
+        let unit = unit(&spirv).map_err(in_kernel)?;
         let software = match software && demands.subgroup_operations != 0 {
             true => Some(compile(&source, &file, true)?),
             false => None,
         };
         let interface = Interface::reflect(&spirv, types).map_err(in_kernel)?;
-        Ok(Kernel { name, file, spirv, software, interface, demands })
+        Ok(Kernel { name, file, spirv, software, interface, demands, unit })
     }
 }
 
@@ -193,6 +195,33 @@ impl Demands {
     }
 }
 
+/// What takes one item of a kernel's work, a variant of `stages::Unit`: it calls the function of glsl/shared/common.glsl that numbers
+/// these, and neither of the other two.
+pub fn unit(module: &[u32]) -> Result<&'static str, String> {
+    const UNITS: [(&str, &str); 3] =
+        [("thread_index(", "Thread"), ("subgroup_index(", "Subgroup"), ("group_index(", "Workgroup")];
+    let (mut numbers, mut function, mut called) = (BTreeMap::new(), 0, BTreeSet::<&str>::new());
+    for i in instructions(module)? {
+        match opcode(i) {
+            op::NAME => {
+                let bytes: Vec<u8> = i[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
+                let name = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
+                numbers.extend(UNITS.iter().find(|unit| unit.0.as_bytes() == name).map(|unit| (i[1], unit.1)));
+            }
+            op::FUNCTION => function = i[2],
+            // They call one another.
+            op::FUNCTION_CALL if !numbers.contains_key(&function) => called.extend(numbers.get(&i[3]).copied()),
+            _ => {}
+        }
+    }
+    match called.iter().copied().collect::<Vec<_>>()[..] {
+        [unit] => Ok(unit),
+        _ => Err(format!(
+            "{called:?} take its items, expected one: call either thread_index(), subgroup_index() or group_index()"
+        )),
+    }
+}
+
 /// What all kernels together need of a device that any of them would run on.
 fn needs(kernels: &[Kernel]) -> String {
     let operations = kernels.iter().fold(0, |all, k| all | k.demands.subgroup_operations);
@@ -210,9 +239,11 @@ fn needs(kernels: &[Kernel]) -> String {
 fn generate(kernels: &[Kernel], types: &Types, software: bool) -> String {
     let structs: String = types.values().map(|t| t.code.as_str()).collect();
     let all: String = kernels.iter().map(|k| format!("    KernelInfo::of::<{}::Kernel>(),\n", k.name)).collect();
+    let names: Vec<_> = kernels.iter().map(|k| &k.name).collect();
     format!(
         "/// Structs that kernels share with the host, in scalar block layout.\npub mod types {{\n{structs}}}\n\
-         use crate::gpu::KernelInfo;\n/// Every kernel, by name.\npub const ALL: [KernelInfo; {}] = [\n{all}];\n",
+         use crate::gpu::KernelInfo;\n/// Every kernel, by name.\npub const ALL: [KernelInfo; {}] = [\n{all}];\n\
+         /// The names of all stages.\npub const NAMES: &[&str] = &{names:?};\n",
         kernels.len(),
     ) + &kernels.iter().map(|k| k.generate(software)).collect::<String>()
 }
@@ -356,7 +387,7 @@ impl Interface {
 impl Kernel {
     /// The module of the kernel's interface.
     fn generate(&self, software: bool) -> String {
-        let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, .. } = self;
+        let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, unit, .. } = self;
         let mut s = String::new();
         writeln!(s, "/// `{file}`\npub mod {name} {{").unwrap();
         writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
@@ -397,7 +428,8 @@ impl Kernel {
         let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
         writeln!(s, "    fn raw_buffers<'a>(b: &Self::Buffers<'a>) -> Vec<&'a std::sync::Arc<crate::gpu::RawBuffer>> {{ vec![{}] }}", raw.join(", "))
             .unwrap();
-        writeln!(s, "}}\n}}").unwrap();
+        writeln!(s, "}}\nimpl crate::stages::Stage for Kernel {{").unwrap();
+        writeln!(s, "    const UNIT: crate::stages::Unit = crate::stages::Unit::{unit};\n}}\n}}").unwrap();
         s
     }
 

@@ -6,7 +6,7 @@ mod build;
 
 use std::collections::BTreeSet;
 
-use build::{Demands, Interface, Types, compile};
+use build::{Demands, Interface, Types, compile, unit};
 
 /// A kernel of these declarations; `body` makes use of them.
 fn kernel(declarations: &str, body: &str) -> Vec<u32> {
@@ -165,6 +165,21 @@ layout(push_constant, scalar) uniform Push { uint first; vec3 eye; uint8_t modes
         (push.as_slice(), interface.push_bytes()),
         (&["first: u32", "eye: [f32; 3]", "modes: [u8; 4]"].map(String::from)[..], 20)
     );
+}
+
+#[test]
+fn what_takes_an_item_is_found_by_the_function_that_numbers_it() {
+    let functions = "uint group_index() { return gl_WorkGroupID.x; }\n\
+        uint thread_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationIndex; }\n\
+        uint subgroup_index() { return group_index() * gl_NumSubgroups + gl_SubgroupID; }\n\
+        uint deeper() { return subgroup_index(); }\n";
+    let declarations = buffer(0, "Things", "uint") + functions;
+    let of = |body: &str| unit(&kernel(&declarations, body));
+    assert_eq!(of("things[i] = thread_index();"), Ok("Thread"));
+    assert_eq!(of("things[i] = deeper();"), Ok("Subgroup"));
+    assert_eq!(of("things[i] = group_index() + group_index();"), Ok("Workgroup"));
+    assert!(of("things[i] = 1;").unwrap_err().starts_with("{} take its items"));
+    assert!(of("things[i] = group_index() + deeper();").unwrap_err().starts_with("{\"Subgroup\", \"Workgroup\"}"));
 }
 
 #[test]

@@ -369,7 +369,7 @@ fn the_stages_of_pursuit_have_twins() {
 /// sides is float32's rounding of inputs, results and sums, and no decision falls otherwise.
 #[test]
 fn a_device_of_twins_is_its_twins() {
-    let gpu = with(twins());
+    let gpu = with(&twins());
     let report = run(&gpu, &Options { quick: true, perturb: 0.0 }).unwrap();
     assert_eq!(report.broken(), 0, "{report}");
     let stages: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::progress::note;
 use crate::{
     Error, Result,
-    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Split},
+    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Reduce, Split},
     report::summary::DatasetSummary,
 };
 
@@ -40,10 +40,8 @@ enum AlphaArg {
 
 impl DatasetArgs {
     /// Reads the dataset and tells what its user would not expect.
-    pub(super) fn open(&self, path: &Path, max_size: Option<u32>, background: [f32; 3]) -> Result<Dataset> {
+    pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<Dataset> {
         let options = DatasetOptions {
-            max_size,
-            background,
             images: self.images.clone(),
             model: self.model.clone(),
             holdout: self.test_every.unwrap_or_default(),
@@ -51,6 +49,7 @@ impl DatasetArgs {
                 AlphaArg::Background => Alpha::Background,
                 AlphaArg::Mask => Alpha::Mask,
             },
+            ..options
         };
         let dataset = Dataset::open(path, &options)?;
         let found = DatasetSummary::of(&dataset);
@@ -104,9 +103,20 @@ pub(super) struct PhotoArgs {
     /// Downscale photos whose longer side has more pixels than this [default: 1600, as 3DGS]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
+    /// How photos are downscaled
+    #[arg(long, value_enum, default_value_t = ReduceArg::Area)]
+    reduce: ReduceArg,
     /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
     pub(super) background: [f32; 3],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ReduceArg {
+    /// By the mean over each pixel's area
+    Area,
+    /// By a bicubic filter, as the code of 3DGS does it: for comparing with published figures
+    Bicubic,
 }
 
 /// 3DGS trains on photos of at most this width.
@@ -115,8 +125,13 @@ const DEFAULT_MAX_SIZE: u32 = 1600;
 impl PhotoArgs {
     /// Reads the dataset and tells what its user would not expect.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
-        let max_size = self.max_size.unwrap_or(DEFAULT_MAX_SIZE);
-        let dataset = self.dataset.open(path, Some(max_size), self.background)?;
+        let reduce = match self.reduce {
+            ReduceArg::Area => Reduce::Area,
+            ReduceArg::Bicubic => Reduce::Bicubic,
+        };
+        let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background);
+        let options = DatasetOptions { max_size: Some(max_size), reduce, background, ..Default::default() };
+        let dataset = self.dataset.open(path, options)?;
         let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
             PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
             PixelSource::Memory(_) => false,

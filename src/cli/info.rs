@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
-    data::Kind,
+    data::{DatasetOptions, Kind},
     report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
 };
 
@@ -36,7 +36,9 @@ impl Args {
         let path = &self.path;
         let kind = if path.is_dir() { None } else { Some(Kind::of_file(path)?) };
         let found = match kind {
-            None | Some(Kind::Json) => Found::Dataset(DatasetSummary::of(&self.dataset.open(path, None, [0.0; 3])?)),
+            None | Some(Kind::Json) => {
+                Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
+            }
             Some(Kind::Ply) => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
             Some(other) => {
                 let what = format!("is {other}; expected a PLY file, a transforms.json or a folder with a dataset");

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::images::{self, Image};
 use super::lens::Lens;
 use super::ply::PointCloud;
+use super::reduce::Reduce;
 use super::{assemble, colmap, kind, places, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
@@ -20,6 +21,8 @@ const DECODING: u64 = 1 << 30;
 pub struct DatasetOptions {
     /// Photos whose longer side exceeds this many pixels are reduced to it. Nothing is ever enlarged.
     pub max_size: Option<u32>,
+    /// How they are reduced.
+    pub reduce: Reduce,
     /// What transparent pixels are put over, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
     /// The folder of the photos, in the dataset or a path of its own; by default where the dataset has them.
@@ -84,6 +87,7 @@ pub struct ImageFile {
     /// An image whose black pixels do not count.
     pub mask: Option<PathBuf>,
     pub alpha: Alpha,
+    pub reduce: Reduce,
 }
 
 /// Where a photo's pixels are.
@@ -288,6 +292,10 @@ mod tests {
         for image in data.load_images().unwrap() {
             assert_eq!(image, Image { width: 4, height: 3, rgb: row.repeat(3), mask: None });
         }
+        // The cubic's taps by hand, those beyond the edge left out: red of the second is 0.9453125 / 1.01171875.
+        let data = Dataset::open(folder.path(), &DatasetOptions { reduce: Reduce::Bicubic, ..options }).unwrap();
+        let row = [[255, 0, 0], [238, 0, 17], [17, 0, 238], [0, 0, 255]].concat();
+        assert_eq!(data.load_images().unwrap()[16].rgb, row.repeat(3));
     }
 
     #[test]

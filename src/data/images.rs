@@ -11,7 +11,7 @@ use image::{
 
 use super::dataset::{Alpha, ImageFile};
 use super::lens::Lens;
-use super::reduce::Reducer;
+use super::reduce::{Reduce, Reducer};
 use crate::{Error, Result};
 
 /// Beyond this side a float32 pixel coordinate has fewer than 8 fractional bits.
@@ -64,6 +64,7 @@ struct Source<'a> {
     alpha: Alpha,
     background: [f32; 3],
     lens: Option<&'a Lens>,
+    reduce: Reduce,
 }
 
 /// Pixels as they came, so that no copy in floats is held beside them.
@@ -159,7 +160,7 @@ impl Source<'_> {
     fn prepare(&self, to: [u32; 2]) -> Image {
         let [width, height] = self.lens.map_or(self.pixels.size(), |lens| [lens.view.width, lens.view.height]);
         let wraps = self.lens.is_some_and(|lens| lens.distortion == super::Distortion::Equirectangular);
-        let mut reducer = Reducer::new([width, height], to);
+        let mut reducer = Reducer::new([width, height], to, self.reduce);
         let mut row = vec![[0.0; 4]; width as usize];
         for y in 0..height {
             for (pixel, x) in row.iter_mut().zip(0..) {
@@ -274,7 +275,7 @@ pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Resu
     let decoded = decode(&bytes, path, found)?;
     drop(bytes);
     let mask = file.mask.as_deref().map(|path| read_mask(path, found)).transpose()?;
-    Ok(prepare(decoded, mask, file.lens.as_ref(), file.alpha, background, to))
+    Ok(prepare(decoded, mask, file.lens.as_ref(), file.alpha, background, file.reduce, to))
 }
 
 fn prepare(
@@ -283,6 +284,7 @@ fn prepare(
     lens: Option<&Lens>,
     alpha: Alpha,
     background: [f32; 3],
+    reduce: Reduce,
     to: [u32; 2],
 ) -> Image {
     let [width, height] = to;
@@ -290,7 +292,7 @@ fn prepare(
     if lens.is_none() && mask.is_none() && same_size && !decoded.color().has_alpha() {
         return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
     }
-    Source { pixels: Buffer::new(decoded), mask, alpha, background, lens }.prepare(to)
+    Source { pixels: Buffer::new(decoded), mask, alpha, background, lens, reduce }.prepare(to)
 }
 
 /// The mask of a photo of this size, which may be a reduced copy of what the mask was made for.
@@ -310,7 +312,7 @@ fn read_mask(path: &Path, [width, height]: [u32; 2]) -> Result<GrayImage> {
 /// Decodes `bytes` as [`load`] does, in the size they say.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let size = header(Cursor::new(bytes), bytes.len() as u64, path)?.size;
-    prepare(decode(bytes, path, size)?, None, None, Alpha::Background, [0.0; 3], size);
+    prepare(decode(bytes, path, size)?, None, None, Alpha::Background, [0.0; 3], Reduce::Area, size);
     Ok(())
 }
 
@@ -365,7 +367,7 @@ mod tests {
     use super::*;
 
     fn source(image: DynamicImage, alpha: Alpha, background: [f32; 3]) -> Source<'static> {
-        Source { pixels: Buffer::new(image), mask: None, alpha, background, lens: None }
+        Source { pixels: Buffer::new(image), mask: None, alpha, background, lens: None, reduce: Reduce::Area }
     }
 
     fn two(left: [u8; 4], right: [u8; 4]) -> DynamicImage {
@@ -449,7 +451,8 @@ mod tests {
             let pixels = Buffer::Float(
                 ImageBuffer::from_vec(64, 48, rgb.flat_map(|[r, g, b]| [r, g, b, 1.0]).collect()).unwrap(),
             );
-            let all = Source { pixels, mask: None, alpha: Alpha::Background, background: [0.0; 3], lens: Some(&lens) };
+            let (alpha, reduce) = (Alpha::Background, Reduce::Area);
+            let all = Source { pixels, mask: None, alpha, background: [0.0; 3], lens: Some(&lens), reduce };
             let out = all.prepare([64, 48]);
             let mut worst = 0.0f32;
             for (i, got) in out.rgb.chunks_exact(3).enumerate() {
@@ -478,7 +481,8 @@ mod tests {
 
     fn file(path: &Path) -> Result<ImageFile> {
         let Header { size, bytes_per_pixel, .. } = open(path)?;
-        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, lens: None, mask: None, alpha: Alpha::Background })
+        let (alpha, reduce) = (Alpha::Background, Reduce::Area);
+        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, lens: None, mask: None, alpha, reduce })
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub use images::Image;
 pub use kind::Kind;
 pub use lens::{Distortion, Frame, Lens, Polynomial};
 pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_augmented, write_scene};
+pub use reduce::Reduce;
 pub use region::{Focus, NEAR};
 pub use sound::Dropped;
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};

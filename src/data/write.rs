@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use super::atomic::write_whole;
 use crate::{Error, Result};
 
-/// Nearest 8-bit value of `value` in 0 to 1; what is outside is clamped, not-a-number is 0.
+/// Nearest 8-bit value of `value` in 0 to 1; what is outside is clamped, NaN is 0.
 pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }

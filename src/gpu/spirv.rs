@@ -9,6 +9,7 @@ const MAGIC: u32 = 0x0723_0203;
 
 /// Opcodes, as far as they are asked for here and in build.rs.
 pub mod op {
+    pub const NAME: u32 = 5;
     pub const EXTENSION: u32 = 10;
     pub const ENTRY_POINT: u32 = 15;
     pub const EXECUTION_MODE: u32 = 16;
@@ -25,6 +26,8 @@ pub mod op {
     pub const SPEC_CONSTANT: u32 = 50;
     pub const SPEC_CONSTANT_COMPOSITE: u32 = 51;
     pub const SPEC_CONSTANT_OP: u32 = 52;
+    pub const FUNCTION: u32 = 54;
+    pub const FUNCTION_CALL: u32 = 57;
     pub const VARIABLE: u32 = 59;
     pub const DECORATE: u32 = 71;
     pub const COMPOSITE_EXTRACT: u32 = 81;

@@ -321,7 +321,8 @@ impl LiftPhase {
         for round in 0..=MAX_GROWTHS {
             let push = lift_groups::Push { count, point_count, round, last_round: MAX_GROWTHS };
             if round == 0 {
-                self.join.record(recorder, &join, &join_push, point_count);
+                let subgroups = point_count.div_ceil(recorder.context().info().subgroup_size);
+                self.join.record(recorder, &join, &join_push, subgroups);
                 self.groups.record(recorder, &groups, &push, count);
             } else {
                 self.join.record_indirect(recorder, &join, &join_push, &b.rounds, 2 * round);

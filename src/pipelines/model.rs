@@ -345,7 +345,6 @@ impl Model {
         self.known.iter().sum()
     }
 
-    /// Gaussians that it has room for.
     /// Gaussians that there is room for.
     pub fn capacity(&self) -> u32 {
         self.parts.iter().map(Part::capacity).sum()

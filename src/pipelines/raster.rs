@@ -1,11 +1,11 @@
 //! From splats to pixels and back: depth order, tile lists, blending and its gradient.
 //!
-//! Splats come from a projection stage (`project` for scenes, `plane_project` for the 2D stage), which fills `splats`,
+//! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
 use super::{
     plan::{Plan, buffers},
-    session::{Policy, Reduction},
+    session::Policy,
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
@@ -19,6 +19,29 @@ use crate::{
         types::{Frame, Splat},
     },
 };
+
+/// How the gradient records of a Gaussian's intersections are added up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Reduction {
+    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
+    #[default]
+    Auto,
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
+    Deterministic,
+    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
+    Atomic,
+}
+
+impl Reduction {
+    /// Those that a device can do, as they are named.
+    pub fn offered(context: &Context) -> Vec<Reduction> {
+        let mut all = vec![Reduction::Deterministic];
+        if context.info().float_atomics {
+            all.push(Reduction::Atomic);
+        }
+        all
+    }
+}
 
 /// How a subgroup covers a tile; see `glsl/shared/tile.glsl` for what must hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

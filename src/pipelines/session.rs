@@ -1,30 +1,8 @@
 //! What everything that runs together shares.
 
+pub use super::raster::Reduction;
 use super::raster::TileShape;
 use crate::gpu::Context;
-
-/// How the gradient records of a Gaussian's intersections are added up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Reduction {
-    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
-    #[default]
-    Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
-    Deterministic,
-    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
-    Atomic,
-}
-
-impl Reduction {
-    /// Those that a device can do, as they are named.
-    pub fn offered(context: &Context) -> Vec<Reduction> {
-        let mut all = vec![Reduction::Deterministic];
-        if context.info().float_atomics {
-            all.push(Reduction::Atomic);
-        }
-        all
-    }
-}
 
 /// Which variant of the kernels runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -43,7 +43,7 @@ pub fn colour_backward(
 }
 
 // √(1/4π), √(3/4π), and so on: the usual orthonormal constants, as in every table of real harmonics.
-const C0: f64 = 0.28209479177387814;
+pub(super) const C0: f64 = 0.28209479177387814;
 const C1: f64 = 0.4886025119029199;
 const C2: [f64; 3] = [1.0925484305920792, 0.31539156525252005, 0.5462742152960396];
 const C3: [f64; 5] = [0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154, 1.445305721320277];

@@ -6,13 +6,12 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 
 use super::NEAR;
+use super::harmonics::C0;
 use super::lift_count::ScreenGaussians;
 use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
 use crate::{scene::Camera, stages::types};
 
-/// 1/(2√π): the constant spherical harmonic.
-pub const SH_C0: f64 = 0.28209479177387814;
 /// Least eigenvalue in squares of the scene's own length.
 pub const EIGENVALUE_MIN: f64 = 1e-7;
 const SWEEPS: u32 = 8;
@@ -250,7 +249,7 @@ fn make_lift(
         mean: mean.to_array(),
         log_scale: value.map(|v| 0.5 * (k2 * v).ln()),
         quat: quaternion(axes.map(to_world)),
-        dc: [2, 3, 4].map(|plane| (gaussians.get(plane, item) - 0.5) / SH_C0),
+        dc: [2, 3, 4].map(|plane| (gaussians.get(plane, item) - 0.5) / C0),
         opacity: gaussians.get(5, item),
         lobe_dir: toward.normalize().to_array(),
         lobe_width: (7.0 * theta_bar / PI).clamp(0.01, 1.0),

@@ -15,52 +15,26 @@ pub mod kernels {
     include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 }
 
-pub use kernels::{
-    adam, blend, blend_backward, blend_backward_atomic, constants, density_apply, density_draw, density_image,
-    density_noise, density_place, density_plan, density_score, density_weigh, dispatch_args, emit, fma_rate, gather, lift_append,
-    lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project, project_backward,
-    pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
-    pursuit_residual, pursuit_score,
-    radix_downsweep, radix_spine, radix_upsweep, recount, scan_apply, scan_reduce, scan_spine, screen_backward,
-    screen_draw, screen_project, screen_prune, screen_tiles, ssim_backward, ssim_forward, step_done, tile_ranges,
-    types,
-};
+pub use kernels::*;
 
 /// Threads of a workgroup where a stage does not depend on the number.
 pub const WORKGROUP: u32 = 64;
 
-/// What takes one item of a stage's work.
+/// What takes one item of a stage's work. build.rs sees it by the function that a kernel asks for its number: `thread_index`,
+/// `subgroup_index` or `group_index` of `glsl/shared/common.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
+    /// One lane.
     Thread,
+    /// 8 to 64 lanes.
     Subgroup,
+    /// All threads that meet at a barrier.
     Workgroup,
 }
 
-/// A kernel that says what takes one item of its work.
+/// A kernel, and what takes one item of its work.
 pub trait Stage: Kernel {
     const UNIT: Unit;
-}
-
-macro_rules! units {
-    ($($unit:ident: $($kernel:ident),+;)+) => {
-        $($(impl Stage for kernels::$kernel::Kernel {
-            const UNIT: Unit = Unit::$unit;
-        })+)+
-        /// The names of all stages.
-        pub const NAMES: &[&str] = &[$($(stringify!($kernel)),+),+];
-    };
-}
-
-units! {
-    Thread: adam, density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
-        density_weigh, dispatch_args, emit, fma_rate, gather, lift_append, lift_join, median_depth, project, project_backward,
-        pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_score, recount,
-        screen_backward, screen_project, screen_tiles, step_done, tile_ranges;
-    Subgroup: blend, blend_backward, blend_backward_atomic, lift_count, lift_groups, lift_pca, lift_points, pursuit_attenuate,
-        pursuit_residual, radix_downsweep,
-        radix_upsweep, scan_apply, scan_reduce, screen_prune;
-    Workgroup: loss_sum, pursuit_quanta, radix_spine, scan_spine, screen_draw, ssim_backward, ssim_forward;
 }
 
 impl<K: Stage> Pipeline<K> {

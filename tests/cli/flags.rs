@@ -26,7 +26,9 @@ impl Work {
 fn every_option_of_training_changes_the_scene() {
     let options =
         ["--seed 1", "--points 100", "--background white", "--max-size 16", "--test-every none", "--compensate"];
-    Work::new().changes("train data --iterations 20 --sh-degree 1", &options);
+    let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
+    work.changes(train, &options);
+    assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));
 }
 
 #[test]

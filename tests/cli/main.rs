@@ -452,7 +452,7 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     assert_eq!(again["photos_resumed"], 0);
     assert_eq!(fs::read(work.path("again.ply")).unwrap(), first);
 
-    // A loss that is no number gets nothing, and that is said.
+    // A loss that is NaN gets nothing, and that is said.
     let mut bright = read_scene(work.path("base.ply")).unwrap();
     bright.base.sh.iter_mut().for_each(|rgb| rgb[0] = 1e30);
     write_scene(work.path("bright.ply"), &bright).unwrap();

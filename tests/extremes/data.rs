@@ -1,4 +1,4 @@
-//! What is no number, and gradients that are hardly one.
+//! What is NaN, and gradients so large that their squares overflow.
 
 use glint::reference::random_scene;
 

@@ -1,4 +1,4 @@
-//! The 2D stage.
+//! The screen phase.
 
 use glint::{
     gpu::Buffer,
@@ -196,7 +196,7 @@ fn a_2d_gaussian_that_is_nan_stays_alone() {
             assert!(p >= 2 || result.2[9 * PLACES + 5] == 7.0, "{bad} in plane {p}");
             assert!(others(result) == without, "{bad} in plane {p}");
         }
-        // A depth map with a hole that is no number: behind all others.
+        // A depth map with a hole that is NaN: behind all others.
         let mut depths = flat_depths();
         let at = (flat_gaussians()[5][1] as u32 * FLAT.0 + flat_gaussians()[5][0] as u32) as usize;
         depths[at] = bad as f32;

@@ -18,6 +18,10 @@ use crate::{
     },
 };
 
+twins!(
+    density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score, density_weigh
+);
+
 pub(super) fn density_image(h: kernels::density_image::Host<'_>) -> Outcome {
     let frame = &h.frames[h.push.frame as usize];
     let here = pixels(frame);

@@ -16,6 +16,8 @@ use crate::{
     stages::{kernels, status, types::StepRates},
 };
 
+twins!(adam, project_backward, step_done);
+
 pub(super) fn step_done(h: kernels::step_done::Host<'_>) -> Outcome {
     if let Some(status) = h.status.first_chunk_mut::<{ status::WORDS }>() {
         twin::step_done::step_done(status);

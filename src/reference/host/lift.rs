@@ -12,6 +12,8 @@ use crate::{
     },
 };
 
+twins!(lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points);
+
 /// 2D Gaussians in float64.
 struct Flat {
     planes: Vec<f64>,

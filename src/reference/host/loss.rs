@@ -13,6 +13,8 @@ use crate::{
     },
 };
 
+twins!(loss_sum, ssim_backward, ssim_forward);
+
 /// The twins have the weight of the method.
 fn check(ssim_weight: f32) -> Outcome {
     if ssim_weight == SSIM_WEIGHT {

@@ -4,6 +4,31 @@
 //! An adapter does what the kernel does with the buffers, in every variant: it takes no more items than the dispatch has threads for, leaves
 //! alone what the kernel leaves alone, and does not look at what the variant does not use. What it computes with them is the twin's.
 
+use glam::{DMat3, DVec3, DVec4};
+
+use super::{Params, View};
+use crate::{
+    gpu::Twin,
+    scene::Camera,
+    stages::{
+        status::Status,
+        types::{self, Frame},
+    },
+};
+
+/// What an adapter says: nothing, or why the twin cannot stand in.
+type Outcome = Result<(), String>;
+
+/// The adapters of a module, each by its stage's name.
+macro_rules! twins {
+    ($($kernel:ident),+) => {
+        pub(super) const TWINS: &[crate::gpu::Twin] = &[$(crate::gpu::Twin {
+            stage: stringify!($kernel),
+            run: |call| $kernel(crate::stages::kernels::$kernel::Host::new(call)),
+        }),+];
+    };
+}
+
 mod density;
 mod learn;
 mod lift;
@@ -14,55 +39,25 @@ mod raster;
 mod screen;
 mod sort;
 
-use glam::{DMat3, DVec3, DVec4};
-
-use super::{Params, View};
-use crate::{
-    gpu::Twin,
-    scene::Camera,
-    stages::{
-        kernels,
-        status::Status,
-        types::{self, Frame},
-    },
-};
-
-/// What an adapter says: nothing, or why the twin cannot stand in.
-type Outcome = Result<(), String>;
-
-macro_rules! twins {
-    ($($pipeline:ident: $($kernel:ident),+;)+) => {
-        /// All twins that can stand in.
-        const TWINS: &[Twin] = &[$($(Twin {
-            stage: stringify!($kernel),
-            run: |call| $pipeline::$kernel(kernels::$kernel::Host::new(call)),
-        }),+),+];
-    };
-}
-
-// Not fma_rate: it measures a rate, which the host's is not.
-twins! {
-    density: density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
-        density_weigh;
-    learn: adam, project_backward, step_done;
-    lift: lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points;
-    loss: loss_sum, ssim_backward, ssim_forward;
-    model: gather, recount;
-    pursuit: pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
-        pursuit_residual, pursuit_score;
-    raster: blend, blend_backward, blend_backward_atomic, emit, median_depth, project, tile_ranges;
-    screen: screen_backward, screen_draw, screen_project, screen_prune, screen_tiles;
-    sort: dispatch_args, radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine;
-}
-
-/// The twins of all stages but those that compute nothing.
-pub fn twins() -> &'static [Twin] {
-    TWINS
+/// The twins of all stages but fma_rate: it measures a rate, which the host's is not.
+pub fn twins() -> Vec<Twin> {
+    [
+        density::TWINS,
+        learn::TWINS,
+        lift::TWINS,
+        loss::TWINS,
+        model::TWINS,
+        pursuit::TWINS,
+        raster::TWINS,
+        screen::TWINS,
+        sort::TWINS,
+    ]
+    .concat()
 }
 
 /// The twin of a stage.
 pub fn twin(stage: &str) -> Option<Twin> {
-    TWINS.iter().find(|twin| twin.stage == stage).copied()
+    twins().into_iter().find(|twin| twin.stage == stage)
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {

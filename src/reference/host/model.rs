@@ -6,6 +6,8 @@ use crate::{
     stages::{kernels, status::Status},
 };
 
+twins!(gather, recount);
+
 pub(super) fn recount(h: kernels::recount::Host<'_>) -> Outcome {
     let kernels::recount::Push { page_count, threads_per_group, items_per_group, segment, added_index } = h.push;
     let mut counts = [h.segment_counts[0], h.segment_counts[1]];

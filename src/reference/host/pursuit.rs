@@ -15,6 +15,11 @@ use crate::{
     },
 };
 
+twins!(
+    pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
+    pursuit_residual, pursuit_score
+);
+
 /// A page in float64.
 struct Page {
     views: Vec<View>,

@@ -12,6 +12,8 @@ use crate::{
     },
 };
 
+twins!(blend, blend_backward, blend_backward_atomic, emit, median_depth, project, tile_ranges);
+
 pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
     let kernels::project::Push { segment, page_first, stride, view: view_index } = h.push;
     let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, .. } = h.spec;

@@ -19,6 +19,8 @@ use crate::{
     },
 };
 
+twins!(screen_backward, screen_draw, screen_project, screen_prune, screen_tiles);
+
 const LEARNED_PLANES: usize = LEARNED as usize;
 
 /// The places of each frame's Gaussians; views that wait have none.

@@ -9,6 +9,8 @@ use crate::{
     },
 };
 
+twins!(dispatch_args, radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine);
+
 /// Items of `count`, of which the dispatch takes no more than its subgroups have blocks for; and their blocks.
 fn blocks(count: u32, block: u32, subgroups: usize) -> (usize, usize) {
     let items = (count as usize).min(subgroups * block as usize);
