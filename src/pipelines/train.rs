@@ -147,7 +147,6 @@ impl Trainer {
                 _ => model.count_of(segment) as usize,
             };
             let room = model.part(segment).capacity() as usize;
-            // guard: checkpoints of more Gaussians than there is room for
             if count > room {
                 return Err(Error::Usage(format!("the checkpoint has {count} Gaussians, the model room for {room}")));
             }

@@ -17,11 +17,11 @@ pub mod kernels {
 
 pub use kernels::{
     adam, blend, blend_backward, blend_backward_atomic, constants, density_apply, density_draw, density_image,
-    density_noise, density_place, density_plan, density_score, density_weigh, dispatch_args, emit, fma_rate, gather, lift_append,
-    lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project, project_backward,
-    radix_downsweep, radix_spine, radix_upsweep, recount, scan_apply, scan_reduce, scan_spine, screen_backward,
-    screen_draw, screen_project, screen_prune, screen_tiles, ssim_backward, ssim_forward, step_done, tile_ranges,
-    types,
+    density_noise, density_place, density_plan, density_score, density_weigh, dispatch_args, emit, fma_rate, gather,
+    lift_append, lift_count, lift_groups, lift_join, lift_pca, lift_points, loss_sum, median_depth, project,
+    project_backward, radix_downsweep, radix_spine, radix_upsweep, recount, scan_apply, scan_reduce, scan_spine,
+    screen_backward, screen_draw, screen_project, screen_prune, screen_tiles, ssim_backward, ssim_forward, step_done,
+    tile_ranges, types,
 };
 
 /// Threads of a workgroup where a stage does not depend on the number.
