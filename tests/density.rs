@@ -68,7 +68,7 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
     let setup = setup(&gpu, 500);
     let first = setup.start.len() as u32;
     for strategy in STRATEGIES {
-        let limit = first + first / 3;
+        let limit = first + first / 4;
         let density = setup.options(strategy, limit, 160);
         let model = setup.model(&density, 192);
         let mut trainer = setup.trainer(&model, &density);
@@ -171,7 +171,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
     for strategy in STRATEGIES {
         for (name, start, least, most) in &cases {
             let first = start.len() as u32;
-            let density = DensityOptions { first, ..setup.options(strategy, all + 20, 40) };
+            let density = DensityOptions { first, ..setup.options(strategy, all + 20, 60) };
             let model = Model::upload_around(
                 &gpu,
                 setup.views.origin,
