@@ -12,6 +12,7 @@ use glam::{DMat3, DVec3};
 use glint::{
     gpu::{Buffer, ContextOptions, GpuError, Twin},
     pipelines::{
+        density::{DensityOptions, Strategy},
         learn::Lesson,
         lift::{LiftOptions, LiftPhase},
         model::{Model, Rearrange, Room, Segment, Sources},
@@ -19,7 +20,7 @@ use glint::{
         render::{Needs, RenderOptions, Renderer},
         screen::{Refiner, Schedule},
         session::{Reduction, Session},
-        train::{StepPlan, Trainer},
+        train::{BaseOptions, StepPlan, Trainer, dense_trainer},
         views::Views,
     },
     reference::{Params, random_camera, random_scene, twin, twins},
@@ -86,6 +87,18 @@ const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward
 
 const MOVES: Stages = &[("gather", Near::Same), ("recount", Near::Same)];
 
+/// Some refinements: what is drawn otherwise is another Gaussian from there on.
+const DENSITY: Stages = &[
+    ("density_image", Near::Within(1e-2)),
+    ("density_score", Near::Within(1e-2)),
+    ("density_weigh", Near::Within(1e-2)),
+    ("density_plan", Near::Same),
+    ("density_draw", Near::Same),
+    ("density_place", Near::Same),
+    ("density_apply", Near::Within(1e-2)),
+];
+const NOISE: Stages = &[("density_noise", Near::Within(1e-2))];
+
 /// Some thirty steps of 2D Gaussians, and lifts made of those.
 const AUGMENTATION: Stages = &[
     ("screen_project", Near::Within(1e-3)),
@@ -128,7 +141,7 @@ const PURSUIT: Stages = &[
 
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, PURSUIT, AUGMENTATION];
+    let lists = [VIEW, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
     let tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
     assert_eq!(tried, twins().iter().map(|twin| twin.stage).collect());
 }
@@ -242,6 +255,37 @@ fn the_stages_of_training_have_twins() {
     stand_in(|gpu| train(gpu, true, true, 1), &sparse);
     stand_in(|gpu| train(gpu, true, true, 2), SEVERAL_VIEWS);
     stand_in(|gpu| train(gpu, false, false, 2), &SEVERAL_VIEWS[..1]);
+}
+
+/// Thirty steps with a refinement or two.
+fn refine(gpu: &Gpu, strategy: Strategy) -> Outcome {
+    let scene = random_scene(46, 300, 0, 0);
+    let cameras = [random_camera(32, 24), random_camera(24, 32)];
+    let photo = |camera: &Camera| -> Vec<u8> { (0..3 * camera.pixels()).map(|i| (i / 7 % 200) as u8).collect() };
+    let photos = cameras.each_ref().map(photo);
+    let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
+    let session = Session { background: BACKGROUND, ..session(gpu) };
+    let room = Room { page: Some(97), base: 100, ..Default::default() };
+    let model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
+    let options = BaseOptions { iterations: 30, sh_degree: 0 };
+    let density = DensityOptions { strategy, limit: 400, first: 300, iterations: 30 };
+    dense_trainer(&session, &model, &views, &options, &density).unwrap().run(&model, &views, false, |_| ()).unwrap();
+    let after = Params::from_scene(&model.download().unwrap()).unwrap();
+    assert!(after.count != 300);
+    let narrow = |values: &[f64]| values.iter().map(|&v| v as f32).collect();
+    vec![("geometry", narrow(&after.geometry)), ("SH", narrow(&after.sh))]
+}
+
+#[test]
+fn the_stages_of_density_control_have_twins() {
+    stand_in(|gpu| refine(gpu, Strategy::Budget), DENSITY);
+    let mcmc: Vec<_> = DENSITY
+        .iter()
+        .chain(NOISE)
+        .filter(|(s, _)| !matches!(*s, "density_image" | "density_score"))
+        .copied()
+        .collect();
+    stand_in(|gpu| refine(gpu, Strategy::Mcmc), &mcmc);
 }
 
 #[test]

@@ -1,12 +1,12 @@
 #version 460
-// Makes parents and children of what were copies, and fades opacities.
+// Makes parents and children of what were copies, and resets opacities.
 //
 // One thread takes one Gaussian of a page, at its new number. words, sources, copies, population, geometry, moments -> the same.
 // MCMC (Kheradmand 2024): n equal Gaussians in one place, n at most COPIES, opacities and scales so that together they show what
 // the one did. ADC (Kerbl 2023): a child is a copy of a small Gaussian; of a large one both are drawn from it, their scales over 1.6.
 // BUDGET: two halves of it along its longest axis, which keep its second moment there and its opacity in the middle.
 // Moments of parents and children begin at 0, those of an ADC clone's parent go on. Then opacities are at most `most`, with new
-// moments where that is less than they were, and logits fall by `fade`.
+// moments where that is less than they were.
 // Scores begin anew. Nothing happens once status says that the step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -24,7 +24,6 @@ layout(push_constant, scalar) uniform Push {
     uint stride;
     float small;  // ADC: largest scale of what is cloned, scene units
     float most;   // opacity
-    float fade;   // of the opacity
     uint step;
     uint seed;
 } push;
@@ -59,7 +58,7 @@ void main() {
     uint count = segment_first[push.segment + 1] - segment_first[push.segment];
     uint number = push.page_first + place;
     if (!(place < push.stride && number < count)) return;
-    if (status[STATUS_FAILED] != 0) return; // guard: density: nothing changes after an overflow
+    if (status[STATUS_FAILED] != 0) return;
     for (uint p = 0; p < SCORES; ++p) scores[p * push.stride + place] = 0.0;
     uint parent = sources[number], n = copies[parent] + 1;
     bool child = number >= words[ALIVE], fresh = n > 1;
@@ -68,7 +67,7 @@ void main() {
     if (n > 1) {
         vec3 log_scale = load_geometry3(LOG_SCALE, place);
         if (STRATEGY == MCMC) {
-            n = min(n, COPIES); // guard: density: binomials beyond float32
+            n = min(n, COPIES);
             float rest_new = pow(rest, 1.0 / float(n)), opacity_new = clamp(1.0 - rest_new, OPACITY_MIN, OPACITY_MAX);
             // sum over i = 1..n, k = 0..i-1 of C(i-1, k) (-1)^k o^(k+1) / sqrt(k+1) = sum over k of C(n, k+1) (-1)^k ...: n terms
             // that alternate; their sum is at least o, as that of i = 1 is.
@@ -98,20 +97,15 @@ void main() {
                 uint longest = log_scale.x >= log_scale.y && log_scale.x >= log_scale.z ? 0 : log_scale.y >= log_scale.z ? 1 : 2;
                 float length_of = exp(log_scale[longest]) * sqrt(1.0 - HALF_SCALE * HALF_SCALE);
                 store_geometry3(MEAN, place, mean + (child ? length_of : -length_of) * axes[longest]);
-                for (uint c = 0; c < 3; ++c) {
-                    float ratio = exp(2.0 * (log_scale[c] - log_scale[longest]));
-                    log_scale[c] += log(1.0 - ratio * (1.0 - HALF_SCALE));
-                }
-                store_geometry3(LOG_SCALE, place, log_scale);
+                vec3 ratio = exp(2.0 * (log_scale - log_scale[longest]));
+                store_geometry3(LOG_SCALE, place, log_scale + log(1.0 - ratio * (1.0 - HALF_SCALE)));
                 float rest_new = pow(rest, HALF_OPACITY);
                 logit = logit_of(clamp(1.0 - rest_new, OPACITY_MIN, OPACITY_MAX), max(rest_new, 1.0 - OPACITY_MAX));
             }
         }
     }
-    float faded = sigmoid(logit) - push.fade;
-    bool lowered = faded > push.most;
-    faded = min(faded, push.most);
-    if (lowered || push.fade > 0.0) logit = faded > 0.001 ? logit_of(faded, 1.0 - faded) : min(logit, -6.9);
+    bool lowered = sigmoid(logit) > push.most;
+    if (lowered) logit = logit_of(push.most, 1.0 - push.most);
     store_geometry(OPACITY, place, logit);
     for (uint m = 0; m < 2 * GEOMETRY_PLANES; ++m) {
         if (fresh || (lowered && m / 2 == OPACITY)) geometry_moments[m * push.stride + place] = 0.0;

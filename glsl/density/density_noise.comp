@@ -36,7 +36,7 @@ void main() {
     uint count = segment_first[push.segment + 1] - segment_first[push.segment];
     uint number = push.page_first + place;
     if (!(place < push.stride && number < count)) return;
-    if (status[STATUS_FAILED] != 0) return; // guard: density: no noise after an overflow
+    if (status[STATUS_FAILED] != 0) return;
     float opacity = sigmoid(load_geometry(OPACITY, place));
     float gate = push.rate * sigmoid(STEEPNESS * (1.0 - opacity - MIDDLE));
     vec4 q = load_quat(place);
@@ -45,6 +45,6 @@ void main() {
     vec3 scale = exp(load_geometry3(LOG_SCALE, place));
     vec3 e = normal_of(pcg4d(uvec4(number, push.step, HASH_NOISE, push.seed)));
     vec3 off = axes * (scale * scale * (e * axes)) * gate;
-    if (!(all(lessThanEqual(abs(off), vec3(FLOAT_MAX))))) return; // guard: density: noise that is no number
+    if (!(all(lessThanEqual(abs(off), vec3(FLOAT_MAX))))) return;
     store_geometry3(MEAN, place, load_geometry3(MEAN, place) + off);
 }

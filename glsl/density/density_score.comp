@@ -39,7 +39,7 @@ void main() {
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
     if (!(place < push.stride && i < segment_first[push.segment + 1])) return;
-    if (status[STATUS_FAILED] != 0) return; // guard: no score after an overflow
+    if (status[STATUS_FAILED] != 0) return;
     uvec2 own = records_of(i, push.by_gaussian != 0);
     vec3 sum = vec3(0.0);
     for (uint slot = own.x; slot < own.x + own.y; ++slot) sum += PULLS ? record_centres[slot] : record_colours[slot];
@@ -52,7 +52,7 @@ void main() {
         add = blended ? vec2(length(centre), 1.0) : vec2(0.0);
         at += PULL * push.stride;
     }
-    if (!(add.x <= FLOAT_MAX && add.y <= FLOAT_MAX)) return; // guard: scores that are no number
+    if (!(add.x <= FLOAT_MAX && add.y <= FLOAT_MAX)) return;
     scores[at] += add.x;
     scores[at + push.stride] += add.y;
 }

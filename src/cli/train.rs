@@ -26,20 +26,21 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Gaussians start at the dataset's sparse points, or at random points if there are none; their number stays fixed. Only \
-training photos are used.
+Gaussians start at the dataset's sparse points, or at random points if there are none. --strategy says how they go on: where \
+photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
 base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end.
 
 Examples:
   glint train garden -o base.ply
+  glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
-/// Train a base scene on photos, with a fixed number of Gaussians
+/// Train a base scene on photos
 // Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -63,10 +64,10 @@ pub(super) struct Args {
     /// most 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Gaussians at most, and as many as the default strategy comes to
+    /// Gaussians at most, at the start too, and as many as the default strategy comes to [default: those of the start]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
-    /// How their number changes
+    /// How Gaussians are pruned and multiplied
     #[arg(long, value_enum, default_value_t)]
     strategy: StrategyArg,
     /// Seed of the random points and of the order of photos; the same seed and device give the same scene
@@ -99,13 +100,13 @@ pub(super) struct Args {
 #[derive(Debug, Clone, Copy, Default, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum StrategyArg {
-    /// Their number stays
+    /// Not at all
     Fixed,
-    /// 3DGS-MCMC
+    /// As 3DGS-MCMC: transparent ones move to opaque ones, 5 % more at each refinement
     Mcmc,
-    /// Adaptive density control of 3DGS
+    /// As 3DGS: those with large gradients are cloned or split, opacities are reset
     Adc,
-    /// A budget over the run, spent where errors are
+    /// More over the run up to --gaussians, and transparent ones move, to where errors are
     #[default]
     Budget,
 }
@@ -156,9 +157,10 @@ impl Args {
         let dataset = self.photos.open(&self.dataset)?;
         self.replace.check_file(&self.output, "ply", "a PLY scene", &Inputs::default().dataset(&dataset))?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
-        let first = first_points(&dataset, self.points.map(|n| n as usize), self.seed);
+        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
+        let first = first_points(&dataset, wanted.map(|n| n as usize), self.seed);
         let count = first.cloud.positions.len();
-        check_room(&self.output, scene_bytes(count as u64, 0, self.sh_degree))?;
+        check_room(&self.output, scene_bytes(self.density(count as u32).limit.into(), 0, self.sh_degree))?;
         check_sight(&dataset, &first.cloud.positions)?;
         match (first.sparse, self.points) {
             (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
@@ -188,13 +190,15 @@ impl Args {
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+            let density = self.density(count as u32);
             // Adam has two moments of everything.
-            let scene = 3 * scene_bytes(count as u64, 0, self.sh_degree);
-            tracing::info!("on the device: {:.1} MB of {count} Gaussians and their moments", megabytes(scene));
-            let base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
+            let most = density.limit.max(count as u32);
+            let scene = 3 * scene_bytes(most.into(), 0, self.sh_degree);
+            tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
+            let mut base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
+            density.begin(&mut base);
             let scene = Scene { base, supplement: None };
             let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
-            let density = self.density(count as u32);
             let room = Room { base: density.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
@@ -204,7 +208,7 @@ impl Args {
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let mut trainer = dense_trainer(&session, &model, &views, &options, &density)?;
-            let settings = self.settings(&photos, &checksums, &first.cloud, &session, &options)?;
+            let settings = self.settings(&photos, &checksums, &first.cloud, &session, &options, &density)?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
             let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
             let resumed = match &found {
@@ -293,8 +297,9 @@ impl Args {
         })
     }
 
+    /// Of a run that begins with `first` Gaussians.
     fn density(&self, first: u32) -> DensityOptions {
-        let limit = self.gaussians.unwrap_or(first).max(first);
+        let limit = self.gaussians.unwrap_or(first);
         DensityOptions { strategy: self.strategy.into(), limit, first, iterations: self.iterations }
     }
 
@@ -306,6 +311,7 @@ impl Args {
         first: &PointCloud,
         session: &Session,
         options: &BaseOptions,
+        density: &DensityOptions,
     ) -> Result<Value> {
         let mut points = crc32fast::Hasher::new();
         points.update(bytemuck::cast_slice(&first.positions));
@@ -318,7 +324,7 @@ impl Args {
             "photos": photos_json(photos, pixels),
             "points": {"count": first.positions.len(), "crc32": points.finalize()},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
-            "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
+            "resolved": format!("{options:?} {density:?} {:?}", (policy, background, extent, seed)),
         }))
     }
 }

@@ -17,7 +17,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Recorder},
-    scene::layout::sh_planes,
+    scene::{Gaussians, layout::sh_planes},
     stages::{
         WORKGROUP,
         blocks::{block_counts_len, block_sums_len, digit_totals_len},
@@ -54,112 +54,133 @@ pub struct DensityOptions {
 }
 
 /// One refinement.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Event {
     /// Gaussians afterwards, and that share (one in `nth`) more than before, whichever is more.
     target: u32,
     nth: u32,
-    least_opacity: f32,
-    /// Opacities afterwards at most, and by how much they fall.
+    /// Opacities afterwards at most.
     most: f32,
-    fade: f32,
     /// For the hash: several events of a step differ.
     number: u32,
 }
 
-fn tune(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
+/// Steps of the runs that 3DGS and 3DGS-MCMC have their numbers for; other runs keep the proportions.
+const FULL_RUN: f64 = 30_000.0;
+/// Opacity at or below which a Gaussian goes.
+pub const LEAST_OPACITY: f32 = 0.005;
+/// ADC multiplies what the loss pulls by more than this over the image, on average over the views that blend it.
+pub const LEAST_PULL: f32 = 2e-4;
+/// Largest scale of what ADC clones, of the extent; what is larger it splits.
+pub const CLONE_SCALE: f32 = 0.01;
+/// Opacity that ADC resets to.
+pub const RESET_OPACITY: f32 = 0.01;
+/// MCMC: of so many Gaussians one more at each refinement.
+pub const GROWTH_NTH: u32 = 20;
+/// MCMC: noise of a step, times the rate of positions.
+pub const NOISE: f32 = 5e5;
+/// MCMC: weights in the loss of mean opacity and mean scale.
+pub const MEAN_WEIGHT: f32 = 0.01;
+/// MCMC: first opacity, and first scale relative to that of 3DGS.
+pub const FIRST_OPACITY: f32 = 0.5;
+pub const FIRST_SCALE: f32 = 0.1;
+/// MCMC and the budget: rate of opacities.
+pub const OPACITY_RATE: f32 = 0.05;
+/// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
+pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
+/// The budget: refinements of a run, as far as intervals of 10 to 100 steps allow.
+pub const BUDGET_EVENTS: u32 = 40;
+/// The budget looks at the scores of one step in so many.
+pub const SCORED_NTH: u32 = 3;
+/// The budget: what the rates of a run end with, of what they began with.
+pub const LAST_RATE: f64 = 0.2;
+/// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
+pub const RATE_POWER: f64 = 0.2;
 
 impl DensityOptions {
     /// Steps between refinements.
     pub fn interval(&self) -> u32 {
         match self.strategy {
             Strategy::Fixed => u32::MAX,
-            // Of 30,000 steps every 100th; a run that is shorter keeps the proportion, but sees some photos between two.
-            Strategy::Mcmc | Strategy::Adc => (self.iterations / 300).clamp(20.min(self.iterations.max(1)), 100),
-            Strategy::Budget => (self.iterations as f64 / tune("EVENTS", 40.0)).clamp(10.0, 100.0) as u32,
+            // Every 100th of 30,000; in a shorter run no fewer than 20, so that some views are seen between two.
+            Strategy::Mcmc | Strategy::Adc => (self.iterations / 300).clamp(20, 100),
+            Strategy::Budget => (self.iterations / BUDGET_EVENTS).clamp(10, 100),
         }
     }
 
-    /// The refinements after step `step` (from 0).
+    /// Gaussians that the budget has for the time after step `step` (from 0): B at last, N0 at first, and
+    /// N0 + (B − N0) (1 − (1 − x)²) between, x going from 0 to 1 over the first two of [`BUDGET_SPAN`].
+    pub fn budget(&self, step: u32) -> u32 {
+        let [begin, full, _] = BUDGET_SPAN;
+        let x = ((self.part(step + 1) - begin) / (full - begin)).clamp(0.0, 1.0);
+        let (first, limit) = (f64::from(self.first.min(self.limit)), f64::from(self.limit));
+        (first + (limit - first) * (1.0 - (1.0 - x).powi(2))).round() as u32
+    }
+
+    /// Part of the run that `steps` steps are.
+    fn part(&self, steps: u32) -> f64 {
+        f64::from(steps) / f64::from(self.iterations.max(1))
+    }
+
+    /// The refinements after step `step` (from 0), in their order.
     fn events(&self, step: u32) -> Vec<Event> {
-        let done = step + 1;
-        if self.strategy == Strategy::Fixed || !done.is_multiple_of(self.interval()) {
+        if self.strategy == Strategy::Fixed || !(step + 1).is_multiple_of(self.interval()) {
             return Vec::new();
         }
-        let t = f64::from(done) / f64::from(self.iterations);
-        let plain = Event { most: 1.0, least_opacity: 0.005, number: 2 * step, ..Default::default() };
+        let (t, [begin, _, end]) = (self.part(step + 1), BUDGET_SPAN);
+        let plain = Event { target: 0, nth: 0, most: 1.0, number: 2 * step };
         match self.strategy {
-            Strategy::Fixed => Vec::new(),
-            Strategy::Mcmc if (500.0 / 30e3..25.0 / 30.0).contains(&t) => {
-                let nth = if self.growth_nth() > 0 { self.growth_nth() } else { 20 };
-                vec![plain, Event { nth, number: 2 * step + 1, ..plain }]
+            // First what is dead moves, then there are more.
+            Strategy::Mcmc if (500.0 / FULL_RUN..25_000.0 / FULL_RUN).contains(&t) => {
+                vec![plain, Event { nth: GROWTH_NTH, number: 2 * step + 1, ..plain }]
             }
-            Strategy::Adc if (500.0 / 30e3..0.5).contains(&t) => {
-                let reset = (done / self.interval()).is_multiple_of(30);
-                vec![Event { target: self.limit, most: if reset { 0.01 } else { 1.0 }, ..plain }]
+            Strategy::Adc if (500.0 / FULL_RUN..15_000.0 / FULL_RUN).contains(&t) => {
+                let reset = ((step + 1) / self.interval()).is_multiple_of(30);
+                vec![Event { target: self.limit, most: if reset { RESET_OPACITY } else { 1.0 }, ..plain }]
             }
-            Strategy::Budget if t > tune("BEGIN", 0.02) && t <= tune("END", 0.85) => {
-                let x = ((t - tune("BEGIN", 0.02)) / (tune("FULL", 0.6) - tune("BEGIN", 0.02))).clamp(0.0, 1.0);
-                let (first, limit) = (f64::from(self.first.min(self.limit)), f64::from(self.limit));
-                let curve = 1.0 - (1.0 - x).powf(tune("CURVE", 2.0));
-                let target = first + (limit - first) * curve;
-                vec![Event {
-                    target: target as u32,
-                    fade: (tune("FADE", 0.0) * (1.0 - t)) as f32,
-                    least_opacity: tune("LEAST", 0.005) as f32,
-                    ..plain
-                }]
-            }
+            Strategy::Budget if (begin..end).contains(&t) => vec![Event { target: self.budget(step), ..plain }],
             _ => Vec::new(),
         }
-    }
-
-    fn growth_nth(&self) -> u32 {
-        20
     }
 
     /// Whether step `step` looks at the scores of its view.
     fn scores(&self, step: u32) -> bool {
         match self.strategy {
             Strategy::Fixed | Strategy::Mcmc => false,
-            Strategy::Adc => step < self.iterations / 2 + 1,
+            Strategy::Adc => self.part(step) < 15_000.0 / FULL_RUN,
+            Strategy::Budget => step.is_multiple_of(SCORED_NTH) && self.part(step) < BUDGET_SPAN[2],
+        }
+    }
+
+    /// What step `step` learns by, from what a base of fixed number does.
+    pub fn rates(&self, rates: Rates, step: u32) -> Rates {
+        match self.strategy {
+            Strategy::Fixed | Strategy::Adc => rates,
+            Strategy::Mcmc => {
+                Rates { opacity: OPACITY_RATE, mean_opacity: MEAN_WEIGHT, mean_scale: MEAN_WEIGHT, ..rates }
+            }
             Strategy::Budget => {
-                step.is_multiple_of(tune("SCORE_EVERY", 3.0) as u32)
-                    && f64::from(step) < tune("END", 0.85) * f64::from(self.iterations)
+                let shorter = (FULL_RUN / f64::from(self.iterations.max(1))).max(1.0).powf(RATE_POWER);
+                let late = LAST_RATE.powf(self.part(step));
+                let times = |rate: f32, by: f64| (f64::from(rate) * by) as f32;
+                Rates {
+                    mean: times(rates.mean, shorter),
+                    log_scale: times(rates.log_scale, shorter * late),
+                    quat: times(rates.quat, shorter * late),
+                    opacity: times(OPACITY_RATE, late),
+                    dc: times(rates.dc, shorter * shorter * late),
+                    sh: times(rates.sh, shorter * shorter * late),
+                    ..rates
+                }
             }
         }
     }
 
-    /// Rates of the strategy, from those of a base of fixed number.
-    pub fn rates(&self, rates: Rates, step: u32) -> Rates {
-        let t = f64::from(step) / f64::from(self.iterations.max(1));
-        let anneal = tune("ANNEAL", 1.0).powf(t);
-        let a = |name: &str, default: f64| (tune(name, default) * anneal) as f32;
-        match self.strategy {
-            Strategy::Fixed | Strategy::Adc => rates,
-            Strategy::Mcmc => Rates { opacity: 0.05, mean_opacity: 0.01, mean_scale: 0.01, ..rates },
-            Strategy::Budget => Rates {
-                opacity: a("OPACITY_RATE", 0.05),
-                mean_opacity: tune("MEAN_OPACITY", 0.01) as f32,
-                mean_scale: tune("MEAN_SCALE", 0.01) as f32,
-                log_scale: a("SCALE_RATE", 5e-3),
-                mean: rates.mean * tune("MEAN_RATE", 1.0) as f32,
-                quat: a("QUAT_RATE", 1e-3),
-                dc: a("DC_RATE", 2.5e-3),
-                sh: a("DC_RATE", 2.5e-3) / tune("SH_DIV", 20.0) as f32,
-                ..rates
-            },
-        }
-    }
-
-    /// Times the rate of positions, of the noise after each step; `None` for none.
-    fn noise(&self) -> Option<f32> {
-        match self.strategy {
-            Strategy::Mcmc => Some(5e5),
-            Strategy::Budget if tune("NOISE", 5e5) > 0.0 => Some(tune("NOISE", 5e5) as f32),
-            _ => None,
+    /// Makes of the Gaussians that 3DGS begins with those that the strategy does.
+    pub fn begin(&self, gaussians: &mut Gaussians) {
+        if self.strategy == Strategy::Mcmc {
+            gaussians.opacities.fill((FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln());
+            gaussians.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += FIRST_SCALE.ln());
         }
     }
 }
@@ -327,12 +348,11 @@ impl Density {
         step: u32,
         status: &Buffer<u32>,
     ) {
-        if let Some(noise) = self.options.noise() {
-            self.record_noise(recorder, model, noise * rates.mean, step, status);
+        if self.options.strategy == Strategy::Mcmc {
+            self.record_noise(recorder, model, NOISE * rates.mean, step, status);
         }
-        let events = self.options.events(step);
-        for event in &events {
-            self.record_event(recorder, model, moments, event, status);
+        for event in self.options.events(step) {
+            self.record_event(recorder, model, moments, &event, status);
         }
     }
 
@@ -384,9 +404,8 @@ impl Density {
                     page_first: page.first,
                     stride: page.capacity,
                     capacity: part.capacity(),
-                    least_opacity: event.least_opacity,
-                    least_score: 2e-4,
-                    power: tune("POWER", 1.0) as f32,
+                    least_opacity: LEAST_OPACITY,
+                    least_score: LEAST_PULL,
                     step: event.number,
                     seed,
                 },
@@ -462,9 +481,8 @@ impl Density {
                     segment: page.segment,
                     page_first: page.first,
                     stride: page.capacity,
-                    small: 0.01 * self.extent,
+                    small: CLONE_SCALE * self.extent,
                     most: event.most,
-                    fade: event.fade,
                     step: event.number,
                     seed,
                 },

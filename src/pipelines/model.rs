@@ -299,7 +299,7 @@ impl Model {
     /// [`Error::Usage`] where there is no room for them.
     pub fn set_count(&self, segment: Segment, count: u32) -> Result<()> {
         let capacity = self.part(segment).capacity();
-        // guard: density: a count beyond the room
+
         if count > capacity {
             return Err(Error::Usage(format!("there is room for {capacity} {}, not for {count}", segment.resource())));
         }

@@ -1,6 +1,6 @@
 //! Trains Gaussians on photographs: render → loss → backward → Adam, all on the device.
 //!
-//! [`Trainer`] is the loop of both the base scene (method, section 2; Gaussians fixed in number) and the joint phase
+//! [`Trainer`] is the loop of both the base scene (method, section 2; their number is `density`'s to change) and the joint phase
 //! (section 5, `join`): they differ in which Gaussians learn what, and how fast.
 
 use rand::{SeedableRng, seq::SliceRandom};
@@ -149,7 +149,6 @@ impl Trainer {
                 _ => model.count_of(segment) as usize,
             };
             let room = model.part(segment).capacity() as usize;
-            // guard: checkpoints of more Gaussians than there is room for
             if count > room {
                 return Err(Error::Usage(format!("the checkpoint has {count} Gaussians, the model room for {room}")));
             }
@@ -332,7 +331,7 @@ impl Looped for On<'_> {
     fn grow(&mut self, resource: Resource, needed: u32) -> Result<()> {
         match resource {
             Resource::Intersections => Ok(self.training.renderer.raster.grow(needed)?),
-            other => Err(Error::Usage(format!("training needs room for {needed} {other}, which are fixed in number"))),
+            other => Err(Error::Usage(format!("training needs room for {needed} {other}, more than it may have"))),
         }
     }
 }

@@ -25,7 +25,6 @@ pub struct Apply {
     /// Largest scale of what ADC clones.
     pub small: f64,
     pub most: f64,
-    pub fade: f64,
     pub step: u32,
     pub seed: u32,
 }
@@ -97,11 +96,9 @@ pub fn density_apply(apply: &Apply, old: &Geometry, number: u32, copies: u32, ch
         let half = (1.0 - left).clamp(OPACITY_RANGE.0, OPACITY_RANGE.1);
         new.logit = half.ln() - left.max(1.0 - OPACITY_RANGE.1).ln();
     }
-    let faded = sigmoid(new.logit) - apply.fade;
-    let lowered = faded > apply.most;
-    if lowered || apply.fade > 0.0 {
-        let faded = faded.min(apply.most);
-        new.logit = if faded > 0.001 { faded.ln() - (1.0 - faded).ln() } else { new.logit.min(-6.9) };
+    let lowered = sigmoid(new.logit) > apply.most;
+    if lowered {
+        new.logit = apply.most.ln() - (1.0 - apply.most).ln();
     }
     (new, Begins { all: fresh, opacity: fresh || lowered })
 }
@@ -119,7 +116,7 @@ mod tests {
     };
 
     fn apply(strategy: u32) -> Apply {
-        Apply { strategy, small: 1e-3, most: 1.0, fade: 0.0, step: 1, seed: 2 }
+        Apply { strategy, small: 1e-3, most: 1.0, step: 1, seed: 2 }
     }
 
     #[test]
@@ -130,8 +127,6 @@ mod tests {
             let reset = Apply { most: 0.01, ..apply(strategy) };
             let (new, begins) = density_apply(&reset, &OLD, 5, 0, false);
             assert!((sigmoid(new.logit) - 0.01).abs() < 1e-12 && begins == Begins { all: false, opacity: true });
-            let faded = density_apply(&Apply { fade: 0.1, ..apply(strategy) }, &OLD, 5, 0, false).0;
-            assert!((sigmoid(faded.logit) - 0.4).abs() < 1e-12);
         }
     }
 

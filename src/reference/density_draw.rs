@@ -14,7 +14,7 @@ pub struct Draw {
 /// The parent of a child among the Gaussians of `order`: where each weight begins, or with no `draw` candidates in their order.
 pub fn density_draw(child: u32, order: &[u32], draw: Option<Draw>) -> u32 {
     let Some(Draw { total, step, seed }) = draw else { return order[child as usize] };
-    let at = (u64::from(pcg4d([child, step, HASH_DRAW, seed])[0]) * u64::from(total) >> 32) as u32;
+    let at = ((u64::from(pcg4d([child, step, HASH_DRAW, seed])[0]) * u64::from(total)) >> 32) as u32;
     order.partition_point(|&first| first <= at).saturating_sub(1) as u32
 }
 

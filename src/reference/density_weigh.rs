@@ -17,7 +17,6 @@ pub struct Weigh {
     pub capacity: u32,
     pub least_opacity: f64,
     pub least_score: f64,
-    pub power: f64,
     pub step: u32,
     pub seed: u32,
 }
@@ -36,7 +35,7 @@ pub fn density_weigh(w: &Weigh, params: &Params, i: usize, number: u32, scores: 
             (seen > 0.0 && pull / seen >= w.least_score).then_some(0.0)
         }
         _ => {
-            let score = scores[ERROR as usize].powf(w.power);
+            let score = scores[ERROR as usize];
             let h = pcg4d([number, w.step, HASH_KEY, w.seed]);
             SCORES.contains(&score).then(|| -(-uniform(h[0])).ln_1p() / score)
         }
@@ -50,7 +49,7 @@ mod tests {
     use crate::{reference::random_scene, stages::constants::density::BUDGET};
 
     fn weigh(strategy: u32) -> Weigh {
-        Weigh { strategy, capacity: 10, least_opacity: 0.005, least_score: 2e-4, power: 1.0, step: 3, seed: 4 }
+        Weigh { strategy, capacity: 10, least_opacity: 0.005, least_score: 2e-4, step: 3, seed: 4 }
     }
 
     #[test]

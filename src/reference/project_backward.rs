@@ -37,7 +37,14 @@ pub fn project_backward(
 
 /// Adds the gradient of `mean_opacity` times the mean of `of_all` Gaussians' opacities and `mean_scale` times that of their scales
 /// (Kheradmand 2024), of the first `count`.
-pub fn regularise(params: &Params, count: usize, of_all: usize, mean_opacity: f64, mean_scale: f64, grads: &mut Params) {
+pub fn regularise(
+    params: &Params,
+    count: usize,
+    of_all: usize,
+    mean_opacity: f64,
+    mean_scale: f64,
+    grads: &mut Params,
+) {
     let of_all = of_all as f64;
     for i in 0..count {
         let logit = params.logit(i);

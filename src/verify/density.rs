@@ -93,28 +93,22 @@ impl Page {
 
     fn geometry(&self, i: usize) -> Geometry {
         let Page { params, .. } = self;
-        Geometry {
-            mean: params.mean(i),
-            log_scale: params.log_scale(i),
-            quat: params.quat(i),
-            logit: params.logit(i),
-        }
+        Geometry { mean: params.mean(i), log_scale: params.log_scale(i), quat: params.quat(i), logit: params.logit(i) }
     }
 }
 
 fn image(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     let context = bench.context;
     let pixels = width * height;
-    let frames = [Frame { image_first: 0, target_first: 0, width: 3, height: 3 }, Frame {
-        image_first: 5,
-        target_first: 9,
-        width,
-        height,
-    }];
+    let frames = [
+        Frame { image_first: 0, target_first: 0, width: 3, height: 3 },
+        Frame { image_first: 5, target_first: 9, width, height },
+    ];
     let channel = |k: u32| if k % 97 == 13 { f32::NAN } else { 1.2 * unit(k) };
     let image: Vec<[f32; 4]> = (0..pixels + 5).map(|p| [0, 1, 2, 3].map(|c| channel(4 * p + c))).collect();
     let targets: Vec<u32> = (0..pixels + 9).map(|p| noise(p) | if p % 5 == 0 { 0 } else { 255 << 24 }).collect();
-    let targets: Vec<u32> = targets.into_iter().enumerate().map(|(p, t)| if p % 5 == 0 { t & 0xFF_FFFF } else { t }).collect();
+    let targets: Vec<u32> =
+        targets.into_iter().enumerate().map(|(p, t)| if p % 5 == 0 { t & 0xFF_FFFF } else { t }).collect();
     let frames_there = Buffer::from_slice(context, "frames", &frames)?;
     let image_there = Buffer::from_slice(context, "image", &image)?;
     let targets_there = Buffer::from_slice(context, "targets", &targets)?;
@@ -143,12 +137,25 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
     let before = (SEGMENT_FIRST + PAGE_FIRST) as usize;
     let tile_counts: Vec<u32> = (0..(before + count) as u32).map(|i| noise(i) % 9).collect();
     let mut slots = 0;
-    let first_slot: Vec<u32> = tile_counts.iter().map(|n| { slots += n; slots - n }).collect();
+    let first_slot: Vec<u32> = tile_counts
+        .iter()
+        .map(|n| {
+            slots += n;
+            slots - n
+        })
+        .collect();
     let triple = |k: u32, of: u32| [0, 1, 2].map(|c| if of == 0 { unit(3 * k + c) - 0.5 } else { unit(7 * k + c) });
     let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
     let colours: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
     let splats: Vec<types::Splat> = (0..(before + count) as u32)
-        .map(|i| types::Splat { x: 1.0, y: 2.0, l11: 0.1 + unit(i), l12: unit(i + 1) - 0.5, l22: 0.1 + unit(i + 2), opacity: 0.5 })
+        .map(|i| types::Splat {
+            x: 1.0,
+            y: 2.0,
+            l11: 0.1 + unit(i),
+            l12: unit(i + 1) - 0.5,
+            l22: 0.1 + unit(i + 2),
+            opacity: 0.5,
+        })
         .collect();
     let start: Vec<f32> = (0..SCORES * count as u32).map(|i| unit(i + 3)).collect();
     let there = (
@@ -234,13 +241,12 @@ fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         capacity,
         least_opacity: 0.005,
         least_score: 0.9,
-        power: 0.7,
         step: STEP,
         seed: SEED,
     };
     let times = bench.time(|r| stage.record(r, &buffers, &push, count as u32))?;
     let (least_opacity, least_score) = (f64::from(push.least_opacity), f64::from(push.least_score));
-    let w = Weigh { strategy, capacity, least_opacity, least_score, power: push.power.into(), step: STEP, seed: SEED };
+    let w = Weigh { strategy, capacity, least_opacity, least_score, step: STEP, seed: SEED };
     let want: Vec<(bool, Option<f64>)> = (0..count)
         .map(|i| {
             let scores = std::array::from_fn(|p| f64::from(scores[p * count + i]));
@@ -288,10 +294,8 @@ fn plan(bench: &mut Bench<'_>) -> Result<()> {
                 let status_there = Buffer::from_slice(context, "status", &status.0)?;
                 let buffers = density_plan::Buffers { status: &status_there, words: &there, dispatch_args: &args };
                 let push = density_plan::Push { capacity: 120_000, target, nth, threads_per_group: 64 };
-                let times = bench.time_after(
-                    || Ok(there.upload(0, &words)?),
-                    |r| stage.record(r, &buffers, &push, 1),
-                )?;
+                let times =
+                    bench.time_after(|| Ok(there.upload(0, &words)?), |r| stage.record(r, &buffers, &push, 1))?;
                 let [old, alive, candidates] = known;
                 let failed = status.failed();
                 let want = Plan { old, alive, candidates, capacity: 120_000, target, nth, replacement, failed };
@@ -315,7 +319,12 @@ fn draw(bench: &mut Bench<'_>, count: usize, replacement: bool) -> Result<()> {
     let weight = |i: u32| if i % 3 == 1 { 0 } else { noise(i) % (u32::MAX / old / 2) };
     let mut total = 0;
     let order: Vec<u32> = match replacement {
-        true => (0..old).map(|i| { total += weight(i); total - weight(i) }).collect(),
+        true => (0..old)
+            .map(|i| {
+                total += weight(i);
+                total - weight(i)
+            })
+            .collect(),
         false => (0..old).map(|i| old - 1 - i).collect(),
     };
     let words = [old, old - 50, if replacement { total } else { old }, children, old - 50 + children];
@@ -328,10 +337,8 @@ fn draw(bench: &mut Bench<'_>, count: usize, replacement: bool) -> Result<()> {
     let buffers =
         density_draw::Buffers { words: &words_there, order: &order_there, sources: &sources, copies: &copies };
     let push = density_draw::Push { step: STEP, seed: SEED };
-    let times = bench.time_after(
-        || Ok(copies.upload(0, &vec![0; count])?),
-        |r| stage.record(r, &buffers, &push, children),
-    )?;
+    let times =
+        bench.time_after(|| Ok(copies.upload(0, &vec![0; count])?), |r| stage.record(r, &buffers, &push, children))?;
     let draw = replacement.then_some(Draw { total, step: STEP, seed: SEED });
     let want: Vec<u32> = (0..children).map(|child| twin::density_draw::density_draw(child, &order, draw)).collect();
     let mut copied = vec![0u32; count];
@@ -351,9 +358,15 @@ fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
     let stage = density_place::Stage::new(context, &density_place::Spec { workgroup_size })?;
     let mut row = bench.row("density_place", "");
     for all in [false, true] {
-        let alive: Vec<u32> = (0..count as u32).map(|i| u32::from(!all && noise(i) % 4 != 0)).collect();
+        let alive: Vec<u32> = (0..count as u32).map(|i| u32::from(!all && !noise(i).is_multiple_of(4))).collect();
         let mut rank = 0;
-        let ranks: Vec<u32> = alive.iter().map(|a| { rank += a; rank - a }).collect();
+        let ranks: Vec<u32> = alive
+            .iter()
+            .map(|a| {
+                rank += a;
+                rank - a
+            })
+            .collect();
         let stays = if all { count as u32 } else { rank };
         let words = Buffer::from_slice(context, "words", &[count as u32, stays, 0, 0, stays])?;
         let alive_there = Buffer::from_slice(context, "alive", &alive)?;
@@ -427,7 +440,6 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         stride: count as u32,
         small,
         most: 0.8,
-        fade: 0.01,
         step: STEP,
         seed: SEED,
     };
@@ -437,8 +449,8 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         Ok(sh_there.upload(0, &sh_moments)?)
     };
     let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
-    let [small, most, fade] = [small, push.most, push.fade].map(f64::from);
-    let a = Apply { strategy, small, most, fade, step: STEP, seed: SEED };
+    let [small, most] = [small, push.most].map(f64::from);
+    let a = Apply { strategy, small, most, step: STEP, seed: SEED };
     let want: Vec<(Geometry, Begins)> = (0..count)
         .map(|i| {
             let number = PAGE_FIRST + i as u32;
@@ -478,8 +490,7 @@ fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
     let (context, count) = (bench.context, page.count);
     let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
     let stage = density_noise::Stage::new(context, &density_noise::Spec { workgroup_size: page.workgroup_size })?;
-    let buffers =
-        density_noise::Buffers { population: &page.population, status: &page.status, geometry: &geometry };
+    let buffers = density_noise::Buffers { population: &page.population, status: &page.status, geometry: &geometry };
     // So that the faintest move by about their own size.
     let push = density_noise::Push {
         segment: 1,

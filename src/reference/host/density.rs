@@ -47,7 +47,8 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
         let i = first + place;
         let mut record = [0.0; 9];
         for at in records_of(i, by_gaussian != 0, h.tile_counts, h.first_slot) {
-            let (centre, colour) = if h.spec.pulls { (h.record_centres[at], [0.0; 3]) } else { ([0.0; 3], h.record_colours[at]) };
+            let (centre, colour) =
+                if h.spec.pulls { (h.record_centres[at], [0.0; 3]) } else { ([0.0; 3], h.record_colours[at]) };
             for c in 0..3 {
                 record[c] += f64::from(centre[c]);
                 record[6 + c] += f64::from(colour[c]);
@@ -76,21 +77,12 @@ fn count_of(population: &[u32], segment: u32, page_first: u32, stride: u32, thre
 }
 
 pub(super) fn density_weigh(h: kernels::density_weigh::Host<'_>) -> Outcome {
-    let kernels::density_weigh::Push {
-        segment,
-        page_first,
-        stride,
-        capacity,
-        least_opacity,
-        least_score,
-        power,
-        step,
-        seed,
-    } = h.push;
+    let kernels::density_weigh::Push { segment, page_first, stride, capacity, least_opacity, least_score, step, seed } =
+        h.push;
     let count = count_of(h.population, segment, page_first, stride, h.workgroups.threads());
     let params = params([h.geometry, &[], &[]], count, stride, false, 0);
-    let [least_opacity, least_score, power] = [least_opacity, least_score, power].map(f64::from);
-    let weigh = Weigh { strategy: h.spec.strategy, capacity, least_opacity, least_score, power, step, seed };
+    let [least_opacity, least_score] = [least_opacity, least_score].map(f64::from);
+    let weigh = Weigh { strategy: h.spec.strategy, capacity, least_opacity, least_score, step, seed };
     for place in 0..count {
         let number = page_first + place as u32;
         let scores = std::array::from_fn(|p| f64::from(h.scores[p * stride as usize + place]));
@@ -157,13 +149,13 @@ fn geometry(planes: &[f32], stride: u32, place: usize) -> Geometry {
 }
 
 pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
-    let kernels::density_apply::Push { segment, page_first, stride, small, most, fade, step, seed } = h.push;
+    let kernels::density_apply::Push { segment, page_first, stride, small, most, step, seed } = h.push;
     if failed(h.status) {
         return Ok(());
     }
     let count = count_of(h.population, segment, page_first, stride, h.workgroups.threads());
-    let [small, most, fade] = [small, most, fade].map(f64::from);
-    let apply = Apply { strategy: h.spec.strategy, small, most, fade, step, seed };
+    let [small, most] = [small, most].map(f64::from);
+    let apply = Apply { strategy: h.spec.strategy, small, most, step, seed };
     for place in 0..count {
         let number = page_first + place as u32;
         let copies = h.copies[h.sources[number as usize] as usize];

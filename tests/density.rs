@@ -1,0 +1,211 @@
+//! Density control: the number of Gaussians follows the strategy, within its limit, the same every run and across an interruption.
+
+mod common;
+
+use common::{Gpu, session};
+use glint::{
+    data::builtin::builtin_scene,
+    pipelines::{
+        density::{BUDGET_SPAN, Density, DensityOptions, Strategy},
+        model::{Model, Room, Segment},
+        session::Session,
+        train::{BaseOptions, Trainer, dense_trainer},
+        views::Views,
+    },
+    reference::Params,
+    scene::{Camera, Gaussians, Scene, from_points},
+};
+
+const STRATEGIES: [Strategy; 3] = [Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
+
+/// Every float as its bits: 0 and −0 are told apart, and NaN is equal to itself.
+fn bits(scene: &Scene) -> Vec<u64> {
+    let p = Params::from_scene(scene).unwrap();
+    [p.geometry, p.sh].concat().into_iter().map(f64::to_bits).collect()
+}
+
+struct Setup {
+    session: Session,
+    views: Views,
+    start: Gaussians,
+}
+
+fn setup(gpu: &Gpu, points: usize) -> Setup {
+    let built = builtin_scene(points);
+    let photos: Vec<_> = built.photos.iter().filter(|p| !p.is_test).step_by(9).collect();
+    let cameras: Vec<Camera> = photos.iter().map(|p| p.camera).collect();
+    let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
+    let views = Views::upload(gpu, &cameras, &images).unwrap();
+    let points = built.dataset().points.unwrap();
+    let start = from_points(&points.positions, &points.colors, 1);
+    let session = Session { background: built.background, extent: 2.0, seed: 5, ..session(gpu) };
+    Setup { session, views, start }
+}
+
+impl Setup {
+    fn options(&self, strategy: Strategy, limit: u32, iterations: u32) -> DensityOptions {
+        DensityOptions { strategy, limit, first: self.start.len() as u32, iterations }
+    }
+
+    /// With pages of so many Gaussians.
+    fn model(&self, density: &DensityOptions, page: u32) -> Model {
+        let mut base = self.start.clone();
+        density.begin(&mut base);
+        let room = Room { base: density.limit - base.len() as u32, page: Some(page), ..Default::default() };
+        let scene = Scene { base, supplement: None };
+        Model::upload_around(&self.session.context, self.views.origin, &scene, room).unwrap()
+    }
+
+    fn trainer(&self, model: &Model, density: &DensityOptions) -> Trainer {
+        let options = BaseOptions { iterations: density.iterations, sh_degree: 1 };
+        dense_trainer(&self.session, model, &self.views, &options, density).unwrap()
+    }
+}
+
+#[test]
+fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_checkpoint() {
+    let gpu = Gpu::new();
+    let setup = setup(&gpu, 500);
+    let first = setup.start.len() as u32;
+    for strategy in STRATEGIES {
+        let limit = first + first / 4;
+        let density = setup.options(strategy, limit, 160);
+        let model = setup.model(&density, 192);
+        let mut trainer = setup.trainer(&model, &density);
+        let whole = trainer.run(&model, &setup.views, false, |_| ()).unwrap();
+        let scene = model.download().unwrap();
+        let want = bits(&scene);
+        println!("{strategy:?}: {first} to {} of {limit}", scene.base.len());
+        assert!(scene.base.len() as u32 <= limit && scene.base.len() as u32 != first, "{strategy:?}");
+        if strategy != Strategy::Adc {
+            // What dies late is not replaced by more than it was.
+            assert!(scene.base.len() as u32 == limit, "{strategy:?}: {} of {limit}", scene.base.len());
+        }
+
+        // In pages of another size, from a checkpoint after the first refinements.
+        let other = setup.model(&density, 320);
+        let mut trainer = setup.trainer(&other, &density);
+        trainer.start(false).unwrap();
+        while trainer.advance(&other, &setup.views).unwrap().unwrap() < 64 {}
+        let checkpoint = trainer.checkpoint(&other, &setup.views).unwrap();
+        assert!((64..160).contains(&checkpoint.step));
+        let fresh = setup.model(&density, 320);
+        let mut trainer = setup.trainer(&fresh, &density);
+        trainer.resume(&fresh, &checkpoint, false).unwrap();
+        while trainer.advance(&fresh, &setup.views).unwrap().is_some() {}
+        assert!(bits(&fresh.download().unwrap()) == want, "{strategy:?}");
+        assert_eq!(trainer.report().losses, whole.losses, "{strategy:?}");
+
+        // Of more Gaussians than there is room for: nothing changes.
+        let small = setup.options(strategy, first, 160);
+        let tight = setup.model(&small, 320);
+        let before = bits(&tight.download().unwrap());
+        if checkpoint_is_larger(&checkpoint, first) {
+            let refused = setup.trainer(&tight, &small).resume(&tight, &checkpoint, false).unwrap_err().to_string();
+            assert!(refused.contains("room"), "{refused}");
+            assert!(bits(&tight.download().unwrap()) == before);
+        }
+    }
+}
+
+/// By the size of its file's parameters: a checkpoint does not say how many Gaussians it has.
+fn checkpoint_is_larger(checkpoint: &glint::pipelines::checkpoint::Checkpoint, first: u32) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.safetensors");
+    checkpoint.write(&path, &serde_json::Value::Null).unwrap();
+    // Geometry and SH of degree 1 with two moments each, and scores: 73 floats.
+    std::fs::metadata(&path).unwrap().len() > u64::from(first) * 73 * 4 + 4096
+}
+
+#[test]
+fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
+    let gpu = Gpu::new();
+    let setup = setup(&gpu, 300);
+    let first = setup.start.len() as u32;
+    for strategy in STRATEGIES {
+        let density = setup.options(strategy, first, 60);
+        let model = setup.model(&density, 192);
+        setup.trainer(&model, &density).run(&model, &setup.views, false, |_| ()).unwrap();
+        assert!(model.counts().unwrap()[0] <= first);
+        let more = DensityOptions { limit: first + 1, ..density };
+        let refused = Density::new(&setup.session, &model, &more).err().unwrap().to_string();
+        assert!(refused.contains(&format!("not for {}", first + 1)), "{refused}");
+        assert!(model.set_count(Segment::Base, first + 1).is_err());
+    }
+}
+
+/// Nothing alive, all but one dead, NaN everywhere, one Gaussian, none: whatever it is, training ends without an error and within
+/// the limit.
+#[test]
+fn scenes_at_the_edge_of_having_gaussians_train() {
+    let gpu = Gpu::new();
+    let setup = setup(&gpu, 200);
+    let n = setup.start.len();
+    let cut = |count: usize| {
+        let mut cut = setup.start.clone();
+        cut.means.truncate(count);
+        cut.log_scales.truncate(count);
+        cut.quats.truncate(count);
+        cut.opacities.truncate(count);
+        cut.sh.truncate(4 * count);
+        cut
+    };
+    let mut dead = cut(n);
+    dead.opacities.fill(-12.0);
+    let mut lone = dead.clone();
+    lone.opacities[7] = 2.0;
+    let mut nan = cut(n);
+    nan.opacities.fill(f32::NAN);
+    let mut some = cut(n);
+    some.log_scales.iter_mut().step_by(3).for_each(|s| s[1] = f32::NAN);
+    // How many are left, at least and at most.
+    let all = n as u32;
+    let cases = [
+        ("dead", dead, all, all),
+        ("lone", lone, 1, all + 20),
+        ("NaN", nan, all, all),
+        ("some NaN", some, 1, all + 20),
+        ("one", cut(1), 1, all + 20),
+        ("none", cut(0), 0, 0),
+    ];
+    for strategy in STRATEGIES {
+        for (name, start, least, most) in &cases {
+            let first = start.len() as u32;
+            let density = DensityOptions { first, ..setup.options(strategy, all + 20, 60) };
+            let model = Model::upload_around(
+                &gpu,
+                setup.views.origin,
+                &Scene { base: start.clone(), supplement: None },
+                Room { base: all + 20 - start.len() as u32, page: Some(64), ..Default::default() },
+            )
+            .unwrap();
+            setup.trainer(&model, &density).run(&model, &setup.views, false, |_| ()).unwrap();
+            let count = model.counts().unwrap()[0];
+            assert!((*least..=*most).contains(&count), "{strategy:?}, {name}: {count}");
+            if *name == "some NaN" {
+                let after = model.download().unwrap().base;
+                assert!(after.log_scales.as_flattened().iter().all(|s| s.is_finite()), "{strategy:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn schedules_are_parts_of_the_run() {
+    for iterations in [1, 9, 300, 500, 2000, 7000, 30_000] {
+        for strategy in STRATEGIES {
+            let density = DensityOptions { strategy, limit: 3000, first: 1000, iterations };
+            assert!((10..=100).contains(&density.interval()));
+            if iterations >= 300 {
+                assert!(density.interval() * 10 <= iterations, "{strategy:?} of {iterations}");
+            }
+        }
+        let density = DensityOptions { strategy: Strategy::Budget, limit: 3000, first: 1000, iterations };
+        let budgets: Vec<u32> = (0..iterations).map(|step| density.budget(step)).collect();
+        assert!(budgets.is_sorted() && *budgets.last().unwrap() == 3000);
+        if iterations >= 300 {
+            let full = (BUDGET_SPAN[1] * f64::from(iterations)) as usize;
+            assert!(budgets[0] < 1010 && budgets[full / 3] < 2500 && budgets[full] == 3000, "{iterations}");
+        }
+    }
+}
