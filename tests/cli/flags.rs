@@ -25,7 +25,7 @@ impl Work {
 #[test]
 fn every_option_of_training_changes_the_scene() {
     let options =
-        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--test-every none", "--compensate"];
+        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
     Work::new().changes("train data --iterations 20 --sh-degree 1", &options);
 }
 
@@ -44,7 +44,7 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--shared-steps",
         "--compensate",
         "--max-size 16",
-        "--test-every none",
+        "--holdout none",
     ];
     work.changes("enhance data --base base.ply --preset quick", &options);
 }
