@@ -14,8 +14,8 @@ use crate::{
     data::{write_png_bytes, write_text},
     pipelines::{render::RenderOptions, start::photos_of},
     report::{
-        evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
         decompose::PartsQuality,
+        evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
         metrics::Quality,
         page::{Page, pictures},
         table::{Cell, Column, Table},

@@ -24,6 +24,7 @@ use crate::{
         sidebyside::to_bytes,
         table::{Cell, Column, Table},
     },
+    scene::Scene,
 };
 
 const PAGE: &str = "index.html";
@@ -49,7 +50,9 @@ struct Named {
 
 fn parse_named(text: &str) -> Result<Named, String> {
     match text.split_once('=') {
-        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok(Named { name: name.into(), path: path.into() }),
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => {
+            Ok(Named { name: name.into(), path: path.into() })
+        }
         _ => Err("expected a name and a PLY scene, such as base=base.ply".into()),
     }
 }
@@ -91,24 +94,29 @@ struct Numbers<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        if let Some(twice) = self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name)) {
-            return Err(Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into());
+        if let Some(twice) =
+            self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name))
+        {
+            return Err(
+                Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into()
+            );
         }
+        let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
         let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
-        let scenes = self.scenes.iter().map(|named| &named.path).chain(&self.history);
-        let inputs = scenes.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
+        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history);
+        let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
         self.replace.check_files(&self.output, [PAGE, NUMBERS], &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
         let (shown, entries) = self.device.with(|context| {
             let progress = Progress::new("comparing", "views", (photos.len() * self.scenes.len()) as u64);
             let mut shown = Vec::new();
             let mut entries = Vec::new();
-            for named in &self.scenes {
+            for (named, scene) in self.scenes.iter().zip(&scenes) {
                 // The photographs are the same beside every scene.
                 shown.clear();
-                entries.push(self.entry(context, named, &photos, &progress, &mut shown)?);
+                entries.push(self.entry(context, named, scene, &photos, &progress, &mut shown)?);
             }
             Ok((shown, entries))
         })?;
@@ -121,19 +129,19 @@ impl Args {
         &self,
         context: &Context,
         named: &Named,
+        scene: &Scene,
         photos: &[&Photo],
         progress: &Progress,
         shown: &mut Vec<String>,
     ) -> Result<Entry> {
-        let scene = self.lenient.open(&named.path)?;
         let bytes = fs::metadata(&named.path).map_err(|source| Error::io(&named.path, source))?.len();
         let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
         let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
         let background = self.photos.background;
         let cameras = || photos.iter().map(|photo| &photo.camera);
-        let mut layers = (supplementary > 0).then(|| Layers::new(context, &scene, cameras(), options())).transpose()?;
+        let mut layers = (supplementary > 0).then(|| Layers::new(context, scene, cameras(), options())).transpose()?;
         let mut views = Vec::with_capacity(photos.len());
-        let found = evaluate(context, &scene, photos, options(), background, |view| {
+        let found = evaluate(context, scene, photos, options(), background, |view| {
             progress.advance();
             let mut own = Vec::new();
             for (what, image) in pictures(view, false) {
@@ -146,7 +154,8 @@ impl Args {
                 let parts = render_parts(layers, view.photo, background)?;
                 for (what, light) in [("diffuse", parts.diffuse), ("specular", parts.specular)] {
                     let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
-                    let image = RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
+                    let image =
+                        RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
                     own.push((what, picture(&image)?));
                 }
             }

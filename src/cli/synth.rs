@@ -48,17 +48,18 @@ pub(super) struct Args {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let inputs = Inputs::default();
+        let options =
+            SynthOptions { views: self.views, size: self.size, points: self.points as usize, seed: self.seed.into() };
+        self.replace.check_files(&self.output, options.files().iter().map(String::as_str), &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
-        let options = SynthOptions {
-            views: self.views,
-            size: self.size,
-            points: self.points as usize,
-            seed: self.seed.into(),
-        };
         note(format!("{} photos of {} × {} pixels are traced", self.views, self.size, self.size));
         let scene = self.name.photograph(&options)?;
-        self.replace.check_files(&self.output, scene.files().iter().map(String::as_str), &inputs)?;
         scene.write(&self.output)?;
-        Ok(print(format_args!("{}: {} photos and their parts, {} points\n", self.output.display(), self.views, self.points))?)
+        Ok(print(format_args!(
+            "{}: {} photos and their parts, {} points\n",
+            self.output.display(),
+            self.views,
+            self.points
+        ))?)
     }
 }

@@ -10,8 +10,8 @@ use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, Image
 use super::images;
 use super::lens::{Distortion, Lens};
 use super::ply::PointCloud;
-use super::shot::{Focal, Shot};
 use super::sector::{Stand, sector};
+use super::shot::{Focal, Shot};
 use super::{names, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};

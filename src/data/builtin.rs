@@ -385,8 +385,9 @@ mod tests {
         let mut worst = vec![];
         for i in [0, 9, 20, 27, 36, 45, 55] {
             let camera = cameras()[i].0;
-            let bytes =
-                |calm| -> Vec<u8> { render(studio(), &camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect() };
+            let bytes = |calm| -> Vec<u8> {
+                render(studio(), &camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect()
+            };
             worst.extend(bytes(CALM).iter().zip(&bytes(0.0)).map(|(a, b)| a.abs_diff(*b)));
         }
         worst.sort();

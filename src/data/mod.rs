@@ -26,7 +26,8 @@ mod write;
 pub use atomic::sweep;
 pub use check::FileKind;
 pub use dataset::{
-    Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split, load_photos,
+    Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split,
+    load_photos,
 };
 pub use images::Image;
 pub use kind::Kind;

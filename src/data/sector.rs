@@ -173,7 +173,10 @@ mod tests {
         }
         // A grid whose columns are 2 and whose rows are 1 apart: whole columns, from one side.
         let grid: Vec<Stand> = (0..48)
-            .map(|i| Stand { eye: DVec3::new(2.0 * (i / 6) as f64, (i % 6) as f64, 0.01 * (i % 5) as f64), axis: DVec3::Z })
+            .map(|i| Stand {
+                eye: DVec3::new(2.0 * (i / 6) as f64, (i % 6) as f64, 0.01 * (i % 5) as f64),
+                axis: DVec3::Z,
+            })
             .collect();
         assert_eq!(taken(&grid), [0, 1, 2, 3, 4, 5]);
         assert_eq!(places(&grid[..42]), (0..6).collect::<Vec<_>>());
@@ -214,7 +217,8 @@ mod tests {
         assert_eq!(found.iter().filter(|i| **i < 32).count(), 4, "{found:?}");
         assert!(turns[..4] == turns[4..], "{found:?}");
         // Cameras that look outward go round as well.
-        let outward: Vec<Stand> = around(DVec3::ZERO, even(40), 0.0).iter().map(|s| Stand { axis: -s.axis, ..*s }).collect();
+        let outward: Vec<Stand> =
+            around(DVec3::ZERO, even(40), 0.0).iter().map(|s| Stand { axis: -s.axis, ..*s }).collect();
         assert_eq!(taken(&outward).len(), 5);
         let found = taken(&outward);
         assert!(found == [0, 1, 2, 3, 4] || found == [0, 36, 37, 38, 39], "{found:?}");

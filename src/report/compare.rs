@@ -50,7 +50,8 @@ pub fn page(title: &str, photos: &[String], entries: &[Entry], history: &[Record
     }
     let _ = write!(body, "<h2>{} views</h2>\n{}", photos.len(), table_of_views(entries));
     let names = || std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
-    let options: String = names().enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
+    let options: String =
+        names().enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
     let _ = writeln!(
         body,
         "<p class=\"choice\"><label>left <select>{options}</select></label> <label>right <select>{options}</select></label></p>"
@@ -86,9 +87,10 @@ const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice
     choice[1].value=choice[1].options.length-1;choice.forEach(select=>select.onchange=show);show();";
 
 fn table_of_scenes(entries: &[Entry]) -> String {
-    let mut table = "<table class=\"scenes\"><thead><tr><th>scene</th><th>Gaussians</th><th>with lobes</th><th>bytes</th>\
+    let mut table =
+        "<table class=\"scenes\"><thead><tr><th>scene</th><th>Gaussians</th><th>with lobes</th><th>bytes</th>\
          <th>PSNR [dB]</th><th>SSIM</th></tr></thead>\n<tbody>"
-        .to_owned();
+            .to_owned();
     for Entry { name, gaussians, supplementary, bytes, mean, .. } in entries {
         let _ = writeln!(
             table,
@@ -230,7 +232,9 @@ mod tests {
             record("plain", 0, 2.0, "every"),
             record("plain", 0, 2.0, "sector"),
         ];
-        let html = page("a & b", &photos, &[entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)], &history).unwrap();
+        let html =
+            page("a & b", &photos, &[entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)], &history)
+                .unwrap();
         let count = |part: &str| html.matches(part).count();
         assert!(html.contains("<title>a &amp; b</title>") && !html.contains("http"));
         assert_eq!([count("<b>"), count("<i>"), count("<u>")], [0; 3]);

@@ -93,7 +93,10 @@ mod tests {
     fn parts_are_judged_in_linear_light_where_the_mask_counts() {
         // Bytes 0, 255 and 188, of linear light 0, 1 and 0.5029 (IEC 61966-2-1).
         let half = 0.502_886_5;
-        let parts = Decomposition { diffuse: vec![0.1, 1.0, half, 9.0, 9.0, 9.0], specular: vec![0.0, 1.7, half, 0.5, 0.5, 0.5] };
+        let parts = Decomposition {
+            diffuse: vec![0.1, 1.0, half, 9.0, 9.0, 9.0],
+            specular: vec![0.0, 1.7, half, 0.5, 0.5, 0.5],
+        };
         let truth = [0, 255, 188, 0, 0, 0];
         let found = judge(&parts, &truth, &truth, Some(&[true, false])).unwrap();
         // One of three values is off by 0.1.

@@ -127,7 +127,8 @@ pub fn evaluate_parts(
     };
     let part = |photo: &Photo, part| photo.part(part)?.ok_or_else(|| missing(photo, part));
     // All are looked for before anything is rendered.
-    let truths = photos.iter().map(|photo| Ok([part(photo, DIFFUSE)?, part(photo, SPECULAR)?])).collect::<Result<Vec<_>>>()?;
+    let truths =
+        photos.iter().map(|photo| Ok([part(photo, DIFFUSE)?, part(photo, SPECULAR)?])).collect::<Result<Vec<_>>>()?;
     let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), options)?;
     let mut views = Vec::with_capacity(photos.len());
     for (photo, [diffuse, specular]) in photos.iter().zip(&truths) {

@@ -235,11 +235,8 @@ where
     {
         let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&area)
-            .margin(12)
-            .x_label_area_size(42)
-            .y_label_area_size(62)
-            .build_cartesian_2d(x, y)?;
+        let mut chart =
+            ChartBuilder::on(&area).margin(12).x_label_area_size(42).y_label_area_size(62).build_cartesian_2d(x, y)?;
         let short = |v: &f64| match v.abs() {
             v if v >= 1e6 => format!("{}M", round(v / 1e6)),
             v if v >= 1e4 => format!("{}k", round(v / 1e3)),
@@ -269,7 +266,8 @@ where
             chart.draw_series(LineSeries::new(means.iter().map(|(x, y)| (x.mean, y.mean)), color.stroke_width(2)))?;
             chart.draw_series(means.iter().map(|(x, y)| Circle::new((x.mean, y.mean), 3, color.filled())))?;
             if curve.seeds.len() > 1 {
-                let bar = |(x, y): &(Range, Range)| PathElement::new(vec![(x.mean, y.least), (x.mean, y.largest)], color);
+                let bar =
+                    |(x, y): &(Range, Range)| PathElement::new(vec![(x.mean, y.least), (x.mean, y.largest)], color);
                 chart.draw_series(means.iter().map(bar))?;
             }
         }
@@ -300,8 +298,7 @@ mod tests {
         read_history(path)
     }
 
-    const LINE: &str =
-        r#"{"name":"a","seconds":1.5,"bytes":10,"gaussians":2,"psnr":25.5,"ssim":0.8,"seed":3,"holdout":"sector","note":1}"#;
+    const LINE: &str = r#"{"name":"a","seconds":1.5,"bytes":10,"gaussians":2,"psnr":25.5,"ssim":0.8,"seed":3,"holdout":"sector","note":1}"#;
 
     #[test]
     fn lines_are_read_and_bad_ones_named() {
@@ -327,7 +324,10 @@ mod tests {
             ("}", "", "line 2"),
         ] {
             let message = read(&format!("{LINE}\n{}\n", LINE.replace(from, to))).unwrap_err().to_string();
-            assert!(message.contains("line 2") && message.contains(word) && message.contains("history.jsonl"), "{message}");
+            assert!(
+                message.contains("line 2") && message.contains(word) && message.contains("history.jsonl"),
+                "{message}"
+            );
         }
     }
 
@@ -345,7 +345,10 @@ mod tests {
         assert_eq!(curves.iter().map(|c| c.name).collect::<Vec<_>>(), ["b", "a"]);
         let range = |mean, least, largest| Range { mean, least, largest };
         let means = curves[0].means(Cost::Seconds, Gain::Psnr);
-        assert_eq!(means, [(range(11.0, 10.0, 12.0), range(29.0, 28.0, 30.0)), (range(23.0, 20.0, 26.0), range(32.0, 31.0, 33.0))]);
+        assert_eq!(
+            means,
+            [(range(11.0, 10.0, 12.0), range(29.0, 28.0, 30.0)), (range(23.0, 20.0, 26.0), range(32.0, 31.0, 33.0))]
+        );
         assert_eq!(curves[0].last(|r| r.psnr), Some(range(35.5, 31.0, 40.0)));
         assert!(super::curves(&records, "sector").is_empty());
         assert_eq!(holdouts(&records), ["every"]);
@@ -357,7 +360,9 @@ mod tests {
         for records in [
             vec![record("<b>", 0, 0.0, 20.0)],
             vec![record("<b>", 0, 1.0, 20.0), record("<b>", 1, 1.0, 20.0)],
-            (0..9).map(|i| record(if i % 2 == 0 { "<b>" } else { "x" }, i / 3, 10f64.powi(i as i32), 20.0 + i as f64)).collect(),
+            (0..9)
+                .map(|i| record(if i % 2 == 0 { "<b>" } else { "x" }, i / 3, 10f64.powi(i as i32), 20.0 + i as f64))
+                .collect(),
         ] {
             let curves = curves(&records, "every");
             for (cost, gain) in Cost::ALL.into_iter().flat_map(|cost| Gain::ALL.map(|gain| (cost, gain))) {

@@ -129,7 +129,20 @@ fn completions_and_manual_pages_are_made() {
     }
     assert_eq!(work.run("completions tcsh").status.code(), Some(2));
     work.ok("man pages");
-    let commands = ["completions", "demo", "devices", "enhance", "eval", "info", "man", "render", "train", "verify"];
+    let commands = [
+        "completions",
+        "demo",
+        "devices",
+        "enhance",
+        "eval",
+        "info",
+        "man",
+        "render",
+        "report",
+        "synth",
+        "train",
+        "verify",
+    ];
     let mut expected: Vec<String> = commands.iter().map(|command| format!("glint-{command}.1")).collect();
     expected.push("glint.1".into());
     assert_eq!(files(&work.path("pages")), expected);

@@ -59,6 +59,18 @@ impl SynthOptions {
     /// With fewer, places that three photographs see become rare, and the points are where three do.
     pub const LEAST_VIEWS: u32 = 8;
     pub const LEAST_SIZE: u32 = 16;
+
+    fn names(&self) -> impl Iterator<Item = String> {
+        let digits = self.views.saturating_sub(1).to_string().len().max(2);
+        (0..self.views).map(move |i| format!("view_{i:0digits$}"))
+    }
+
+    /// Every file of the dataset, relative to its folder.
+    pub fn files(&self) -> Vec<String> {
+        let image = |folder: &'static str| self.names().map(move |name| format!("{folder}/{name}.png"));
+        let plain = [TRANSFORMS, POINTS].map(str::to_owned);
+        [IMAGES, DIFFUSE, SPECULAR].into_iter().flat_map(image).chain(plain).collect()
+    }
 }
 
 /// A scene and its photographs.
@@ -136,7 +148,8 @@ impl Synth {
                 _ => {}
             }),
             Synth::Rough => {
-                let places = [(0.0, 0.0), (0.0, -1.0), (0.87, -0.5), (0.87, 0.5), (0.0, 1.0), (-0.87, 0.5), (-0.87, -0.5)];
+                let places =
+                    [(0.0, 0.0), (0.0, -1.0), (0.87, -0.5), (0.87, 0.5), (0.0, 1.0), (-0.87, 0.5), (-0.87, -0.5)];
                 let one = |(i, (x, y)): (usize, (f64, f64))| Object {
                     shape: ball(x, y, 0.36),
                     albedo: Albedo::Plain(DVec3::ZERO),
@@ -166,18 +179,17 @@ impl Synth {
         let turn = 180.0 * signed();
         let (low, high) = (LOWEST.to_radians().sin(), HIGHEST.to_radians().sin());
         let golden = 180.0 * (3.0 - 5f64.sqrt());
-        let digits = (views - 1).to_string().len().max(2);
-        let photo = |i: u32| {
+        let photo = |(i, name): (usize, String)| {
             // Fibonacci's spiral over a band of the sphere: evenly, and every eighth of it evenly too.
-            let part = (f64::from(i) + 0.5) / f64::from(views);
-            let azimuth = turn + golden * f64::from(i) + JITTER * signed();
+            let part = (i as f64 + 0.5) / f64::from(views);
+            let azimuth = turn + golden * i as f64 + JITTER * signed();
             let elevation = (low + (high - low) * part).asin().to_degrees() + JITTER * signed();
             let eye = TARGET + direction(azimuth, elevation) * DISTANCE * (1.0 + DISTANCE_JITTER * signed());
             let camera = look_at(eye).resized(size, size);
             let rgb = render(&studio, &camera, Part::All, CALM).iter().map(|&v| to_byte(f64::from(v))).collect();
-            BuiltinPhoto { name: format!("view_{i:0digits$}"), camera, is_test: false, rgb }
+            BuiltinPhoto { name, camera, is_test: false, rgb }
         };
-        let photos: Vec<BuiltinPhoto> = (0..views).map(photo).collect();
+        let photos: Vec<BuiltinPhoto> = options.names().enumerate().map(photo).collect();
         let (positions, colors) = surface_points(&studio, seed, &photos, points);
         Ok(SynthScene { studio, photos, points: PointCloud { positions, colors } })
     }
@@ -189,14 +201,7 @@ impl SynthScene {
         self.photos.iter().map(move |photo| render(&self.studio, &photo.camera, part, CALM))
     }
 
-    /// Every file of the dataset, relative to its folder.
-    pub fn files(&self) -> Vec<String> {
-        let image = |folder: &'static str| self.photos.iter().map(move |photo| format!("{folder}/{}.png", photo.name));
-        let plain = [TRANSFORMS, POINTS].map(str::to_owned);
-        [IMAGES, DIFFUSE, SPECULAR].into_iter().flat_map(image).chain(plain).collect()
-    }
-
-    /// Writes the dataset: transforms.json, points.ply, images/, and the two parts of each photograph in diffuse/ and specular/
+    /// Writes the dataset, the [`SynthOptions::files`]: transforms.json, points.ply, images/, and the two parts of each photograph in diffuse/ and specular/
     /// (sRGB values of linear light that adds up). transforms.json comes last, so that what is not whole is no dataset.
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<()> {
         let folder = folder.as_ref();
@@ -260,14 +265,17 @@ mod tests {
         assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
         for (photo, made) in dataset.photos.iter().zip(&scene.photos) {
             let off = (photo.camera.rotation - made.camera.rotation).to_cols_array();
-            assert!(off.iter().all(|v| v.abs() < 1e-12) && photo.camera.translation.distance(made.camera.translation) < 1e-9);
+            assert!(
+                off.iter().all(|v| v.abs() < 1e-12)
+                    && photo.camera.translation.distance(made.camera.translation) < 1e-9
+            );
             assert_eq!((photo.camera.fx, photo.camera.cx), (made.camera.fx, made.camera.cx));
             assert_eq!(photo.load([0.0; 3]).unwrap().rgb, made.rgb);
             let part = |part| photo.part(part).unwrap().unwrap().load([0.0; 3]).unwrap().rgb;
             assert!(part(DIFFUSE) != part(SPECULAR) && part(DIFFUSE) != made.rgb);
         }
         let bytes = |folder: &Path| -> Vec<Vec<u8>> {
-            scene.files().iter().map(|name| fs::read(folder.join(name)).unwrap()).collect()
+            SMALL.files().iter().map(|name| fs::read(folder.join(name)).unwrap()).collect()
         };
         let again = tempfile::tempdir().unwrap();
         Synth::Mixed.photograph(&SMALL).unwrap().write(again.path()).unwrap();
@@ -304,7 +312,9 @@ mod tests {
     #[test]
     fn a_mirror_shows_virtual_images() {
         let studio = Studio::new(Synth::Mirror.objects(), DVec3::ZERO);
-        let Shape::RoundedBox { centre, half, yaw, .. } = &studio.objects[0].shape else { panic!("the mirror is first") };
+        let Shape::RoundedBox { centre, half, yaw, .. } = &studio.objects[0].shape else {
+            panic!("the mirror is first")
+        };
         let normal = glam::DMat3::from_rotation_z(*yaw) * DVec3::NEG_Y;
         let face = *centre + half.y * normal;
         // The red ball's nearest side to the mirror, and where its image is.
