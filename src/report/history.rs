@@ -54,10 +54,10 @@ pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
         .map(|(i, line)| {
             let fail = |what: String| Error::input(path, format!("line {}: {what}", i + 1));
             let record: Record = serde_json::from_str(line).map_err(|error| fail(error.to_string()))?;
-            if !(record.seconds >= 0.0) {
+            if record.seconds < 0.0 {
                 return Err(fail(format!("`seconds` is {}, expected 0 or more", record.seconds)));
             }
-            if !(record.ssim.abs() <= 1.0) {
+            if record.ssim.abs() > 1.0 {
                 return Err(fail(format!("`ssim` is {}, expected -1 to 1", record.ssim)));
             }
             Ok(record)
@@ -257,13 +257,16 @@ where
         for (k, curve) in curves.iter().enumerate() {
             let color = COLORS[k % COLORS.len()];
             if curve.seeds.len() > 1 {
-                for seed in &curve.seeds {
-                    let line = seed.iter().map(|record| (cost.of(record), gain.of(record)));
-                    chart.draw_series(LineSeries::new(line, color.mix(0.3)))?;
-                }
+                let line = |seed: &Vec<&Record>| {
+                    let points: Vec<(f64, f64)> =
+                        seed.iter().map(|record| (cost.of(record), gain.of(record))).collect();
+                    PathElement::new(points, color.mix(0.3))
+                };
+                chart.draw_series(curve.seeds.iter().map(line))?;
             }
             let means = curve.means(cost, gain);
-            chart.draw_series(LineSeries::new(means.iter().map(|(x, y)| (x.mean, y.mean)), color.stroke_width(2)))?;
+            let line: Vec<(f64, f64)> = means.iter().map(|(x, y)| (x.mean, y.mean)).collect();
+            chart.draw_series([PathElement::new(line, color.stroke_width(2))])?;
             chart.draw_series(means.iter().map(|(x, y)| Circle::new((x.mean, y.mean), 3, color.filled())))?;
             if curve.seeds.len() > 1 {
                 let bar =

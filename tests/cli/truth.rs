@@ -86,7 +86,7 @@ fn scenes_are_shown_beside_each_other() {
     // Nine views: a photograph and two renders of each, an error of either scene, the parts of the augmented one.
     assert_eq!((count("<section"), count("class=\"shot"), count("class=\"part")), (9, 27, 36));
     assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (12, 1, 1));
-    assert!(!html.contains("http") && html.contains("<td>21.00 (20.00 to 22.00)</td>"));
+    assert!(!html.contains("://") && html.contains("<td>21.00 (20.00 to 22.00)</td>"));
     // Its numbers are those of eval.
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("shown/report.json")).unwrap()).unwrap();
     let found = work.json("eval augmented.ply data --split all --json");
