@@ -16,11 +16,11 @@ use crate::{
     gpu::Context,
     pipelines::{layers::Layers, render::RenderOptions, start::photos_of},
     report::{
-        compare::{Entry, EntryView, page, picture},
+        compare::{Entry, EntryView, page},
         decompose::srgb_from_linear,
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
-        page::pictures,
+        page::{data_of, pictures},
         sidebyside::to_bytes,
         table::{Cell, Column, Table},
     },
@@ -146,8 +146,8 @@ impl Args {
             let mut own = Vec::new();
             for (what, image) in pictures(view, false) {
                 match what {
-                    "photo" => shown.push(picture(&image)?),
-                    what => own.push((what, picture(&image)?)),
+                    "photo" => shown.push(data_of(&image)?),
+                    what => own.push((what, data_of(&image)?)),
                 }
             }
             if let Some(layers) = &mut layers {
@@ -156,7 +156,7 @@ impl Args {
                     let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
                     let image =
                         RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
-                    own.push((what, picture(&image)?));
+                    own.push((what, data_of(&image)?));
                 }
             }
             views.push(EntryView { name: view.photo.name.clone(), quality: view.quality.augmented, pictures: own });

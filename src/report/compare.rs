@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::history::{Cost, Gain, Range, Record, css_color, curves, holdouts, plot};
 use super::metrics::Quality;
-use super::page::{STYLE, cells, data_of, escape};
+use super::page::{STYLE, cells, escape};
 use crate::Result;
 
 /// One of the scenes.
@@ -187,16 +187,9 @@ fn view(i: usize, photo: &str, entries: &[Entry]) -> String {
     out + "</tbody></table></section>\n"
 }
 
-/// A picture for the page: PNG up to 256 pixels a side, larger ones reduced and JPEG.
-///
-/// # Errors
-/// Of the encoders.
-pub fn picture(image: &image::RgbImage) -> Result<String> {
-    data_of(image)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::page::data_of;
     use super::*;
 
     fn entry(name: &str, psnr: f64, parts: bool) -> Entry {

@@ -127,8 +127,11 @@ pub(super) fn cells(quality: &Quality) -> String {
     format!("<td>{psnr}</td><td>{:.4}</td>", quality.ssim)
 }
 
-/// A picture as a `data:` address: PNG up to [`SMALL`] pixels a side, larger ones as [`shown`].
-pub(super) fn data_of(picture: &RgbImage) -> Result<String, Error> {
+/// A picture as a `data:` address for a page: PNG up to 256 pixels a side; larger ones are reduced to 400, and JPEG.
+///
+/// # Errors
+/// Of the encoders.
+pub fn data_of(picture: &RgbImage) -> Result<String, Error> {
     let (width, height) = picture.dimensions();
     if width.max(height) > SMALL {
         return shown(picture);
