@@ -22,9 +22,10 @@ pub(super) struct DatasetArgs {
     /// sparse/1 and on, colmap/sparse/0 and the like]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     model: Option<PathBuf>,
-    /// Use every N-th photo by name as a test photo, from the first on, or none [default: what the dataset says, else 8]
-    #[arg(long, value_name = "N|none", value_parser = parse_holdout, help_heading = "Dataset")]
-    test_every: Option<Holdout>,
+    /// Test photos: every N-th by name, from the first on; sector, an eighth of the cameras that lies together (of an orbit by
+    /// angle, else one end of the cameras' largest spread); or none [default: what the dataset says, else 8]
+    #[arg(long, alias = "test-every", value_name = "N|sector|none", value_parser = parse_holdout, help_heading = "Dataset")]
+    holdout: Option<Holdout>,
     /// What transparent pixels of photos mean
     #[arg(long, value_enum, default_value_t = AlphaArg::Background, help_heading = "Dataset")]
     alpha: AlphaArg,
@@ -44,7 +45,7 @@ impl DatasetArgs {
         let options = DatasetOptions {
             images: self.images.clone(),
             model: self.model.clone(),
-            holdout: self.test_every.unwrap_or_default(),
+            holdout: self.holdout.unwrap_or_default(),
             alpha: match self.alpha {
                 AlphaArg::Background => Alpha::Background,
                 AlphaArg::Mask => Alpha::Mask,
@@ -88,9 +89,10 @@ pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<(
 fn parse_holdout(text: &str) -> Result<Holdout, String> {
     match text {
         "none" => Ok(Holdout::Nothing),
+        "sector" => Ok(Holdout::Sector),
         _ => match text.parse() {
             Ok(n) if n >= 2 => Ok(Holdout::Every(n)),
-            _ => Err("expected none or a number from 2".into()),
+            _ => Err("expected sector, none or a number from 2".into()),
         },
     }
 }
@@ -174,7 +176,8 @@ mod tests {
     }
 
     #[test]
-    fn a_holdout_is_none_or_a_number() {
+    fn a_holdout_is_a_sector_none_or_a_number() {
+        assert_eq!(parse_holdout("sector"), Ok(Holdout::Sector));
         assert_eq!(parse_holdout("none"), Ok(Holdout::Nothing));
         assert_eq!(parse_holdout("2"), Ok(Holdout::Every(2)));
         for bad in ["", "0", "1", "-3", "2.5", "all"] {

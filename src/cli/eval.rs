@@ -1,5 +1,7 @@
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     names::stems,
@@ -12,7 +14,8 @@ use crate::{
     data::{write_png_bytes, write_text},
     pipelines::{render::RenderOptions, start::photos_of},
     report::{
-        evaluate::{Evaluation, evaluate},
+        decompose::PartsQuality,
+        evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
         metrics::Quality,
         page::{Page, pictures},
         table::{Cell, Column, Table},
@@ -32,6 +35,7 @@ the scene that was augmented. Without a supplement \"augmented\" is the same as 
 Examples:
   glint eval augmented.ply garden
   glint eval augmented.ply garden --report compared    # then open compared/index.html
+  glint eval augmented.ply mirror --decomposition      # of glint synth mirror -o mirror
   glint eval base.ply lego --split all --json | jq .base.psnr";
 
 /// Compare a scene with the photos: PSNR and SSIM of each view and their means
@@ -49,6 +53,10 @@ pub(super) struct Args {
     /// PSNR is null
     #[arg(long)]
     json: bool,
+    /// Compare the scene's diffuse and specular light with the true parts beside the photos as well (folders diffuse and
+    /// specular, as glint synth writes them): PSNR of each in linear light, in JSON under "decomposition"
+    #[arg(long)]
+    decomposition: bool,
     /// Write pictures of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
     /// of all, index.html
     #[arg(long, value_name = "DIR")]
@@ -83,10 +91,12 @@ impl Args {
             self.replace.make_folder(folder, &inputs)?;
         }
         let (mut page, mut next) = (Page::new(augmented), stems.iter());
-        let found = self.device.with(|context| {
+        let (found, parts) = self.device.with(|context| {
+            let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            let parts = || evaluate_parts(context, &scene, &photos, options(), self.photos.background);
+            let parts = self.decomposition.then(parts).transpose()?;
             let progress = Progress::new("comparing", "views", photos.len() as u64);
-            let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
-            Ok(evaluate(context, &scene, &photos, options, self.photos.background, |view| {
+            let found = evaluate(context, &scene, &photos, options(), self.photos.background, |view| {
                 progress.advance();
                 let (Some(folder), Some(stem)) = (&self.report, next.next()) else { return Ok(()) };
                 let pictures = pictures(view, augmented);
@@ -95,28 +105,39 @@ impl Args {
                     write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
                 }
                 page.add(view.quality, stem, &pictures)
-            })?)
+            })?;
+            Ok((found, parts))
         })?;
+        let numbers = Numbers { found: &found, decomposition: parts.as_ref() };
         if let Some(folder) = &self.report {
             let title = format!("{} against {}", self.scene.display(), self.dataset.display());
-            write_text(folder.join(NUMBERS), &to_json(&found)?)?;
+            write_text(folder.join(NUMBERS), &to_json(&numbers)?)?;
             write_text(folder.join(PAGE), &page.finish(&title, &found))?;
         }
         if self.json {
-            print_json(&found)?
+            print_json(&numbers)?
         } else {
-            print(table(&found, augmented))?
+            print(table(&found, augmented, parts.as_ref()))?
         }
         Ok(())
     }
 }
 
-/// A row for each view and the mean; the columns of the supplement only where there is one.
-fn table(found: &Evaluation, augmented: bool) -> Table {
+/// All that is printed and written.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    #[serde(flatten)]
+    found: &'a Evaluation,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decomposition: Option<&'a PartsEvaluation>,
+}
+
+/// A row for each view and the mean; the columns of the supplement, and of the parts, only where there are such.
+fn table(found: &Evaluation, augmented: bool, parts: Option<&PartsEvaluation>) -> Table {
     let text = Column { key: "view", title: "view", unit: "", decimals: 0 };
     let psnr = |key, title| Column { key, title, unit: "dB", decimals: 2 };
     let ssim = |key, title| Column { key, title, unit: "", decimals: 4 };
-    let mut table = Table::new(if augmented {
+    let mut columns = if augmented {
         vec![
             text,
             psnr("base_psnr", "base PSNR"),
@@ -126,15 +147,20 @@ fn table(found: &Evaluation, augmented: bool) -> Table {
         ]
     } else {
         vec![text, psnr("psnr", "PSNR"), ssim("ssim", "SSIM")]
-    });
-    let mut row = |name: &str, base: Quality, whole: Quality| {
+    };
+    if parts.is_some() {
+        columns.extend([psnr("diffuse_psnr", "diffuse PSNR"), psnr("specular_psnr", "specular PSNR")]);
+    }
+    let mut table = Table::new(columns);
+    let mut row = |name: &str, base: Quality, whole: Quality, parts: Option<PartsQuality>| {
         let shown = if augmented { vec![base, whole] } else { vec![whole] };
         let numbers = shown.into_iter().flat_map(|q| [Cell::Number(q.psnr), Cell::Number(q.ssim)]);
-        table.row(std::iter::once(name.into()).chain(numbers));
+        let parts = parts.into_iter().flat_map(|q| [Cell::Number(q.diffuse), Cell::Number(q.specular)]);
+        table.row(std::iter::once(name.into()).chain(numbers).chain(parts));
     };
-    for view in &found.views {
-        row(&view.name, view.base, view.augmented);
+    for (i, view) in found.views.iter().enumerate() {
+        row(&view.name, view.base, view.augmented, parts.map(|parts| parts.views[i].quality));
     }
-    row("mean", found.base, found.augmented);
+    row("mean", found.base, found.augmented, parts.map(|parts| parts.mean));
     table
 }

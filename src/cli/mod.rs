@@ -15,6 +15,8 @@ mod output;
 mod pages;
 mod progress;
 mod render;
+mod report;
+mod synth;
 mod train;
 mod verify;
 
@@ -52,7 +54,7 @@ Examples:
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
 such a JSON file. Every 8th photo by name is a test photo, unless the dataset says itself which are (transforms_test.json, \
-lists in transforms.json, test.txt) or --test-every does.
+lists in transforms.json, test.txt) or --holdout does.
 
 Ctrl-C during training saves the scene so far; a second one quits at once.
 
@@ -80,6 +82,8 @@ enum Command {
     Render(render::Args),
     Eval(eval::Args),
     Info(info::Args),
+    Report(report::Args),
+    Synth(synth::Args),
     Devices(devices::Args),
     Verify(verify::Args),
     Completions(pages::CompletionsArgs),
@@ -117,6 +121,8 @@ pub fn main() -> ExitCode {
         Command::Render(args) => args.run(),
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
+        Command::Report(args) => args.run(),
+        Command::Synth(args) => args.run(),
         Command::Devices(args) => args.run(),
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),

@@ -10,6 +10,7 @@ use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, Image
 use super::images;
 use super::lens::{Distortion, Lens};
 use super::ply::PointCloud;
+use super::sector::{Stand, sector};
 use super::shot::{Focal, Shot};
 use super::{names, transforms};
 use crate::scene::Camera;
@@ -111,11 +112,18 @@ fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
 /// Splits photos that are sorted by name. Those that are not there have their place in the order, so that a missing one moves
 /// no other.
 fn split(shots: &mut [Shot], holdout: Holdout) {
-    let every = |n: u32, i: usize| if i.is_multiple_of(n as usize) { Split::Test } else { Split::Train };
+    let test = |is_test: bool| if is_test { Split::Test } else { Split::Train };
+    let every = |n: u32, i: usize| test(i.is_multiple_of(n as usize));
+    let stand = |shot: &Shot| {
+        let back = shot.rotation.transpose();
+        Stand { eye: -(back * shot.translation), axis: back.z_axis }
+    };
+    let sector = if holdout == Holdout::Sector { sector(&shots.iter().map(stand).collect::<Vec<_>>()) } else { vec![] };
     for (i, shot) in shots.iter_mut().enumerate() {
         shot.split = Some(match holdout {
             Holdout::Dataset => shot.split.unwrap_or(every(TEST_EVERY, i)),
             Holdout::Every(n) => every(n, i),
+            Holdout::Sector => test(sector[i]),
             Holdout::Nothing => Split::Train,
         });
     }

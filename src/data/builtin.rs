@@ -14,6 +14,7 @@
 
 mod points;
 mod studio;
+pub mod synth;
 
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ use rayon::prelude::*;
 use super::{Dataset, DatasetKind, Image, Photo, PixelSource, PointCloud, Split};
 use crate::scene::Camera;
 use points::surface_points;
-use studio::{BACKGROUND, Sample, View, studio, to_byte};
+use studio::{BACKGROUND, Sample, Studio, View, studio, to_byte};
 
 /// Width and height of a photograph, pixels.
 pub const SIZE: u32 = 128;
@@ -122,17 +123,16 @@ pub fn builtin_scene(points: usize) -> BuiltinScene {
             BuiltinPhoto { name: format!("view_{i:02}"), camera, is_test, rgb }
         })
         .collect();
-    let (point_positions, point_colors) = surface_points(&photos, points);
+    let (point_positions, point_colors) = surface_points(studio(), SEED, &photos, points);
     BuiltinScene { photos, point_positions, point_colors, background: BACKGROUND.map(|b| b as f32 / 255.0) }
 }
 
 /// Renders the scene from `camera` without quantisation: linear light in [0, 1], `[height · width · 3]`, rows from the top.
 pub fn render_truth(camera: &Camera, part: Part) -> Vec<f32> {
-    render(camera, part, CALM)
+    render(studio(), camera, part, CALM)
 }
 
-fn render(camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
-    let studio = studio();
+fn render(studio: &Studio, camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
     let view = View { camera, eye: camera.eye() };
     let (width, height) = (camera.width as usize, camera.height as usize);
     let corner = |y: usize| -> Vec<Sample> { (0..=width).map(|x| studio.sample(&view, x as f64, y as f64)).collect() };
@@ -148,6 +148,7 @@ fn render(camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
     });
     image
 }
+
 /// The 56 cameras in grid order, row by row from the lowest, with whether they are test cameras.
 fn cameras() -> Vec<(Camera, bool)> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
@@ -322,7 +323,7 @@ mod tests {
             let rgb = render_truth(&camera, Part::All).iter().map(|&v| to_byte(f64::from(v))).collect();
             BuiltinPhoto { name: String::new(), camera, is_test: i == 20, rgb }
         };
-        let (positions, colors) = surface_points(&[9, 13, 20, 26, 44, 50].map(photo), 24);
+        let (positions, colors) = surface_points(studio(), SEED, &[9, 13, 20, 26, 44, 50].map(photo), 24);
         let now: Vec<i32> = positions
             .iter()
             .zip(&colors)
@@ -384,8 +385,9 @@ mod tests {
         let mut worst = vec![];
         for i in [0, 9, 20, 27, 36, 45, 55] {
             let camera = cameras()[i].0;
-            let bytes =
-                |calm| -> Vec<u8> { render(&camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect() };
+            let bytes = |calm| -> Vec<u8> {
+                render(studio(), &camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect()
+            };
             worst.extend(bytes(CALM).iter().zip(&bytes(0.0)).map(|(a, b)| a.abs_diff(*b)));
         }
         worst.sort();

@@ -16,6 +16,10 @@ use crate::{Error, Result};
 /// Memory that photos may take that are decoded at the same time, bytes. One is always decoded, whatever it takes.
 const DECODING: u64 = 1 << 30;
 
+/// The folders beside a photo's own, by the same names, that hold its diffuse and its specular part where the truth is known.
+pub const DIFFUSE: &str = "diffuse";
+pub const SPECULAR: &str = "specular";
+
 /// How photos are found and prepared.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DatasetOptions {
@@ -41,6 +45,8 @@ pub enum Holdout {
     Dataset,
     /// The first by name and every n-th after it.
     Every(u32),
+    /// An eighth that lies together: of cameras that go round something, by angle; else one end of their largest spread.
+    Sector,
     /// None: all are for training.
     Nothing,
 }
@@ -219,6 +225,24 @@ impl Photo {
                 Ok(Image::clone(image))
             }
         }
+    }
+
+    /// The true `part` of its light, [`DIFFUSE`] or [`SPECULAR`], prepared as the photo is; `None` where there is no such file.
+    ///
+    /// # Errors
+    /// Where the file is no image, or of another size than the photo's.
+    pub fn part(&self, part: &str) -> Result<Option<Photo>> {
+        let PixelSource::File(file) = &self.pixels else { return Ok(None) };
+        let folder = file.path.parent().and_then(Path::parent);
+        let path = folder.zip(file.path.file_name()).map(|(folder, name)| folder.join(part).join(name));
+        let Some(path) = path.filter(|path| path.is_file()) else { return Ok(None) };
+        let images::Header { size, bytes_per_pixel, .. } = images::open(&path)?;
+        if size != file.size {
+            let ([w, h], [ew, eh]) = (size, file.size);
+            return Err(Error::input(path, format!("is {w} × {h}, but its photo is {ew} × {eh}")));
+        }
+        let pixels = PixelSource::File(Box::new(ImageFile { path, bytes_per_pixel, ..ImageFile::clone(file) }));
+        Ok(Some(Photo { pixels, ..self.clone() }))
     }
 
     /// Bytes of memory that [`Photo::load`] takes at most, but for the file's own.

@@ -16,6 +16,7 @@ pub mod ply;
 mod ply_format;
 mod reduce;
 mod region;
+mod sector;
 mod shot;
 mod sound;
 pub mod tensors;
@@ -25,7 +26,8 @@ mod write;
 pub use atomic::sweep;
 pub use check::FileKind;
 pub use dataset::{
-    Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split, load_photos,
+    Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split,
+    load_photos,
 };
 pub use images::Image;
 pub use kind::Kind;

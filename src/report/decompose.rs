@@ -1,5 +1,9 @@
 //! What of an image is the same from everywhere and what is not (method, section 6), in linear light.
 
+use serde::Serialize;
+
+use crate::{Error, Result};
+
 /// Linear light of an sRGB value (IEC 61966-2-1); values above 1 follow the same curve.
 pub fn linear_from_srgb(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
@@ -31,9 +35,91 @@ pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
     Decomposition { diffuse, specular }
 }
 
+/// How near the parts of a render are to the true ones: peak signal-to-noise ratios, dB, in linear light; infinite for equal
+/// images (`null` in JSON).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PartsQuality {
+    pub diffuse: f64,
+    pub specular: f64,
+}
+
+impl PartsQuality {
+    /// Mean over views, of the decibels; infinite if any view is. `None` of none.
+    pub fn mean(views: &[PartsQuality]) -> Option<PartsQuality> {
+        let n = views.len() as f64;
+        (!views.is_empty()).then(|| PartsQuality {
+            diffuse: views.iter().map(|q| q.diffuse).sum::<f64>() / n,
+            specular: views.iter().map(|q| q.specular).sum::<f64>() / n,
+        })
+    }
+}
+
+/// Compares `parts` with the true ones, sRGB bytes as many as `parts` has values, where `mask`, by pixel, counts. Light is
+/// clamped to 0 to 1, as the true parts are.
+///
+/// # Errors
+/// [`Error::Usage`] for other numbers of values, where no pixel counts, and for NaN.
+pub fn judge(parts: &Decomposition, diffuse: &[u8], specular: &[u8], mask: Option<&[bool]>) -> Result<PartsQuality> {
+    let psnr = |name: &str, found: &[f32], truth: &[u8]| {
+        let n = found.len();
+        if truth.len() != n || mask.is_some_and(|mask| 3 * mask.len() != n) {
+            let what = format!("{name}: {n} values, but the true part or the mask has another number");
+            return Err(Error::Usage(what));
+        }
+        let counts = |i: &usize| mask.is_none_or(|mask| mask[i / 3]);
+        let square = |i: usize| {
+            let truth = f64::from(linear_from_srgb(f32::from(truth[i]) / 255.0));
+            (f64::from(found[i].clamp(0.0, 1.0)) - truth).powi(2)
+        };
+        let counted = (0..n).filter(counts).count();
+        let error = (0..n).filter(counts).map(square).sum::<f64>() / counted as f64;
+        // Without pixels the mean is NaN too.
+        if error.is_nan() {
+            return Err(Error::Usage(format!("{name}: no pixel counts, or the render is not a number")));
+        }
+        Ok(10.0 * error.recip().log10())
+    };
+    Ok(PartsQuality {
+        diffuse: psnr("diffuse", &parts.diffuse, diffuse)?,
+        specular: psnr("specular", &parts.specular, specular)?,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parts_are_judged_in_linear_light_where_the_mask_counts() {
+        // Bytes 0, 255 and 188, of linear light 0, 1 and 0.5029 (IEC 61966-2-1).
+        let half = 0.502_886_5;
+        let parts = Decomposition {
+            diffuse: vec![0.1, 1.0, half, 9.0, 9.0, 9.0],
+            specular: vec![0.0, 1.7, half, 0.5, 0.5, 0.5],
+        };
+        let truth = [0, 255, 188, 0, 0, 0];
+        let found = judge(&parts, &truth, &truth, Some(&[true, false])).unwrap();
+        // One of three values is off by 0.1.
+        assert!((found.diffuse - 10.0 * 300f64.log10()).abs() < 1e-4, "{found:?}");
+        // What is brighter than white is white; the curve is float32's.
+        assert!(found.specular > 120.0, "{found:?}");
+        let all = judge(&parts, &truth, &truth, None).unwrap();
+        assert!((all.specular - 10.0 * 8f64.log10()).abs() < 1e-4 && all.diffuse < 3.1, "{all:?}");
+        let equal = Decomposition { diffuse: vec![0.0; 6], specular: vec![1.0; 6] };
+        assert_eq!(judge(&equal, &[0; 6], &[255; 6], None).unwrap().diffuse, f64::INFINITY);
+        let mean = PartsQuality::mean(&[found, all]).unwrap();
+        assert_eq!(mean.diffuse, (found.diffuse + all.diffuse) / 2.0);
+        assert_eq!(PartsQuality::mean(&[]), None);
+    }
+
+    #[test]
+    fn what_cannot_be_judged_is_refused() {
+        let parts = |v| Decomposition { diffuse: vec![v; 3], specular: vec![0.0; 3] };
+        assert!(judge(&parts(0.0), &[0; 6], &[0; 3], None).is_err());
+        assert!(judge(&parts(0.0), &[0; 3], &[0; 3], Some(&[true, true])).is_err());
+        assert!(judge(&parts(0.0), &[0; 3], &[0; 3], Some(&[false])).is_err());
+        assert!(judge(&parts(f32::NAN), &[0; 3], &[0; 3], None).unwrap_err().to_string().contains("diffuse"));
+    }
 
     #[test]
     fn the_srgb_curve_and_its_inverse() {

@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
+use super::decompose::{Decomposition, PartsQuality, decompose, judge};
 use super::metrics::{Pair, Quality, qualities};
 use crate::{
     Error, Result,
-    data::{Image, Photo},
+    data::{DIFFUSE, Image, Photo, SPECULAR},
     gpu::Context,
     pipelines::{
         layers::{Layer, Layers},
@@ -80,4 +81,64 @@ pub fn evaluate(
         augmented: mean(|v| v.augmented).ok_or_else(none)?,
         views,
     })
+}
+
+/// The parts of one photograph.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewParts {
+    /// The photo's name in the dataset.
+    pub name: String,
+    #[serde(flatten)]
+    pub quality: PartsQuality,
+}
+
+/// Means over views, and the views.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PartsEvaluation {
+    #[serde(flatten)]
+    pub mean: PartsQuality,
+    pub views: Vec<ViewParts>,
+}
+
+/// The diffuse and the specular part of what `camera` sees of a scene (method, section 6).
+pub fn render_parts(layers: &mut Layers, photo: &Photo, background: [f32; 3]) -> Result<Decomposition> {
+    let whole = layers.render(Layer::Whole, &photo.camera, background)?;
+    let constant = layers.render(Layer::Constant, &photo.camera, background)?;
+    Ok(decompose(&whole.color, &constant.color))
+}
+
+/// Compares the parts of `scene` with the true ones that lie beside `photos` (see [`Photo::part`]).
+///
+/// # Errors
+/// [`Error::Usage`] where there are no photos, or a part beside one is missing; those of the files and of the device.
+pub fn evaluate_parts(
+    context: &Context,
+    scene: &Scene,
+    photos: &[&Photo],
+    options: RenderOptions,
+    background: [f32; 3],
+) -> Result<PartsEvaluation> {
+    let missing = |photo: &Photo, part: &str| {
+        Error::Usage(format!(
+            "photo `{}` has no true {part} part: expected an image of its name in a folder {part} beside the photos' own, as glint \
+             synth writes them",
+            photo.name
+        ))
+    };
+    let part = |photo: &Photo, part| photo.part(part)?.ok_or_else(|| missing(photo, part));
+    // All are looked for before anything is rendered.
+    let truths =
+        photos.iter().map(|photo| Ok([part(photo, DIFFUSE)?, part(photo, SPECULAR)?])).collect::<Result<Vec<_>>>()?;
+    let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), options)?;
+    let mut views = Vec::with_capacity(photos.len());
+    for (photo, [diffuse, specular]) in photos.iter().zip(&truths) {
+        let (diffuse, specular) = (diffuse.load(background)?, specular.load(background)?);
+        let parts = render_parts(&mut layers, photo, background)?;
+        let quality = judge(&parts, &diffuse.rgb, &specular.rgb, diffuse.mask.as_deref())
+            .map_err(|error| Error::Usage(format!("photo `{}`: {error}", photo.name)))?;
+        views.push(ViewParts { name: photo.name.clone(), quality });
+    }
+    let none = || Error::Usage("there are no photos to compare with".into());
+    let mean = PartsQuality::mean(&views.iter().map(|v| v.quality).collect::<Vec<_>>()).ok_or_else(none)?;
+    Ok(PartsEvaluation { mean, views })
 }

@@ -1,7 +1,11 @@
 //! Metrics, tables and pictures for people.
 
+#[cfg(feature = "cli")]
+pub mod compare;
 pub mod decompose;
 pub mod evaluate;
+#[cfg(feature = "cli")]
+pub mod history;
 pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;

@@ -3,7 +3,11 @@
 use std::fmt::Write;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::jpeg::JpegEncoder, imageops::thumbnail};
+use image::{
+    ExtendedColorType, ImageEncoder, RgbImage,
+    codecs::{jpeg::JpegEncoder, png::PngEncoder},
+    imageops::thumbnail,
+};
 
 use super::evaluate::{Compared, Evaluation, ViewQuality};
 use super::metrics::Quality;
@@ -17,6 +21,8 @@ const FULL_ERROR: f32 = 0.25;
 const SHOWN: u32 = 400;
 /// JPEG's, of 100: the pictures are to be looked at, not measured.
 const SHOWN_QUALITY: u8 = 85;
+/// Pictures up to this many pixels a side are shown as they are.
+const SMALL: u32 = 256;
 /// What pixels that do not count are drawn toward.
 const LEFT_OUT: u8 = 128;
 
@@ -102,7 +108,7 @@ const EXPLAINED: &str = "PSNR and SSIM are of unquantised renders, clamped to 0 
     out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale). A click on a column's head sorts by \
     it, one on a picture shows it in full size.";
 
-const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
+pub(super) const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
     p{max-width:60rem;color:#555}table{border-collapse:collapse}th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;\
     border-bottom:1px solid #e3e3e3;font-variant-numeric:tabular-nums}th{position:sticky;top:0;background:#fff;cursor:pointer;\
     white-space:nowrap}th.picture{text-align:left;cursor:default}td:first-child,th:first-child{text-align:left}\
@@ -115,10 +121,26 @@ const SCRIPT: &str = "document.querySelectorAll('th:not(.picture)').forEach((hea
     [...body.rows].sort((a,b)=>{const x=key(a),y=key(b);return (x<y?-1:x>y?1:0)*(down==='1'?1:-1)})\
     .forEach(row=>body.append(row))});";
 
-fn cells(quality: &Quality) -> String {
+pub(super) fn cells(quality: &Quality) -> String {
     // An infinite one sorts as a number too.
     let psnr = if quality.psnr.is_finite() { format!("{:.2}", quality.psnr) } else { "Infinity".into() };
     format!("<td>{psnr}</td><td>{:.4}</td>", quality.ssim)
+}
+
+/// A picture as a `data:` address for a page: PNG up to 256 pixels a side; larger ones are reduced to 400, and JPEG.
+///
+/// # Errors
+/// Of the encoders.
+pub fn data_of(picture: &RgbImage) -> Result<String, Error> {
+    let (width, height) = picture.dimensions();
+    if width.max(height) > SMALL {
+        return shown(picture);
+    }
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(picture.as_raw(), width, height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be shown: {error}")))?;
+    Ok(format!("data:image/png;base64,{}", STANDARD.encode(png)))
 }
 
 /// A picture as a part of the page.
@@ -134,7 +156,7 @@ fn shown(picture: &RgbImage) -> Result<String, Error> {
     Ok(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)))
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -30,13 +30,19 @@ fn photos_folder_model_and_split_can_be_chosen() {
         [&info["train"], &info["test"]].map(|n| n.as_u64().unwrap())
     };
     assert_eq!(counts(""), [7, 2]);
-    assert_eq!(counts("--test-every 3"), [6, 3]);
-    assert_eq!(counts("--test-every none"), [9, 0]);
+    assert_eq!(counts("--holdout 3"), [6, 3]);
+    assert_eq!(counts("--holdout none"), [9, 0]);
+    // Nine cameras on an arc: the end that begins with a.png.
+    assert_eq!(counts("--holdout sector"), [7, 2]);
+    work.ok("train data -o sector.ply --iterations 2 --holdout sector");
+    let views = work.json("eval sector.ply data --holdout sector --json");
+    let names: Vec<&str> = views["views"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["a.png", "b/c.png"]);
     // All are trained on, and nothing is left to judge by.
-    assert_eq!(work.json("train data -o all.ply --iterations 2 --test-every none --json")["photos"], 9);
-    work.refused("eval all.ply data --test-every none", &["the test split has no photos", "9 in all"]);
+    assert_eq!(work.json("train data -o all.ply --iterations 2 --holdout none --json")["photos"], 9);
+    work.refused("eval all.ply data --holdout none", &["the test split has no photos", "9 in all"]);
     for bad in ["0", "1", "x"] {
-        assert_eq!(work.run(&format!("info data --test-every {bad}")).status.code(), Some(2));
+        assert_eq!(work.run(&format!("info data --holdout {bad}")).status.code(), Some(2));
     }
 
     fs::rename(work.path("data/images"), work.path("data/pictures")).unwrap();

@@ -25,7 +25,7 @@ impl Work {
 #[test]
 fn every_option_of_training_changes_the_scene() {
     let options =
-        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--test-every none", "--compensate"];
+        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
     assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));
@@ -46,7 +46,7 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--shared-steps",
         "--compensate",
         "--max-size 16",
-        "--test-every none",
+        "--holdout none",
     ];
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
     let options = ["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--bias-correction", "--centre-depth"];

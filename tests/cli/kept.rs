@@ -96,7 +96,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(800, "--background white"), "`resolved`"),
         (train(800, "--compensate"), "`resolved`"),
         (train(800, "--max-size 16"), "camera_crc32"),
-        (train(800, "--test-every none"), "`photos."),
+        (train(800, "--holdout none"), "`photos."),
     ] {
         work.refused(&command, &[CHECKPOINT, "another run", key, "--force begins anew"]);
     }

@@ -11,6 +11,7 @@ mod scenes;
 #[path = "../common/shared.rs"]
 mod shared;
 mod talk;
+mod truth;
 mod work;
 
 use std::{

@@ -81,7 +81,7 @@ fn an_augmentation_ends_with_what_it_gained() {
     assert!(stderr(&work, &format!("{enhance}0 -o d.ply").replace("0.20", "0.001")).contains(rounded));
     assert!(!stderr(&work, &format!("{enhance} -o e.ply")).contains("rounded up"));
     // Without test views there is nothing to judge by.
-    let report = work.json(&format!("{enhance} -o c.ply --json --test-every none"));
+    let report = work.json(&format!("{enhance} -o c.ply --json --holdout none"));
     assert!(report["gain"].is_null());
 }
 
@@ -125,11 +125,24 @@ fn completions_and_manual_pages_are_made() {
     let work = Work::new();
     for (shell, part) in [("bash", "_glint"), ("zsh", "#compdef glint"), ("fish", "complete -c glint")] {
         let script = work.ok(&format!("completions {shell}"));
-        assert!(script.contains(part) && script.contains("test-every"), "{shell}");
+        assert!(script.contains(part) && script.contains("holdout"), "{shell}");
     }
     assert_eq!(work.run("completions tcsh").status.code(), Some(2));
     work.ok("man pages");
-    let commands = ["completions", "demo", "devices", "enhance", "eval", "info", "man", "render", "train", "verify"];
+    let commands = [
+        "completions",
+        "demo",
+        "devices",
+        "enhance",
+        "eval",
+        "info",
+        "man",
+        "render",
+        "report",
+        "synth",
+        "train",
+        "verify",
+    ];
     let mut expected: Vec<String> = commands.iter().map(|command| format!("glint-{command}.1")).collect();
     expected.push("glint.1".into());
     assert_eq!(files(&work.path("pages")), expected);

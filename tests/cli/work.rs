@@ -76,7 +76,7 @@ fn work_of_other_options_is_refused_and_the_option_named() {
         ("--bias-correction", "`options.bias-correction` was false and is true"),
         ("--background white", "`resolved`"),
         ("--max-size 16", "`photos.b/c.png.camera_crc32`"),
-        ("--test-every 3", "`photos."),
+        ("--holdout 3", "`photos."),
     ] {
         let words: Vec<&str> = option.split(' ').collect();
         // Options that the command has already are replaced.

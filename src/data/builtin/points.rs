@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::{
-    BuiltinPhoto, SEED,
-    studio::{FLOOR_RADIUS, Object, studio},
+    BuiltinPhoto,
+    studio::{FLOOR_RADIUS, Object, Studio},
 };
 
 /// Standard deviation of a surface point's error, scene units: 0.2 % of the extent (1.1 times the largest distance of
@@ -34,11 +34,16 @@ struct Draw {
     on_object: bool,
 }
 
-/// Surface points that at least [`POINT_VIEWS`] training photographs see, with their mean colours there.
+/// Surface points of `studio` that at least [`POINT_VIEWS`] training photographs see, with their mean colours there.
 ///
 /// Dart throwing (a draw is kept if no kept point is too near) at a distance that shrinks whenever it has become hard to
 /// find room, so that every prefix covers everything.
-pub(super) fn surface_points(photos: &[BuiltinPhoto], count: usize) -> (Vec<[f32; 3]>, Vec<[u8; 3]>) {
+pub(super) fn surface_points(
+    studio: &Studio,
+    seed: u64,
+    photos: &[BuiltinPhoto],
+    count: usize,
+) -> (Vec<[f32; 3]>, Vec<[u8; 3]>) {
     let training: Vec<&BuiltinPhoto> = photos.iter().filter(|p| !p.is_test).collect();
     let mut kept = Darts::new(FIRST_SPACING);
     let (mut positions, mut colors) = (Vec::with_capacity(count.min(1 << 20)), Vec::with_capacity(count.min(1 << 20)));
@@ -47,10 +52,10 @@ pub(super) fn surface_points(photos: &[BuiltinPhoto], count: usize) -> (Vec<[f32
         let batch = positions.len().max(1024) as u64;
         let candidates: Vec<(Draw, [u8; 3])> = (next..next + batch)
             .into_par_iter()
-            .filter_map(draw)
+            .filter_map(|k| draw(studio, seed, k))
             // Before the dear question of who sees it the cheap one.
             .filter(|draw| kept.has_room(draw))
-            .filter_map(|draw| photographed(&draw, &training).map(|color| (draw, color)))
+            .filter_map(|draw| photographed(studio, &draw, &training).map(|color| (draw, color)))
             .collect();
         next += batch;
         let before = positions.len();
@@ -71,10 +76,10 @@ pub(super) fn surface_points(photos: &[BuiltinPhoto], count: usize) -> (Vec<[f32
 
 /// Draw `k`, uniform by area but for [`OBJECT_DENSITY`]: random lines through the bounding sphere of a convex body enter it
 /// uniformly over its surface, and hit it in proportion to a quarter of its area (Cauchy). `None` for a line that misses.
-fn draw(k: u64) -> Option<Draw> {
-    let objects = &studio().objects;
+fn draw(studio: &Studio, seed: u64, k: u64) -> Option<Draw> {
+    let objects = &studio.objects;
     // Every draw has a random stream of its own, so that draws can be made in parallel.
-    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1 + k);
     let disc = |o: &Object| PI * o.shape.bounding_radius().powi(2) * OBJECT_DENSITY;
     let floor = 0.25 * PI * FLOOR_RADIUS * FLOOR_RADIUS;
@@ -104,7 +109,7 @@ fn draw(k: u64) -> Option<Draw> {
 }
 
 /// The mean colour of a drawn point in the photographs that see it, if they are enough.
-fn photographed(draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
+fn photographed(studio: &Studio, draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
     let (mut views, mut sum) = (0usize, DVec3::ZERO);
     for photo in training {
         let camera = &photo.camera;
@@ -118,7 +123,7 @@ fn photographed(draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
         }
         let toward = (camera.eye() - draw.point).normalize();
         // A surface seen at less than 6° cannot be matched.
-        if draw.normal.dot(toward) < 0.1 || studio().enter(draw.point + 1e-6 * draw.normal, toward).is_some() {
+        if draw.normal.dot(toward) < 0.1 || studio.enter(draw.point + 1e-6 * draw.normal, toward).is_some() {
             continue;
         }
         let at = 3 * (seen.1 as usize * camera.width as usize + seen.0 as usize);

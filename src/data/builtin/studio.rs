@@ -86,17 +86,18 @@ pub(super) enum Albedo {
 
 pub(super) struct Object {
     pub(super) shape: Shape,
-    albedo: Albedo,
-    /// Reflectance at normal incidence (Schlick 1994).
-    f0: DVec3,
+    pub(super) albedo: Albedo,
+    /// Reflectance at normal incidence (Schlick 1994). What has none reflects nothing, at grazing angles neither.
+    pub(super) f0: DVec3,
     /// Standard deviation of the reflected lobe, radians. Below [`MIRROR`] reflected rays are traced.
-    blur: f64,
+    pub(super) blur: f64,
 }
 
 /// Up to 3.4° the reflected scene is shown sharp, as its blur would be about a pixel on these small curved bodies.
 const MIRROR: f64 = 0.06;
 
-fn objects() -> Vec<Object> {
+/// What stands in the built-in scene.
+pub(super) fn objects() -> Vec<Object> {
     let degrees = |d: f64| d.to_radians();
     let on_floor = |x: f64, y: f64, radii: DVec3| Shape::Ellipsoid { centre: dvec3(x, y, radii.z), radii };
     let plate_top = 0.14;
@@ -266,7 +267,7 @@ impl Albedo {
         }
     }
 
-    fn mean(&self) -> DVec3 {
+    pub(super) fn mean(&self) -> DVec3 {
         match self {
             Albedo::Plain(c) => *c,
             Albedo::Bands { a, b, .. } | Albedo::Marble { a, b, .. } => 0.5 * (*a + *b),
@@ -394,18 +395,18 @@ pub(super) struct Hit {
     pub(super) normal: DVec3,
 }
 
-/// The studio is a constant; it is prepared at the first use.
+/// The studio of the built-in scene is a constant; it is prepared at the first use.
 pub(super) fn studio() -> &'static Studio {
     static STUDIO: OnceLock<Studio> = OnceLock::new();
-    STUDIO.get_or_init(Studio::new)
+    STUDIO.get_or_init(|| Studio::new(objects(), background()))
 }
 
 impl Studio {
-    fn new() -> Studio {
-        let objects = objects();
+    /// With these objects on its floor. `background` is linear light.
+    pub(super) fn new(objects: Vec<Object>, background: DVec3) -> Studio {
         let proxies = objects.iter().map(|o| o.shape.proxies()).collect();
         let lamps = LIGHTS.iter().map(Lamp::new).collect();
-        let mut studio = Studio { objects, lamps, proxies, background: background(), floor: vec![] };
+        let mut studio = Studio { objects, lamps, proxies, background, floor: vec![] };
         studio.floor = studio.bake_floor();
         studio
     }
@@ -575,6 +576,9 @@ impl Studio {
             specular += lamp.radiance * (share * reach);
         }
         diffuse *= object.albedo.at(p - object.shape.centre());
+        if object.f0 == DVec3::ZERO {
+            return (diffuse, DVec3::ZERO);
+        }
 
         if object.blur < MIRROR && bounces > 0 {
             let seen = match self.trace(p + 1e-6 * n, r) {

@@ -1,0 +1,192 @@
+use std::{fs, path::PathBuf};
+
+use image::RgbImage;
+use serde::Serialize;
+
+use super::{
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    output::{Inputs, OutputArgs},
+    print,
+    progress::Progress,
+    to_json,
+};
+use crate::{
+    Error, Result,
+    data::{Photo, write_text},
+    gpu::Context,
+    pipelines::{layers::Layers, render::RenderOptions, start::photos_of},
+    report::{
+        compare::{Entry, EntryView, page},
+        decompose::srgb_from_linear,
+        evaluate::{evaluate, render_parts},
+        history::{Record, read_history},
+        page::{data_of, pictures},
+        sidebyside::to_bytes,
+        table::{Cell, Column, Table},
+    },
+    scene::Scene,
+};
+
+const PAGE: &str = "index.html";
+const NUMBERS: &str = "report.json";
+
+const EXAMPLES: &str = "\
+One page, DIR/index.html, that needs nothing beside it: for each photo the renders of all scenes under a slider, their errors, and \
+the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. DIR/report.json has the numbers.
+
+A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}. \
+Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread.
+
+Examples:
+  glint report garden base=base.ply augmented=augmented.ply -o compared
+  glint report garden base=base.ply plain=plain.ply augmented=augmented.ply -o compared --history runs.jsonl";
+
+/// A scene and what it is called.
+#[derive(Debug, Clone)]
+struct Named {
+    name: String,
+    path: PathBuf,
+}
+
+fn parse_named(text: &str) -> Result<Named, String> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => {
+            Ok(Named { name: name.into(), path: path.into() })
+        }
+        _ => Err("expected a name and a PLY scene, such as base=base.ply".into()),
+    }
+}
+
+/// Show several scenes of a dataset beside its photos, on one page
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Folder or JSON file of the dataset
+    dataset: PathBuf,
+    /// Scenes, each after its name
+    #[arg(value_name = "NAME=SCENE", value_parser = parse_named, required = true)]
+    scenes: Vec<Named>,
+    /// Folder of the page; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Measurements of runs, JSON lines, for the curves. May be given several times
+    #[arg(long, value_name = "FILE")]
+    history: Vec<PathBuf>,
+    /// Photos to compare with
+    #[arg(long, value_enum, default_value_t = SplitArg::Test)]
+    split: SplitArg,
+    #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Serialize)]
+struct Numbers<'a> {
+    scenes: &'a [Entry],
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        if let Some(twice) =
+            self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name))
+        {
+            return Err(
+                Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into()
+            );
+        }
+        let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
+        let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
+        let dataset = self.photos.open(&self.dataset)?;
+        let photos = photos_of(&dataset, self.split.split())?;
+        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history);
+        let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
+        self.replace.check_files(&self.output, [PAGE, NUMBERS], &inputs)?;
+        self.replace.make_folder(&self.output, &inputs)?;
+        let (shown, entries) = self.device.with(|context| {
+            let progress = Progress::new("comparing", "views", (photos.len() * self.scenes.len()) as u64);
+            let mut shown = Vec::new();
+            let mut entries = Vec::new();
+            for (named, scene) in self.scenes.iter().zip(&scenes) {
+                // The photographs are the same beside every scene.
+                shown.clear();
+                entries.push(self.entry(context, named, scene, &photos, &progress, &mut shown)?);
+            }
+            Ok((shown, entries))
+        })?;
+        self.write(&shown, &entries, &history)?;
+        Ok(print(table(&entries))?)
+    }
+
+    /// What `named` is like in all `photos`, whose pictures are put into `shown`.
+    fn entry(
+        &self,
+        context: &Context,
+        named: &Named,
+        scene: &Scene,
+        photos: &[&Photo],
+        progress: &Progress,
+        shown: &mut Vec<String>,
+    ) -> Result<Entry> {
+        let bytes = fs::metadata(&named.path).map_err(|source| Error::io(&named.path, source))?.len();
+        let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+        let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
+        let background = self.photos.background;
+        let cameras = || photos.iter().map(|photo| &photo.camera);
+        let mut layers = (supplementary > 0).then(|| Layers::new(context, scene, cameras(), options())).transpose()?;
+        let mut views = Vec::with_capacity(photos.len());
+        let found = evaluate(context, scene, photos, options(), background, |view| {
+            progress.advance();
+            let mut own = Vec::new();
+            for (what, image) in pictures(view, false) {
+                match what {
+                    "photo" => shown.push(data_of(&image)?),
+                    what => own.push((what, data_of(&image)?)),
+                }
+            }
+            if let Some(layers) = &mut layers {
+                let parts = render_parts(layers, view.photo, background)?;
+                for (what, light) in [("diffuse", parts.diffuse), ("specular", parts.specular)] {
+                    let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
+                    let image =
+                        RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
+                    own.push((what, data_of(&image)?));
+                }
+            }
+            views.push(EntryView { name: view.photo.name.clone(), quality: view.quality.augmented, pictures: own });
+            Ok(())
+        })?;
+        let gaussians = scene.base.len() + supplementary;
+        Ok(Entry { name: named.name.clone(), gaussians, supplementary, bytes, mean: found.augmented, views })
+    }
+
+    fn write(&self, shown: &[String], entries: &[Entry], history: &[Record]) -> Result<()> {
+        let names: Vec<&str> = entries.iter().map(|entry| &entry.name[..]).collect();
+        let title = format!("{} on {}", names.join(", "), self.dataset.display());
+        write_text(self.output.join(NUMBERS), &to_json(&Numbers { scenes: entries })?)?;
+        write_text(self.output.join(PAGE), &page(&title, shown, entries, history)?)
+    }
+}
+
+fn table(entries: &[Entry]) -> Table {
+    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+    let mut table = Table::new([
+        column("scene", "scene", "", 0),
+        column("gaussians", "Gaussians", "", 0),
+        column("supplementary", "with lobes", "", 0),
+        column("bytes", "bytes", "", 0),
+        column("psnr", "PSNR", "dB", 2),
+        column("ssim", "SSIM", "", 4),
+    ]);
+    for Entry { name, gaussians, supplementary, bytes, mean, .. } in entries {
+        let counts = [*gaussians as u64, *supplementary as u64, *bytes].map(Cell::Count);
+        table.row(std::iter::once(Cell::from(&name[..])).chain(counts).chain([mean.psnr.into(), mean.ssim.into()]));
+    }
+    table
+}

@@ -1,0 +1,246 @@
+//! Which photos a sector takes: an eighth of a capture that lies together, so that what is asked of a scene is what it shows where
+//! nobody stood, and not between two neighbours.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec3};
+
+/// The sector is one in this many photos, rounded up.
+const PART: usize = 8;
+/// Cameras go round something where their axes turn at least this far from the axis of the round (the sine: 30°) ...
+const LEAST_TURN: f64 = 0.5;
+/// ... and cancel: the length of their mean, of their root mean square, is sin(A/2)/(A/2) on an arc of A, half at 217°.
+const LARGEST_MEAN: f64 = 0.5;
+/// Differences of angles and of places, of the whole spread, that are rounding: names decide there.
+const SAME: f64 = 1e-6;
+
+/// Where a camera stands, and its optical axis, a unit vector; world space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stand {
+    pub(super) eye: DVec3,
+    pub(super) axis: DVec3,
+}
+
+/// For each of `stands`, which are in the order of their names, whether it is in the sector.
+///
+/// - Where the cameras go round something, they are ordered by their angle around the point where their axes meet, in the plane of
+///   the two largest spreads of the eyes. Of the runs of an eighth that hold the first photo, the one that spans the least angle.
+/// - Elsewhere they are ordered along the largest spread of the eyes, from the end that the first photo is nearer to: the first
+///   eighth.
+pub(super) fn sector(stands: &[Stand]) -> Vec<bool> {
+    let n = stands.len();
+    let mut taken = vec![false; n];
+    if n == 0 {
+        return taken;
+    }
+    let count = n.div_ceil(PART);
+    let mean = stands.iter().map(|s| s.eye).sum::<DVec3>() / n as f64;
+    let [across, along] = principal(stands.iter().map(|s| s.eye - mean));
+    let chosen = round(stands, across, count).unwrap_or_else(|| {
+        let places: Vec<f64> = stands.iter().map(|s| (s.eye - mean).dot(along)).collect();
+        let spread = places.iter().fold(0.0, |largest: f64, place| largest.max(place.abs()));
+        // The first photo is in the lower half, or in the middle of all.
+        let sign = if places[0] > SAME * spread { -1.0 } else { 1.0 };
+        let key = |i: usize| (sign * places[i] / (SAME * spread)).round();
+        let mut order: Vec<usize> = (0..n).collect();
+        // Stable, so that names decide between equal places; eyes that are all one place give NaN, which is equal to itself.
+        order.sort_by(|&a, &b| key(a).total_cmp(&key(b)));
+        order.truncate(count);
+        order
+    });
+    chosen.into_iter().for_each(|i| taken[i] = true);
+    taken
+}
+
+/// The sector of cameras that go round `axle`; `None` where they do not.
+fn round(stands: &[Stand], axle: DVec3, count: usize) -> Option<Vec<usize>> {
+    let n = stands.len();
+    let flat = |v: DVec3| v - v.dot(axle) * axle;
+    let turns: Vec<DVec3> = stands.iter().map(|s| flat(s.axis)).collect();
+    let size = (turns.iter().map(|t| t.length_squared()).sum::<f64>() / n as f64).sqrt();
+    let mean = turns.iter().sum::<DVec3>() / n as f64;
+    // An eighth of fewer is one photo, for which any order will do.
+    if !(n > PART && size >= LEAST_TURN && mean.length() <= LARGEST_MEAN * size) {
+        return None;
+    }
+    let meeting = meeting(stands);
+    let (right, up) = axle.any_orthonormal_pair();
+    let angle = |s: &Stand| {
+        let from = s.eye - meeting;
+        from.dot(up).atan2(from.dot(right)).rem_euclid(TAU)
+    };
+    let angles: Vec<f64> = stands.iter().map(angle).collect();
+    let key = |i: usize| (angles[i] / SAME).round();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| key(a).total_cmp(&key(b)));
+    let first = order.iter().position(|&i| i == 0)?;
+    let run = |before: usize| (0..count).map(move |k| (first + n - before + k) % n);
+    let span = |before: usize| {
+        let (a, b) = (order[(first + n - before) % n], order[(first + n - before + count - 1) % n]);
+        (angles[b] - angles[a]).rem_euclid(TAU)
+    };
+    let least = (0..count).fold(0, |best, before| if span(before) < span(best) - SAME { before } else { best });
+    Some(run(least).map(|at| order[at]).collect())
+}
+
+/// The point with the smallest sum of squared distances to all optical axes; with a little weight, as near to the eyes as that
+/// leaves open.
+fn meeting(stands: &[Stand]) -> DVec3 {
+    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
+    for Stand { eye, axis } in stands {
+        let across = DMat3::IDENTITY - DMat3::from_cols(*axis * axis.x, *axis * axis.y, *axis * axis.z);
+        let weighed = across + DMat3::from_diagonal(DVec3::splat(1e-6));
+        a += weighed;
+        b += weighed * *eye;
+    }
+    a.inverse() * b
+}
+
+/// Unit vectors along the smallest and the largest spread of `offsets` from their mean, each with its largest component positive.
+/// Jacobi's rotations of the covariance.
+fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
+    let mut a = [[0.0f64; 3]; 3];
+    for v in offsets {
+        let v = v.to_array();
+        (0..9).for_each(|k| a[k / 3][k % 3] += v[k / 3] * v[k % 3]);
+    }
+    let mut axes = DMat3::IDENTITY;
+    // Each sweep squares what is left beside the diagonal.
+    for _ in 0..16 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let (sin, cos) = (0.5 * (2.0 * a[p][q]).atan2(a[p][p] - a[q][q])).sin_cos();
+            for row in &mut a {
+                (row[p], row[q]) = (cos * row[p] + sin * row[q], cos * row[q] - sin * row[p]);
+            }
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = (cos * a[p][k] + sin * a[q][k], cos * a[q][k] - sin * a[p][k]);
+            }
+            let (x, y) = (axes.col(p), axes.col(q));
+            (*axes.col_mut(p), *axes.col_mut(q)) = (cos * x + sin * y, cos * y - sin * x);
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
+    [order[0], order[2]].map(|k| {
+        let axis = axes.col(k);
+        let largest = axis.to_array().into_iter().max_by(|x, y| x.abs().total_cmp(&y.abs())).unwrap_or(1.0);
+        if largest < 0.0 { -axis } else { axis }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn taken(stands: &[Stand]) -> Vec<usize> {
+        sector(stands).iter().enumerate().filter_map(|(i, taken)| taken.then_some(i)).collect()
+    }
+
+    /// On circles around `middle` at these turns, looking at `middle` from above or below.
+    fn around(middle: DVec3, turns: impl IntoIterator<Item = f64>, height: f64) -> Vec<Stand> {
+        let stand = |turn: f64| {
+            let from = DVec3::new(3.0 * turn.cos(), 3.0 * turn.sin(), height);
+            Stand { eye: middle + from, axis: -from.normalize() }
+        };
+        turns.into_iter().map(stand).collect()
+    }
+
+    /// `of` by names that have nothing to do with places: each seventh, modulo their number.
+    fn shuffled(of: &[Stand]) -> Vec<(usize, Stand)> {
+        (0..of.len()).map(|i| (7 * i + 3) % of.len()).map(|place| (place, of[place])).collect()
+    }
+
+    fn places(of: &[Stand]) -> Vec<usize> {
+        let named = shuffled(of);
+        let stands: Vec<Stand> = named.iter().map(|n| n.1).collect();
+        let mut places: Vec<usize> = taken(&stands).into_iter().map(|i| named[i].0).collect();
+        places.sort();
+        places
+    }
+
+    #[test]
+    fn the_end_of_a_line_that_the_first_is_nearer_to() {
+        let line = |n: usize, tilt: DVec3| -> Vec<Stand> {
+            (0..n).map(|i| Stand { eye: tilt * i as f64, axis: DVec3::Z }).collect()
+        };
+        for tilt in [DVec3::X, DVec3::NEG_X, DVec3::new(1e-3, -2e-3, 5e-4), DVec3::splat(1e5)] {
+            assert_eq!(taken(&line(24, tilt)), [0, 1, 2]);
+            // The first by name is fourth of the line.
+            assert_eq!(places(&line(25, tilt)), [0, 1, 2, 3]);
+            let mut back = line(24, tilt);
+            back.reverse();
+            assert_eq!(taken(&back), [0, 1, 2]);
+        }
+        // A grid whose columns are 2 and whose rows are 1 apart: whole columns, from one side.
+        let grid: Vec<Stand> = (0..48)
+            .map(|i| Stand {
+                eye: DVec3::new(2.0 * (i / 6) as f64, (i % 6) as f64, 0.01 * (i % 5) as f64),
+                axis: DVec3::Z,
+            })
+            .collect();
+        assert_eq!(taken(&grid), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(places(&grid[..41]), (0..6).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn an_arc_loses_one_end() {
+        let arc = |from: f64, to: f64| {
+            around(DVec3::new(4.0, -2.0, 9.0), (0..32).map(|i| from + (to - from) * f64::from(i) / 31.0), 1.0)
+        };
+        for (from, to) in [(0.0, 1.0), (2.0, 4.9)] {
+            assert_eq!(taken(&arc(from, to)), [0, 1, 2, 3]);
+        }
+        // Three quarters of a circle that begin and end where names do not: no run that holds the first reaches over the gap.
+        let wide = arc(0.4, 5.1);
+        let found = places(&wide);
+        assert!(found.len() == 4 && found.windows(2).all(|w| w[1] == w[0] + 1), "{found:?}");
+        let mut named = wide.clone();
+        named.rotate_right(1);
+        // The last place comes first by name: the run ends there.
+        assert_eq!(taken(&named), [0, 29, 30, 31]);
+    }
+
+    #[test]
+    fn an_orbit_loses_an_eighth_of_its_round() {
+        let even = |n: u32| (0..n).map(move |i| TAU * f64::from(i) / f64::from(n));
+        for height in [-1.0, 0.0, 2.5] {
+            let ring = around(DVec3::new(10.0, 20.0, 30.0), even(40), height);
+            let found = taken(&ring);
+            assert!(found == [0, 1, 2, 3, 4] || found == [0, 36, 37, 38, 39], "{height}: {found:?}");
+        }
+        // Two rings of different heights and widths, one after the other by name: the same sector of both.
+        let mut rings = around(DVec3::ZERO, even(32), 0.3);
+        rings.extend(around(DVec3::ZERO, even(32), 2.0));
+        let found = taken(&rings);
+        let turns: Vec<usize> = found.iter().map(|i| i % 32).collect();
+        assert_eq!(found.len(), 8);
+        assert_eq!(found.iter().filter(|i| **i < 32).count(), 4, "{found:?}");
+        assert!(turns[..4] == turns[4..], "{found:?}");
+        // Cameras that look outward go round as well.
+        let outward: Vec<Stand> =
+            around(DVec3::ZERO, even(40), 0.0).iter().map(|s| Stand { axis: -s.axis, ..*s }).collect();
+        assert_eq!(taken(&outward).len(), 5);
+        let found = taken(&outward);
+        assert!(found == [0, 1, 2, 3, 4] || found == [0, 36, 37, 38, 39], "{found:?}");
+    }
+
+    #[test]
+    fn few_photos_equal_eyes_and_numbers_beyond_all() {
+        let stand = |x: f64| Stand { eye: DVec3::new(x, 0.0, 0.0), axis: DVec3::Y };
+        assert_eq!(sector(&[]), Vec::<bool>::new());
+        assert_eq!(sector(&[stand(1.0)]), [true]);
+        assert_eq!(sector(&[stand(1.0), stand(3.0)]), [true, false]);
+        assert_eq!(sector(&[stand(3.0), stand(1.0)]), [true, false]);
+        assert_eq!(taken(&[stand(2.0); 20]), [0, 1, 2]);
+        // Equal eyes that look all around: whatever names say, and no more than an eighth.
+        let turning: Vec<Stand> = around(DVec3::ZERO, (0..24).map(f64::from), 0.0)
+            .iter()
+            .map(|s| Stand { eye: DVec3::ONE, axis: s.axis })
+            .collect();
+        assert_eq!(taken(&turning).len(), 3);
+        for far in [1e200, f64::INFINITY, f64::NAN] {
+            let stands: Vec<Stand> = (0..20).map(|i| stand(f64::from(i) * far)).collect();
+            assert_eq!(taken(&stands).len(), 3);
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! Work-precision curves: how good a scene became over seconds, bytes and Gaussians, read from JSON lines and drawn as SVG.
+
+use std::fs;
+use std::path::Path;
+
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use serde::Deserialize;
+
+use crate::{Error, Result};
+
+/// Pixels.
+const SIZE: (u32, u32) = (560, 380);
+/// Where the largest value is more than this many times the smallest, the axis is logarithmic.
+const WIDE: f64 = 10.0;
+/// Okabe and Ito's colours, which the colour-blind can tell apart too, but for yellow and black.
+const COLORS: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+];
+
+/// One measurement of a run.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Record {
+    /// What was run; all its measurements and seeds have the same.
+    pub name: String,
+    /// Since the run's start, at least 0.
+    pub seconds: f64,
+    /// Of the scene's file.
+    pub bytes: u64,
+    pub gaussians: u64,
+    /// Means over the test photos: dB, and −1 to 1.
+    pub psnr: f64,
+    pub ssim: f64,
+    pub seed: u64,
+    /// Which photos those are: `every`, `sector` or another word of the user's.
+    pub holdout: String,
+}
+
+/// Reads JSON lines, a [`Record`] each; other fields are passed over, and so are empty lines.
+///
+/// # Errors
+/// Of the file; [`Error::Input`] with line and field where one is missing or not what it should be.
+pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
+    let path = path.as_ref();
+    let text = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let text = String::from_utf8(text).map_err(|_| Error::input(path, "is not UTF-8 text, expected JSON lines"))?;
+    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    lines
+        .map(|(i, line)| {
+            let fail = |what: String| Error::input(path, format!("line {}: {what}", i + 1));
+            let record: Record = serde_json::from_str(line).map_err(|error| fail(error.to_string()))?;
+            if record.seconds < 0.0 {
+                return Err(fail(format!("`seconds` is {}, expected 0 or more", record.seconds)));
+            }
+            if record.ssim.abs() > 1.0 {
+                return Err(fail(format!("`ssim` is {}, expected -1 to 1", record.ssim)));
+            }
+            Ok(record)
+        })
+        .collect()
+}
+
+/// What a curve goes over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cost {
+    Seconds,
+    Bytes,
+    Gaussians,
+}
+
+/// What a curve shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gain {
+    Psnr,
+    Ssim,
+}
+
+impl Cost {
+    pub const ALL: [Cost; 3] = [Cost::Seconds, Cost::Bytes, Cost::Gaussians];
+
+    fn of(self, record: &Record) -> f64 {
+        match self {
+            Cost::Seconds => record.seconds,
+            Cost::Bytes => record.bytes as f64,
+            Cost::Gaussians => record.gaussians as f64,
+        }
+    }
+
+    /// With its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Cost::Seconds => "seconds",
+            Cost::Bytes => "bytes",
+            Cost::Gaussians => "Gaussians",
+        }
+    }
+}
+
+impl Gain {
+    pub const ALL: [Gain; 2] = [Gain::Psnr, Gain::Ssim];
+
+    fn of(self, record: &Record) -> f64 {
+        match self {
+            Gain::Psnr => record.psnr,
+            Gain::Ssim => record.ssim,
+        }
+    }
+
+    /// With its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Gain::Psnr => "test PSNR [dB]",
+            Gain::Ssim => "test SSIM",
+        }
+    }
+}
+
+/// The runs of one name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve<'a> {
+    pub name: &'a str,
+    /// By seed, from the least: its measurements in the order of their seconds.
+    pub seeds: Vec<Vec<&'a Record>>,
+}
+
+/// Mean, least and largest over seeds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    pub mean: f64,
+    pub least: f64,
+    pub largest: f64,
+}
+
+impl Range {
+    /// `None` of none.
+    fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Range> {
+        let n = values.clone().count();
+        (n > 0).then(|| Range {
+            mean: values.clone().sum::<f64>() / n as f64,
+            least: values.clone().fold(f64::INFINITY, f64::min),
+            largest: values.fold(f64::NEG_INFINITY, f64::max),
+        })
+    }
+}
+
+/// The hold-outs of `records`, in the order of their first.
+pub fn holdouts(records: &[Record]) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    for record in records {
+        if !found.contains(&&record.holdout[..]) {
+            found.push(&record.holdout);
+        }
+    }
+    found
+}
+
+/// The curves of one hold-out, in the order of their first records.
+pub fn curves<'a>(records: &'a [Record], holdout: &str) -> Vec<Curve<'a>> {
+    let mut names: Vec<&str> = Vec::new();
+    let chosen: Vec<&Record> = records.iter().filter(|record| record.holdout == holdout).collect();
+    for record in &chosen {
+        if !names.contains(&&record.name[..]) {
+            names.push(&record.name);
+        }
+    }
+    let curve = |name: &'a str| {
+        let mut own: Vec<&Record> = chosen.iter().copied().filter(|record| record.name == name).collect();
+        own.sort_by(|a, b| a.seed.cmp(&b.seed).then(a.seconds.total_cmp(&b.seconds)));
+        Curve { name, seeds: own.chunk_by(|a, b| a.seed == b.seed).map(<[&Record]>::to_vec).collect() }
+    };
+    names.into_iter().map(curve).collect()
+}
+
+impl Curve<'_> {
+    /// Cost and gain of the k-th measurements of all seeds, for as many as every seed has.
+    pub fn means(&self, cost: Cost, gain: Gain) -> Vec<(Range, Range)> {
+        let shared = self.seeds.iter().map(Vec::len).min().unwrap_or(0);
+        let at = |k: usize, of: &dyn Fn(&Record) -> f64| Range::of(self.seeds.iter().map(|seed| of(seed[k])));
+        (0..shared).filter_map(|k| at(k, &|r| cost.of(r)).zip(at(k, &|r| gain.of(r)))).collect()
+    }
+
+    /// What `of` is at the end of each seed's run.
+    pub fn last(&self, of: impl Fn(&Record) -> f64) -> Option<Range> {
+        Range::of(self.seeds.iter().filter_map(|seed| seed.last()).map(|record| of(record)))
+    }
+}
+
+/// The colour of the k-th curve, as CSS has it.
+pub fn css_color(k: usize) -> String {
+    let RGBColor(r, g, b) = COLORS[k % COLORS.len()];
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// An SVG without any text of the user's: for each curve its seeds (pale), their mean and, as bars, their least and largest gain.
+///
+/// # Errors
+/// [`Error::Usage`] where there is nothing to draw.
+pub fn plot(curves: &[Curve<'_>], cost: Cost, gain: Gain) -> Result<String> {
+    let all = || curves.iter().flat_map(|curve| curve.seeds.iter().flatten());
+    let xs = Range::of(all().map(|record| cost.of(record)));
+    let ys = Range::of(all().map(|record| gain.of(record)));
+    let (Some(xs), Some(ys)) = (xs, ys) else { return Err(Error::Usage("there is nothing to plot".into())) };
+    // Neither axis may be empty, and no point may lie on its end.
+    let margin = |range: Range, least: f64| (0.05 * (range.largest - range.least)).max(least);
+    let dy = margin(ys, if gain == Gain::Psnr { 0.05 } else { 5e-4 });
+    let y = ys.least - dy..ys.largest + dy;
+    let drawn = if xs.least > 0.0 && xs.largest > WIDE * xs.least {
+        draw(curves, cost, gain, (xs.least / 1.2..xs.largest * 1.2).log_scale(), y)
+    } else {
+        let dx = margin(xs, 0.01 * xs.largest.max(1.0));
+        draw(curves, cost, gain, xs.least - dx..xs.largest + dx, y)
+    };
+    let svg = drawn.map_err(|error| Error::Usage(format!("the curves could not be drawn: {error}")))?;
+    // Within a page it needs no name space, and the page names no address.
+    Ok(svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1))
+}
+
+fn draw<X>(
+    curves: &[Curve<'_>],
+    cost: Cost,
+    gain: Gain,
+    x: X,
+    y: std::ops::Range<f64>,
+) -> std::result::Result<String, Box<dyn std::error::Error>>
+where
+    X: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+{
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let mut chart =
+            ChartBuilder::on(&area).margin(12).x_label_area_size(42).y_label_area_size(62).build_cartesian_2d(x, y)?;
+        let short = |v: &f64| match v.abs() {
+            v if v >= 1e6 => format!("{}M", round(v / 1e6)),
+            v if v >= 1e4 => format!("{}k", round(v / 1e3)),
+            _ => round(*v),
+        };
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .x_labels(6)
+            .y_labels(7)
+            .x_desc(cost.title())
+            .y_desc(gain.title())
+            .x_label_formatter(&short)
+            .y_label_formatter(&|v| if gain == Gain::Psnr { format!("{v:.2}") } else { format!("{v:.4}") })
+            .axis_desc_style(("sans-serif", 15))
+            .label_style(("sans-serif", 12))
+            .draw()?;
+        for (k, curve) in curves.iter().enumerate() {
+            let color = COLORS[k % COLORS.len()];
+            if curve.seeds.len() > 1 {
+                let line = |seed: &Vec<&Record>| {
+                    let points: Vec<(f64, f64)> =
+                        seed.iter().map(|record| (cost.of(record), gain.of(record))).collect();
+                    PathElement::new(points, color.mix(0.3))
+                };
+                chart.draw_series(curve.seeds.iter().map(line))?;
+            }
+            let means = curve.means(cost, gain);
+            let line: Vec<(f64, f64)> = means.iter().map(|(x, y)| (x.mean, y.mean)).collect();
+            chart.draw_series([PathElement::new(line, color.stroke_width(2))])?;
+            chart.draw_series(means.iter().map(|(x, y)| Circle::new((x.mean, y.mean), 3, color.filled())))?;
+            if curve.seeds.len() > 1 {
+                let bar =
+                    |(x, y): &(Range, Range)| PathElement::new(vec![(x.mean, y.least), (x.mean, y.largest)], color);
+                chart.draw_series(means.iter().map(bar))?;
+            }
+        }
+        area.present()?;
+    }
+    Ok(svg)
+}
+
+/// Three digits at least, and no zeros behind the point.
+fn round(v: f64) -> String {
+    let text = format!("{:.*}", if v < 10.0 { 2 } else { 1 }, v);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(name: &str, seed: u64, seconds: f64, psnr: f64) -> Record {
+        let (name, holdout) = (name.to_owned(), "every".to_owned());
+        Record { name, seconds, bytes: 1000, gaussians: 10, psnr, ssim: 0.9, seed, holdout }
+    }
+
+    fn read(text: &str) -> Result<Vec<Record>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("history.jsonl");
+        fs::write(&path, text).unwrap();
+        read_history(path)
+    }
+
+    const LINE: &str = r#"{"name":"a","seconds":1.5,"bytes":10,"gaussians":2,"psnr":25.5,"ssim":0.8,"seed":3,"holdout":"sector","note":1}"#;
+
+    #[test]
+    fn lines_are_read_and_bad_ones_named() {
+        let expected = Record {
+            name: "a".into(),
+            seconds: 1.5,
+            bytes: 10,
+            gaussians: 2,
+            psnr: 25.5,
+            ssim: 0.8,
+            seed: 3,
+            holdout: "sector".into(),
+        };
+        assert_eq!(read(&format!("{LINE}\n\n{LINE}\r\n")).unwrap(), [expected.clone(), expected]);
+        assert_eq!(read("").unwrap(), []);
+        for (from, to, word) in [
+            ("\"psnr\":25.5,", "", "psnr"),
+            ("1.5", "-1.5", "seconds"),
+            ("0.8", "1.8", "ssim"),
+            ("25.5", "null", "line 2"),
+            ("25.5", "1e999", "line 2"),
+            ("10", "-10", "line 2"),
+            ("}", "", "line 2"),
+        ] {
+            let message = read(&format!("{LINE}\n{}\n", LINE.replace(from, to))).unwrap_err().to_string();
+            assert!(
+                message.contains("line 2") && message.contains(word) && message.contains("history.jsonl"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn seeds_are_averaged_by_rank() {
+        let records = [
+            record("b", 1, 20.0, 31.0),
+            record("b", 1, 10.0, 28.0),
+            record("a", 0, 5.0, 20.0),
+            record("b", 0, 12.0, 30.0),
+            record("b", 0, 26.0, 33.0),
+            record("b", 0, 99.0, 40.0),
+        ];
+        let curves = curves(&records, "every");
+        assert_eq!(curves.iter().map(|c| c.name).collect::<Vec<_>>(), ["b", "a"]);
+        let range = |mean, least, largest| Range { mean, least, largest };
+        let means = curves[0].means(Cost::Seconds, Gain::Psnr);
+        assert_eq!(
+            means,
+            [(range(11.0, 10.0, 12.0), range(29.0, 28.0, 30.0)), (range(23.0, 20.0, 26.0), range(32.0, 31.0, 33.0))]
+        );
+        assert_eq!(curves[0].last(|r| r.psnr), Some(range(35.5, 31.0, 40.0)));
+        assert!(super::curves(&records, "sector").is_empty());
+        assert_eq!(holdouts(&records), ["every"]);
+    }
+
+    #[test]
+    fn curves_are_drawn_over_every_cost_and_say_nothing_of_strangers() {
+        // One point, equal points and a wide range are drawn as well.
+        for records in [
+            vec![record("<b>", 0, 0.0, 20.0)],
+            vec![record("<b>", 0, 1.0, 20.0), record("<b>", 1, 1.0, 20.0)],
+            (0..9)
+                .map(|i| record(if i % 2 == 0 { "<b>" } else { "x" }, i / 3, 10f64.powi(i as i32), 20.0 + i as f64))
+                .collect(),
+        ] {
+            let curves = curves(&records, "every");
+            for (cost, gain) in Cost::ALL.into_iter().flat_map(|cost| Gain::ALL.map(|gain| (cost, gain))) {
+                let svg = plot(&curves, cost, gain).unwrap();
+                assert!(svg.contains("<svg") && svg.contains("<circle") && svg.contains(cost.title()), "{svg}");
+                assert!(!svg.contains("<b>") && !svg.contains("http") && !svg.contains("NaN"), "{svg}");
+            }
+        }
+        assert!(plot(&[], Cost::Bytes, Gain::Ssim).is_err());
+        assert_eq!([0.25, 3.0, 31.62, 100.0].map(round), ["0.25", "3", "31.6", "100"]);
+    }
+}
