@@ -218,20 +218,25 @@ fn run(args: &Args) -> Result<()> {
             }
             found.push((after, lobes, plain, place, seconds));
         }
-        let mean = |of: &dyn Fn(&(Quality, u32, u32, f64, f64)) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&(Quality, u32, u32, f64, f64)) -> f64| {
+            found.iter().map(of).sum::<f64>() / found.len().max(1) as f64
+        };
         let psnr = mean(&|f| f.0.psnr);
         let most = found.iter().map(|f| f.0.psnr).fold(f64::MIN, f64::max);
         let least = found.iter().map(|f| f.0.psnr).fold(f64::MAX, f64::min);
-        table.push((row.clone(), [
-            psnr,
-            psnr - before.psnr,
-            mean(&|f| f.0.ssim),
-            most - least,
-            mean(&|f| f.1.into()),
-            mean(&|f| f.2.into()),
-            mean(&|f| f.3),
-            mean(&|f| f.4),
-        ]));
+        table.push((
+            row.clone(),
+            [
+                psnr,
+                psnr - before.psnr,
+                mean(&|f| f.0.ssim),
+                most - least,
+                mean(&|f| f.1.into()),
+                mean(&|f| f.2.into()),
+                mean(&|f| f.3),
+                mean(&|f| f.4),
+            ],
+        ));
         if !args.json {
             let v = &table.last().unwrap().1;
             eprintln!("{row}: {:+.2} dB, {:.1} s", v[1], v[7]);

@@ -6,7 +6,7 @@ use std::fs;
 
 use common::Gpu;
 use glint::{
-    data::{Alpha, DIFFUSE, ImageFile, Photo, PixelSource, SPECULAR, Split, write_png_bytes},
+    data::{Alpha, DIFFUSE, ImageFile, Photo, PixelSource, Reduce, SPECULAR, Split, write_png_bytes},
     pipelines::render::RenderOptions,
     reference::{self, Background, Options, Params, random_camera, random_scene},
     report::evaluate::evaluate_parts,
@@ -35,7 +35,15 @@ fn the_score_of_the_parts_is_that_of_float64() {
     }
     let path = folder.path().join("images/a.png");
     let size = [width, height];
-    let file = ImageFile { path, size, bytes_per_pixel: 3, lens: None, mask: None, alpha: Alpha::Background };
+    let file = ImageFile {
+        path,
+        size,
+        bytes_per_pixel: 3,
+        lens: None,
+        mask: None,
+        alpha: Alpha::Background,
+        reduce: Reduce::Area,
+    };
     let photo = Photo { name: "a.png".into(), camera, split: Split::Test, pixels: PixelSource::File(Box::new(file)) };
     for (seed, supplement) in [(5, 300), (6, 0)] {
         let mut scene = random_scene(seed, 800, supplement, 2);

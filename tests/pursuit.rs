@@ -42,7 +42,15 @@ fn striped(v: usize) -> Vec<[u8; 3]> {
     let (width, height) = SIZE;
     let stripe = |p: u32| (20..26).contains(&(p % width).wrapping_sub(6 * v as u32));
     let spot = |p: u32| v == 1 && (p % width).abs_diff(45) < 4 && (p / width).abs_diff(12) < 4;
-    let colour = |p| if spot(p) { [250, 250, 240] } else if stripe(p) { [220, 200, 60] } else { GREY };
+    let colour = |p| {
+        if spot(p) {
+            [250, 250, 240]
+        } else if stripe(p) {
+            [220, 200, 60]
+        } else {
+            GREY
+        }
+    };
     (0..width * height).map(colour).collect()
 }
 
@@ -51,7 +59,14 @@ struct Outcome {
     model: Scene,
 }
 
-fn place(gpu: &Gpu, scene: &Scene, cameras: &[Camera], photos: &[Vec<u32>], most: u32, options: PursuitOptions) -> Outcome {
+fn place(
+    gpu: &Gpu,
+    scene: &Scene,
+    cameras: &[Camera],
+    photos: &[Vec<u32>],
+    most: u32,
+    options: PursuitOptions,
+) -> Outcome {
     let views = Views::without_photographs(gpu, DVec3::ZERO, cameras, true).unwrap();
     photos.iter().enumerate().for_each(|(v, photo)| views.upload_photograph(v, photo).unwrap());
     let room = Room { base: most, supplement: most, page: None };
@@ -65,7 +80,9 @@ fn place(gpu: &Gpu, scene: &Scene, cameras: &[Camera], photos: &[Vec<u32>], most
     model.learn_counts().unwrap();
     assert_eq!(model.count_of(Segment::Base), scene.base.len() as u32 + placed.plain);
     assert_eq!(model.count_of(Segment::Supplement), placed.lobes);
-    assert!(placed.count() <= most && placed.gains.is_sorted_by(|a, b| a >= b) && placed.gains.iter().all(|&g| g > 0.0));
+    assert!(
+        placed.count() <= most && placed.gains.is_sorted_by(|a, b| a >= b) && placed.gains.iter().all(|&g| g > 0.0)
+    );
     Outcome { placed, model: model.download().unwrap() }
 }
 
@@ -140,7 +157,8 @@ fn kinds_rooms_and_numbers_are_kept() {
 fn nothing_is_placed_where_nothing_is_lacking() {
     let gpu = Gpu::new();
     let cameras = [0, 1, 2].map(camera);
-    let masked: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v)).into_iter().map(|w| w & 0xFF_FFFF).collect()).collect();
+    let masked: Vec<Vec<u32>> =
+        (0..3).map(|v| words(&striped(v)).into_iter().map(|w| w & 0xFF_FFFF).collect()).collect();
     let none = place(&gpu, &wall(), &cameras, &masked, 40, PursuitOptions::default());
     assert_eq!((none.placed.count(), none.model), (0, wall()));
     // Cameras that look away see no surface.
@@ -158,7 +176,9 @@ fn colours_that_are_no_numbers_and_single_views_are_borne() {
     let photos = [words(&striped(0))];
     let found = place(&gpu, &scene, &[camera(0)], &photos, 40, PursuitOptions::default());
     assert!(found.placed.count() > 0);
-    let finite = |lift: &glint::stages::types::Lift| lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite());
+    let finite = |lift: &glint::stages::types::Lift| {
+        lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite())
+    };
     assert!(found.placed.lifts.iter().all(finite));
     // One pixel.
     let tiny = Camera { width: 1, height: 1, cx: 0.5, cy: 0.5, ..camera(0) };
@@ -169,7 +189,8 @@ fn colours_that_are_no_numbers_and_single_views_are_borne() {
 fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
     let gpu = Gpu::new();
     let photos: Vec<Vec<u8>> = (0..3).map(|v| striped(v).concat()).collect();
-    let views = Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
+    let views =
+        Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
     let options = EnhanceOptions { ratio: 0.0, ..EnhanceOptions::pursuit() };
     let found = enhance(&session(&gpu), &wall(), &views, &options, |_| ()).unwrap();
     assert!(found.join.is_none() && found.original.is_none());
@@ -181,7 +202,8 @@ fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
 fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     let gpu = Gpu::new();
     let photos: Vec<Vec<u8>> = (0..3).map(|v| striped(v).concat()).collect();
-    let views = Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
+    let views =
+        Views::upload(&gpu, &[0, 1, 2].map(camera), &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
     let run = |kinds| {
         let mut options = EnhanceOptions { ratio: 0.5, ..EnhanceOptions::pursuit() };
         options.pursuit.kinds = kinds;
@@ -199,5 +221,8 @@ fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     if let Some(original) = &both.original {
         assert_eq!(original, &wall().base);
     }
-    assert!(without.scene.supplement.is_none() && without.original.is_none(), "plain Gaussians make the base better alone");
+    assert!(
+        without.scene.supplement.is_none() && without.original.is_none(),
+        "plain Gaussians make the base better alone"
+    );
 }

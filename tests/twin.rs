@@ -380,7 +380,15 @@ fn pursue(gpu: &Gpu) -> Outcome {
     let photo = |v: usize| -> Vec<u8> {
         let stripe = |p: u32| (20..26).contains(&(p % width).wrapping_sub(6 * v as u32));
         let spot = |p: u32| v == 1 && (p % width).abs_diff(45) < 4 && (p / width).abs_diff(12) < 4;
-        let colour = |p| if spot(p) { [250, 250, 240] } else if stripe(p) { [220, 200, 60] } else { [150, 115, 165] };
+        let colour = |p| {
+            if spot(p) {
+                [250, 250, 240]
+            } else if stripe(p) {
+                [220, 200, 60]
+            } else {
+                [150, 115, 165]
+            }
+        };
         (0..width * height).flat_map(colour).collect()
     };
     let views = Views::upload(gpu, &[0, 1, 2].map(camera), &[&photo(0)[..], &photo(1), &photo(2)]).unwrap();

@@ -153,7 +153,14 @@ impl Args {
         let rows = [
             row("base", POINTS, 0, ITERATIONS, base_seconds, &base_score),
             row("more plain Gaussians", POINTS + added, 0, ITERATIONS + joint_steps, plain_seconds, &plain_score),
-            row("augmented", POINTS + without, added - without, ITERATIONS + joint_steps, base_seconds + enhance_seconds, &score),
+            row(
+                "augmented",
+                POINTS + without,
+                added - without,
+                ITERATIONS + joint_steps,
+                base_seconds + enhance_seconds,
+                &score,
+            ),
         ];
         self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;

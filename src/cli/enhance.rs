@@ -127,12 +127,14 @@ impl ChoiceArgs {
             }
         }
         let preset = match (way, self.preset.unwrap_or(preset)) {
-            (Way::Pursuit, _) => return Ok(EnhanceOptions {
-                median_threshold: self.depth_threshold,
-                centre_depth: self.centre_depth,
-                join: JoinOptions { bias_correction: self.bias_correction, ..EnhanceOptions::pursuit().join },
-                ..EnhanceOptions::pursuit()
-            }),
+            (Way::Pursuit, _) => {
+                return Ok(EnhanceOptions {
+                    median_threshold: self.depth_threshold,
+                    centre_depth: self.centre_depth,
+                    join: JoinOptions { bias_correction: self.bias_correction, ..EnhanceOptions::pursuit().join },
+                    ..EnhanceOptions::pursuit()
+                });
+            }
             (Way::Augs, preset) => preset,
         };
         let preset = match preset {

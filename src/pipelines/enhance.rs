@@ -308,7 +308,9 @@ impl Enhancer {
                         let most = most(self.original.len() as u32, self.options.ratio);
                         let so_far = self.model.count() - self.original.len() as u32;
                         pursuit.start(allowed(most, done, placements).saturating_sub(so_far))?;
-                        let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else { return Ok(None) };
+                        let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
+                            return Ok(None);
+                        };
                         self.next = Next::Place(Some(trainer));
                         continue;
                     }
@@ -469,7 +471,10 @@ mod tests {
             assert_eq!(allowed(most, 0, 1), most);
             for placements in 2..5 {
                 let all: Vec<u32> = (0..placements).map(|k| allowed(most, k, placements)).collect();
-                assert!(all.is_sorted() && all[0] == most.div_ceil(2) && all[placements as usize - 1] == most, "{all:?}");
+                assert!(
+                    all.is_sorted() && all[0] == most.div_ceil(2) && all[placements as usize - 1] == most,
+                    "{all:?}"
+                );
             }
         }
         assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, 3)), [0, 100, 200, 600]);

@@ -52,7 +52,13 @@ impl JoinOptions {
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let (bias_correction, compensate) = (self.bias_correction, session.policy.compensate);
         [
-            Lesson { segment: Segment::Base, opacity_only: !self.everything, sparse: true, bias_correction, compensate },
+            Lesson {
+                segment: Segment::Base,
+                opacity_only: !self.everything,
+                sparse: true,
+                bias_correction,
+                compensate,
+            },
             Lesson { segment: Segment::Supplement, opacity_only: false, sparse: false, bias_correction, compensate },
         ]
     }

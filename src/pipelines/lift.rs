@@ -137,9 +137,8 @@ pub struct Lifts<'a> {
 impl Append {
     /// Makes the pipelines.
     pub fn new(context: &Context) -> Result<Self, GpuError> {
-        let stage = |has_lobes| {
-            lift_append::Stage::new(context, &lift_append::Spec { workgroup_size: WORKGROUP, has_lobes })
-        };
+        let stage =
+            |has_lobes| lift_append::Stage::new(context, &lift_append::Spec { workgroup_size: WORKGROUP, has_lobes });
         Ok(Append { scan: Scan::new(context, false)?, stages: [stage(false)?, stage(true)?] })
     }
 

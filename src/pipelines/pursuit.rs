@@ -265,18 +265,19 @@ impl Pursuit {
         let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
         let mut begin = (0usize, 0u32);
         let (mut texels, mut pixels, mut cells, mut blocks) = (0u64, 0u64, 0u64, 0u64);
-        let make = |views: std::ops::Range<u32>, blocks, texels: u64, pixels: u64, cells: u64| -> Result<Page, GpuError> {
-            let floats = |name: &str| Buffer::new(context, name, pixels as usize, Location::Device);
-            Ok(Page {
-                views,
-                blocks,
-                texels: Buffer::new(context, "texels", texels as usize, Location::Device)?,
-                surface_depths: floats("surface_depths")?,
-                errors: floats("errors")?,
-                explained: Buffer::new(context, "explained", pixels as usize, Location::Device)?,
-                claims: Buffer::new(context, "claims", cells as usize, Location::Device)?,
-            })
-        };
+        let make =
+            |views: std::ops::Range<u32>, blocks, texels: u64, pixels: u64, cells: u64| -> Result<Page, GpuError> {
+                let floats = |name: &str| Buffer::new(context, name, pixels as usize, Location::Device);
+                Ok(Page {
+                    views,
+                    blocks,
+                    texels: Buffer::new(context, "texels", texels as usize, Location::Device)?,
+                    surface_depths: floats("surface_depths")?,
+                    errors: floats("errors")?,
+                    explained: Buffer::new(context, "explained", pixels as usize, Location::Device)?,
+                    claims: Buffer::new(context, "claims", cells as usize, Location::Device)?,
+                })
+            };
         for (v, camera) in views.cameras.iter().enumerate() {
             let (w, h) = (u64::from(camera.width), u64::from(camera.height));
             let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
@@ -484,8 +485,7 @@ impl Placer {
         let buffers = pursuit_quanta::Buffers { error_sums: &w.error_sums, quanta: &w.quanta };
         s.quanta.record(recorder, &buffers, &pursuit_quanta::Push { count }, 1);
         let extent = Extent { count: &w.counts, index: BLOCKS, args: &w.args, dispatch: 0 };
-        let scan =
-            ScanBuffers { values: &w.quanta, index: None, block_sums: &w.block_sums, offsets: &w.quanta_firsts };
+        let scan = ScanBuffers { values: &w.quanta, index: None, block_sums: &w.block_sums, offsets: &w.quanta_firsts };
         s.scan.record(recorder, &scan, extent, QUANTA);
         recorder.fill(&w.candidates, NONE);
         for page in &self.pages {

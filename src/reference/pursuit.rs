@@ -30,8 +30,7 @@ impl Texel {
     /// As three words of two halves hold it.
     pub fn unpack(t: &types::Texel) -> Self {
         let halves = |word: u32| [word as u16, (word >> 16) as u16].map(|bits| f16::from_bits(bits).to_f64());
-        let ([a, b], [c, d], [e, f]) =
-            (halves(t.difference_rg), halves(t.difference_b_render_r), halves(t.render_gb));
+        let ([a, b], [c, d], [e, f]) = (halves(t.difference_rg), halves(t.difference_b_render_r), halves(t.render_gb));
         Texel { difference: DVec3::new(a, b, c), render: DVec3::new(d, e, f) }
     }
 

@@ -20,7 +20,8 @@ pub fn pursuit_attenuate(ground: &Ground<'_>, c: &Candidate, fit: &Fit, explaine
             for x in x0..=x1 {
                 let d = (DVec2::new(f64::from(x), f64::from(y)) - middle) / deviation;
                 let left = 1.0 - share * (-0.5 * d.length_squared()).exp();
-                explained[(ground.plots[v as usize].pixel_first + y * width + x) as usize] += (-HALVING * left.log2() + 0.5) as u32;
+                explained[(ground.plots[v as usize].pixel_first + y * width + x) as usize] +=
+                    (-HALVING * left.log2() + 0.5) as u32;
             }
         }
     }

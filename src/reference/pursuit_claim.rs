@@ -14,7 +14,9 @@ pub fn cells(ground: &Ground<'_>, c: &Candidate, fit: &Fit) -> Vec<usize> {
         let [x0, y0, x1, y1] = ground.window(v, &s, CORE * footprint_px(view, s.z, fit.sigma));
         let across = view.width.div_ceil(CELL);
         for y in y0 / CELL..=y1 / CELL {
-            cells.extend((x0 / CELL..=x1 / CELL).map(|x| (ground.plots[v as usize].cell_first + y * across + x) as usize));
+            cells.extend(
+                (x0 / CELL..=x1 / CELL).map(|x| (ground.plots[v as usize].cell_first + y * across + x) as usize),
+            );
         }
     }
     cells
@@ -43,7 +45,8 @@ mod tests {
         for (cells, gain) in [(&a, 2.0), (&b, 1.0), (&c, 1.0), (&c, -3.0)] {
             pursuit_claim(cells, gain, &mut claims);
         }
-        let lost = [beaten(&a, 2.0, &claims), beaten(&b, 1.0, &claims), beaten(&c, 1.0, &claims), beaten(&c, -3.0, &claims)];
+        let lost =
+            [beaten(&a, 2.0, &claims), beaten(&b, 1.0, &claims), beaten(&c, 1.0, &claims), beaten(&c, -3.0, &claims)];
         assert_eq!(lost, [false, true, false, false]);
     }
 }

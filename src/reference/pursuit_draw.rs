@@ -88,7 +88,8 @@ impl Drawn<'_> {
         let slope = (at - DVec2::new(view.cx, view.cy)) / DVec2::new(view.fx, view.fy);
         let ray = slope.x * view.row_x.truncate() + slope.y * view.row_y.truncate() + view.row_z.truncate();
         let (mean, toward) = (view.eye + z * ray, -ray.normalize());
-        let others = self.views.iter().enumerate().filter(|&(u, other)| u != v as usize && project_point(other, mean).is_some());
+        let others =
+            self.views.iter().enumerate().filter(|&(u, other)| u != v as usize && project_point(other, mean).is_some());
         let nearest = others.map(|(_, other)| angle_between(toward, other.eye - mean)).fold(4.0, f64::min);
         let theta_bar = if nearest < 4.0 { nearest } else { FRAC_PI_2 };
         let finite = mean.abs().max_element() <= FLOAT_MAX;
@@ -153,6 +154,8 @@ mod tests {
         let c = pursuit_draw(&from, 0, count, 9).unwrap();
         let (at, z) = project_point(&views[0], c.mean).unwrap();
         assert!((at - DVec2::new(3.5, 0.5)).length() < 1e-9 && (z - 2.0).abs() < 1e-12);
-        assert!((c.toward - (views[0].eye - c.mean).normalize()).abs().max_element() < 1e-12 && c.toward != DVec3::ZERO);
+        assert!(
+            (c.toward - (views[0].eye - c.mean).normalize()).abs().max_element() < 1e-12 && c.toward != DVec3::ZERO
+        );
     }
 }

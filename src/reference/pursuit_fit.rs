@@ -89,7 +89,8 @@ mod tests {
         let steps = |n: usize| (0..=n).map(move |i| i as f64 / n as f64);
         let grid = steps(17).flat_map(|o| {
             let o = OPACITY_MIN + o * (OPACITY_MAX - OPACITY_MIN);
-            steps(20).flat_map(move |r| steps(20).flat_map(move |g| steps(20).map(move |b| brute(o, DVec3::new(r, g, b)))))
+            steps(20)
+                .flat_map(move |r| steps(20).flat_map(move |g| steps(20).map(move |b| brute(o, DVec3::new(r, g, b)))))
         });
         let most = grid.fold(f64::MIN, f64::max);
         // Three turns leave a little: the gain is flat along opacity times contrast.
@@ -110,7 +111,8 @@ mod tests {
         let mean = DVec3::ZERO;
         let c = Candidate { mean, toward: DVec3::X, px: 0.01, theta_bar: 0.2, view: 0, pixel: 0 };
         let all = [[sums(); WIDTHS as usize]; 2];
-        let [lobes, plain, none] = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth));
+        let [lobes, plain, none] =
+            [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth));
         assert!(lobes.width > 0.0 && plain.width == 0.0 && plain.gain == lobes.gain && none.gain == 0.0);
         // The first of equals.
         assert_eq!(plain.sigma, sigma_of(1.0, 0.01));

@@ -43,7 +43,10 @@ mod tests {
         let image = [grey, grey, [f64::NAN, 0.0, 0.0, 0.0], grey];
         let white = u32::MAX;
         let found = pursuit_residual(&image, &[white, 0xFF_FFFF, white, white], &[1.0, 1.0, 1.0, 0.1]);
-        assert_eq!(found.texels[0], Texel { difference: DVec3::new(0.75, 0.5, 0.0), render: DVec3::new(0.25, 0.5, 1.0) });
+        assert_eq!(
+            found.texels[0],
+            Texel { difference: DVec3::new(0.75, 0.5, 0.0), render: DVec3::new(0.25, 0.5, 1.0) }
+        );
         let error = (1.25f64 / 3.0).powi(2);
         assert_eq!((found.errors, found.sums), (vec![error, 0.0, 0.0, 0.0], vec![error]));
         assert_eq!(found.depths, [1.0, 1.0, 1.0, 0.0]);

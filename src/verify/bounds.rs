@@ -327,7 +327,10 @@ pub const BOUNDS: [Bound; 54] = [
         reason: "As pursuit_score: a place to 1e-5 px, differences of squares of up to 1.",
         ..EXACT
     },
-    Bound::exact("pursuit_claim", "Windows end at whole pixels and gains are compared by their bits; what may fall otherwise is left out."),
+    Bound::exact(
+        "pursuit_claim",
+        "Windows end at whole pixels and gains are compared by their bits; what may fall otherwise is left out.",
+    ),
     Bound {
         stage: "pursuit_attenuate",
         max: 1e-4,

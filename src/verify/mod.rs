@@ -3,7 +3,6 @@
 
 mod bounds;
 mod density;
-mod pursuit;
 mod floor;
 mod judge;
 pub mod lift;
@@ -11,6 +10,7 @@ pub mod loss;
 mod model;
 #[cfg(feature = "cli")]
 mod plot;
+mod pursuit;
 mod raster;
 pub mod screen;
 mod sort;

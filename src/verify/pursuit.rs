@@ -2,12 +2,7 @@
 
 use glam::DVec3;
 
-use super::{
-    Bench,
-    judge::Work,
-    lift::Case,
-    sort::noise,
-};
+use super::{Bench, judge::Work, lift::Case, sort::noise};
 use crate::{
     error::Result,
     gpu::{Buffer, Context, Location, Recorder},
@@ -43,7 +38,12 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             let world = camera.unproject(x, y, depth.max(1.0));
             let gloss = (-40.0 * (world.normalize() - (camera.eye() - world).normalize()).length_squared()).exp();
             let colour = (3.0 * world).to_array().map(|c| 0.4 + 0.3 * c.sin());
-            image.push([colour[0] as f32, colour[1] as f32, if p % 211 == 5 { f32::NAN } else { colour[2] as f32 }, 0.0]);
+            image.push([
+                colour[0] as f32,
+                colour[1] as f32,
+                if p % 211 == 5 { f32::NAN } else { colour[2] as f32 },
+                0.0,
+            ]);
             for (c, colour) in colour.into_iter().enumerate() {
                 let off = f64::from(noise(7 * p + c as u32 + 1000 * v as u32) % 64) / 1024.0 - 0.03;
                 photo.push((255.0 * (colour + 0.4 * gloss + off)).clamp(0.0, 255.0) as u8);
@@ -126,7 +126,13 @@ impl Here<'_> {
         row.work.bytes *= pixels as f64;
         row.work.operations *= pixels as f64;
         let halves = |texels: &[Texel]| values(&texels.iter().map(Texel::pack).collect::<Vec<_>>());
-        row.numbers(values(&raw).as_flattened().iter().map(|&v| v as f32).zip(halves(&want.texels).as_flattened().iter().copied()));
+        row.numbers(
+            values(&raw)
+                .as_flattened()
+                .iter()
+                .map(|&v| v as f32)
+                .zip(halves(&want.texels).as_flattened().iter().copied()),
+        );
         let first = plot.pixel_first as usize;
         for (got, want) in [(&page.errors, &want.errors), (&page.surface_depths, &want.depths)] {
             row.numbers(got.download_range(first, pixels)?.into_iter().zip(want.iter().copied()));
@@ -149,9 +155,12 @@ impl Here<'_> {
                 let mut row = bench.row("pursuit_blur", if k > 0 { "from the level below" } else { "from the view" });
                 row.time = times.nth("pursuit_blur", k as usize);
                 let taps = if k > 0 { 64.0 } else { 25.0 };
-                row.work = Work { bytes: 12.0 * (from.len() + got.len()) as f64, operations: 10.0 * taps * got.len() as f64 };
+                row.work =
+                    Work { bytes: 12.0 * (from.len() + got.len()) as f64, operations: 10.0 * taps * got.len() as f64 };
                 let got = values(&got);
-                row.numbers(got.as_flattened().iter().map(|&v| v as f32).zip(halves(&want).as_flattened().iter().copied()));
+                row.numbers(
+                    got.as_flattened().iter().map(|&v| v as f32).zip(halves(&want).as_flattened().iter().copied()),
+                );
                 bench.push(row);
             }
             (from, from_size) = (got, [width, height]);
@@ -263,7 +272,8 @@ impl Here<'_> {
         let (sizes, count) = (sizes as usize, candidates.len());
         let got = w.sums.download()?;
         let items = count * sizes;
-        let pixels: Vec<f64> = (0..sizes).map(|s| f64::from(first_size) * f64::from(size_ratio).powi(s as i32)).collect();
+        let pixels: Vec<f64> =
+            (0..sizes).map(|s| f64::from(first_size) * f64::from(size_ratio).powi(s as i32)).collect();
         let mut row = bench.row("pursuit_score", "");
         row.time = times.of("pursuit_score");
         let meetings = (items * self.cameras.len()) as f64;
@@ -276,7 +286,12 @@ impl Here<'_> {
         let mut want: Vec<Vec<Sums>> = Vec::new();
         for c in &candidates {
             let c = Candidate::from(c);
-            want.push(pixels.iter().map(|&size| twin::pursuit_score::pursuit_score(&ground, &c, sigma_of(size, c.px))).collect());
+            want.push(
+                pixels
+                    .iter()
+                    .map(|&size| twin::pursuit_score::pursuit_score(&ground, &c, sigma_of(size, c.px)))
+                    .collect(),
+            );
         }
         let sum_of = |i: usize, s: usize, at: usize| got[at * items + i * sizes + s];
         for q in 0..SUMS as usize {
@@ -293,7 +308,10 @@ impl Here<'_> {
         let fits = w.fits.download()?;
         let mut row = bench.row("pursuit_fit", "");
         row.time = times.of("pursuit_fit");
-        row.work = Work { bytes: 4.0 * got.len() as f64 + 36.0 * count as f64, operations: items as f64 * f64::from(WIDTHS) * 100.0 };
+        row.work = Work {
+            bytes: 4.0 * got.len() as f64 + 36.0 * count as f64,
+            operations: items as f64 * f64::from(WIDTHS) * 100.0,
+        };
         let (mut flips, mut wrong, mut same) = (0, 0, Vec::new());
         for (i, fit) in fits.iter().enumerate() {
             let c = &candidates[i];
@@ -337,7 +355,8 @@ impl Here<'_> {
         let restore = || Ok(page.explained.upload(0, &explained).and_then(|()| w.gain_keys.upload(0, &keys))?);
         let times = bench.time_after(restore, |recorder| self.placer.record_round(recorder, &self.views))?;
         let (candidates, fits) = (w.candidates.download()?, w.fits.download()?);
-        let all: Vec<(Candidate, Fit)> = candidates.iter().map(Candidate::from).zip(fits.iter().map(Fit::from)).collect();
+        let all: Vec<(Candidate, Fit)> =
+            candidates.iter().map(Candidate::from).zip(fits.iter().map(Fit::from)).collect();
         let views = (all.len() * self.cameras.len()) as f64;
         let table = 12.0 * texels.len() as f64 + 68.0 * all.len() as f64;
 
@@ -353,10 +372,15 @@ impl Here<'_> {
 
         // Of the device's own gains.
         let cells: Vec<Vec<usize>> = (0..all.len())
-            .map(|i| if gains[i] > 0.0 { twin::pursuit_claim::cells(&ground, &all[i].0, &all[i].1) } else { Vec::new() })
+            .map(
+                |i| if gains[i] > 0.0 { twin::pursuit_claim::cells(&ground, &all[i].0, &all[i].1) } else { Vec::new() },
+            )
             .collect();
         let mut claims = vec![0; page.claims.len()];
-        cells.iter().zip(&gains).for_each(|(cells, &gain)| twin::pursuit_claim::pursuit_claim(cells, gain, &mut claims));
+        cells
+            .iter()
+            .zip(&gains)
+            .for_each(|(cells, &gain)| twin::pursuit_claim::pursuit_claim(cells, gain, &mut claims));
         let mut row = bench.row("pursuit_claim", "claims");
         row.time = times.nth("pursuit_claim", 0);
         row.work = Work { bytes: 40.0 * all.len() as f64 + 4.0 * claims.len() as f64, operations: 40.0 * views };
@@ -380,7 +404,10 @@ impl Here<'_> {
         }
         let mut row = bench.row("pursuit_attenuate", "");
         row.time = times.of("pursuit_attenuate");
-        row.work = Work { bytes: table + 8.0 * explained.len() as f64, operations: f64::from(taken) * self.cameras.len() as f64 * 1000.0 };
+        row.work = Work {
+            bytes: table + 8.0 * explained.len() as f64,
+            operations: f64::from(taken) * self.cameras.len() as f64 * 1000.0,
+        };
         // Nothing is proved where nothing is taken.
         row.unequal(u64::from(taken == 0));
         row.numbers(page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (got as f32, want.into())));

@@ -24,8 +24,7 @@ impl Work {
 /// points are taken, so that the seed has nothing but the order to change.
 #[test]
 fn every_option_of_training_changes_the_scene() {
-    let options =
-        ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
+    let options = ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
     assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));
@@ -49,6 +48,13 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--holdout none",
     ];
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
-    let options = ["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--bias-correction", "--centre-depth"];
+    let options = [
+        "--seed 1",
+        "--ratio 0.3",
+        "--background white",
+        "--depth-threshold 0.8",
+        "--bias-correction",
+        "--centre-depth",
+    ];
     work.changes("enhance data --base base.ply", &options);
 }

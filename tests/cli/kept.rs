@@ -12,7 +12,8 @@ use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
 const TRAIN: &str = "train data --iterations 800 --sh-degree 1 --deterministic";
-const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic --work kept";
+const ENHANCE: &str =
+    "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic --work kept";
 
 impl Work {
     /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.

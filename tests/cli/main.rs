@@ -469,8 +469,10 @@ fn a_scene_of_another_tool_is_a_base_for_any_dataset() {
     let Some(splats) = shared::shared("splats") else { return };
     let work = Work::new();
     let base = splats.join("inria_sh3_9k.ply");
-    let report =
-        work.json(&format!("enhance data --base {} -o a.ply --method augs --preset quick --ratio 0.01 --json", base.display()));
+    let report = work.json(&format!(
+        "enhance data --base {} -o a.ply --method augs --preset quick --ratio 0.01 --json",
+        base.display()
+    ));
     assert_eq!(report["base_gaussians"], 9080);
     assert_eq!(read_scene(work.path("a.ply")).unwrap().base.sh_degree, 3);
     let broken = splats.join("inria_header_says_100.ply");

@@ -35,7 +35,8 @@ fn unsound_gaussians_are_refused_by_name_or_dropped_when_asked() {
         said.contains("2 of 60 Gaussians dropped") && said.contains("row 7 of element `vertex`: `opacity`"),
         "{said}"
     );
-    let report = work.json("enhance data --base broken.ply -o x.ply --lenient --method augs --preset quick --ratio 0.05 --json");
+    let report =
+        work.json("enhance data --base broken.ply -o x.ply --lenient --method augs --preset quick --ratio 0.05 --json");
     assert_eq!(report["base_gaussians"], 58);
     // What is dropped is all that differs.
     let mut sound = scene.clone();

@@ -19,7 +19,14 @@ use crate::{
 };
 
 twins!(
-    density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score, density_weigh
+    density_apply,
+    density_draw,
+    density_image,
+    density_noise,
+    density_place,
+    density_plan,
+    density_score,
+    density_weigh
 );
 
 pub(super) fn density_image(h: kernels::density_image::Host<'_>) -> Outcome {

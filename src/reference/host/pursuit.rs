@@ -16,8 +16,16 @@ use crate::{
 };
 
 twins!(
-    pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain, pursuit_place, pursuit_quanta,
-    pursuit_residual, pursuit_score
+    pursuit_attenuate,
+    pursuit_blur,
+    pursuit_claim,
+    pursuit_draw,
+    pursuit_fit,
+    pursuit_gain,
+    pursuit_place,
+    pursuit_quanta,
+    pursuit_residual,
+    pursuit_score
 );
 
 /// A page in float64.
@@ -60,7 +68,8 @@ pub(super) fn pursuit_residual(h: kernels::pursuit_residual::Host<'_>) -> Outcom
     let v = h.push.view as usize;
     let (frame, plot) = (&h.frames[v], &h.plots[v]);
     let pixels = (frame.width * frame.height) as usize;
-    let image: Vec<[f64; 4]> = h.image[frame.image_first as usize..][..pixels].iter().map(|p| p.map(f64::from)).collect();
+    let image: Vec<[f64; 4]> =
+        h.image[frame.image_first as usize..][..pixels].iter().map(|p| p.map(f64::from)).collect();
     let targets = &h.targets[frame.target_first as usize..][..pixels];
     let found = twin::pursuit_residual::pursuit_residual(&image, targets, &wide(&h.depths[..pixels]));
     half(found.texels, h.texels);
