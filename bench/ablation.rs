@@ -135,6 +135,16 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// What became of one row and seed.
+struct Found {
+    quality: Quality,
+    lobes: u32,
+    plain: u32,
+    /// Seconds until the joint stage, and of everything.
+    place: f64,
+    seconds: f64,
+}
+
 fn quality(session: &Session, scene: &Scene, photos: &[&Photo]) -> Result<Quality> {
     let render = RenderOptions { policy: session.policy, ..Default::default() };
     Ok(evaluate(&session.context, scene, photos, render, session.background, |_| Ok(()))?.augmented)
@@ -216,27 +226,23 @@ fn run(args: &Args) -> Result<()> {
                     })
                 );
             }
-            found.push((after, lobes, plain, place, seconds));
+            found.push(Found { quality: after, lobes, plain, place, seconds });
         }
-        let mean = |of: &dyn Fn(&(Quality, u32, u32, f64, f64)) -> f64| {
-            found.iter().map(of).sum::<f64>() / found.len().max(1) as f64
-        };
-        let psnr = mean(&|f| f.0.psnr);
-        let most = found.iter().map(|f| f.0.psnr).fold(f64::MIN, f64::max);
-        let least = found.iter().map(|f| f.0.psnr).fold(f64::MAX, f64::min);
-        table.push((
-            row.clone(),
-            [
-                psnr,
-                psnr - before.psnr,
-                mean(&|f| f.0.ssim),
-                most - least,
-                mean(&|f| f.1.into()),
-                mean(&|f| f.2.into()),
-                mean(&|f| f.3),
-                mean(&|f| f.4),
-            ],
-        ));
+        let mean = |of: fn(&Found) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
+        let psnr = mean(|f| f.quality.psnr);
+        let most = found.iter().map(|f| f.quality.psnr).fold(f64::MIN, f64::max);
+        let least = found.iter().map(|f| f.quality.psnr).fold(f64::MAX, f64::min);
+        let row_values = [
+            psnr,
+            psnr - before.psnr,
+            mean(|f| f.quality.ssim),
+            most - least,
+            mean(|f| f.lobes.into()),
+            mean(|f| f.plain.into()),
+            mean(|f| f.place),
+            mean(|f| f.seconds),
+        ];
+        table.push((row.clone(), row_values));
         if !args.json {
             let v = &table.last().unwrap().1;
             eprintln!("{row}: {:+.2} dB, {:.1} s", v[1], v[7]);

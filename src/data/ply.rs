@@ -566,7 +566,7 @@ mod tests {
             // A reader that skips elements it does not know.
             let text = String::from_utf8_lossy(&bytes).replace("element learned", "element unknown");
             let header = text.find("end_header").unwrap();
-            let strange = [text[..header].as_bytes(), &bytes[header..]].concat();
+            let strange = [&text.as_bytes()[..header], &bytes[header..]].concat();
             assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
             bytes.len()
         };

@@ -112,9 +112,9 @@ fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
             for row in &mut a {
                 (row[p], row[q]) = (cos * row[p] + sin * row[q], cos * row[q] - sin * row[p]);
             }
-            for k in 0..3 {
-                (a[p][k], a[q][k]) = (cos * a[p][k] + sin * a[q][k], cos * a[q][k] - sin * a[p][k]);
-            }
+            let (row_p, row_q) = (a[p], a[q]);
+            a[p] = [0, 1, 2].map(|k| cos * row_p[k] + sin * row_q[k]);
+            a[q] = [0, 1, 2].map(|k| cos * row_q[k] - sin * row_p[k]);
             let (x, y) = (axes.col(p), axes.col(q));
             (*axes.col_mut(p), *axes.col_mut(q)) = (cos * x + sin * y, cos * y - sin * x);
         }

@@ -377,7 +377,8 @@ impl Enhancer {
         self.next = Next::Done;
         let now = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
         // NaN counts as worse.
-        self.worse_alone = !(now.iter().sum::<f64>() <= self.base_losses.iter().sum::<f64>());
+        let [now, before] = [&now, &self.base_losses].map(|losses| losses.iter().sum::<f64>());
+        self.worse_alone = now > before || now.is_nan() || before.is_nan();
         Ok(())
     }
 

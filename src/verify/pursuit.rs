@@ -67,9 +67,9 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         views,
         options,
     };
-    for v in 0..case.cameras.len() {
-        let depths = &case.depths[case.pixel_firsts[v]..][..images[v].len()];
-        here.pyramid(bench, v, &images[v], depths, v + 1 == case.cameras.len())?;
+    for (v, image) in images.iter().enumerate() {
+        let depths = &case.depths[case.pixel_firsts[v]..][..image.len()];
+        here.pyramid(bench, v, image, depths, v + 1 == case.cameras.len())?;
     }
     here.draw(bench)?;
     here.fit(bench)?;
