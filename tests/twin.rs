@@ -374,7 +374,7 @@ fn pursue(gpu: &Gpu) -> Outcome {
     }
     let (width, height) = (60, 50);
     let camera = |v: usize| {
-        let translation = DVec3::new(0.4 * v as f64, 0.0, 0.0);
+        let translation = DVec3::new(0.37 * v as f64, 0.0, 0.0);
         Camera { width, height, fx: 65.0, fy: 65.0, cx: 30.0, cy: 25.0, rotation: DMat3::IDENTITY, translation }
     };
     let photo = |v: usize| -> Vec<u8> {

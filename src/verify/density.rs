@@ -415,6 +415,7 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
     let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
     let moments_there = Buffer::from_slice(context, "moments", &moments)?;
     let sh_there = Buffer::from_slice(context, "sh_moments", &sh_moments)?;
+    let lobes_there = Buffer::<f32>::zeroed(context, "lobe_moments", 1)?;
     let scores = Buffer::from_slice(context, "scores", &vec![1.0f32; SCORES as usize * count])?;
     let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
     let sources_there = Buffer::from_slice(context, "sources", &sources)?;
@@ -430,7 +431,8 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         geometry: &geometry,
         geometry_moments: &moments_there,
         sh_moments: &sh_there,
-        lobe_moments: &sh_there,
+        // A buffer of its own: a twin in the stage's place writes each back.
+        lobe_moments: &lobes_there,
         scores: &scores,
     };
     let small = 0.05;

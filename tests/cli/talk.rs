@@ -24,7 +24,7 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
         "COLMAP dataset: 7 train, 2 test, 300 points",
         "scene units of their middle",
         "MB of photos",
-        "MB of 300 Gaussians",
+        "MB for 300 Gaussians",
         "mean loss of steps 1 to 7: 0.",
         "mean loss of steps 29 to 30: 0.",
         "training: 30 steps in",

@@ -304,7 +304,11 @@ mod tests {
         });
         let [mirror, gloss, diffuse, mixed, rough] = shares;
         assert_eq!(diffuse, 0.0);
-        assert!(gloss > 0.02 && mixed > gloss && mirror > gloss && rough > gloss, "{shares:?}");
+        // `mixed` has matt objects among the others.
+        assert!(
+            gloss > 0.02 && mixed > 0.02 && [mirror, gloss, rough].iter().all(|share| *share > mixed),
+            "{shares:?}"
+        );
     }
 
     /// What the standing mirror shows lies behind it: the same virtual point looks the same from two cameras, though the places
