@@ -109,8 +109,8 @@ fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
         if (40.0..50.0).contains(&u) && (7.0..17.0).contains(&v) {
             spots += 1;
             assert!(lift.lobe_width > 0.0, "{lift:?}");
-            // Brighter than the wall, whose green is 115.
-            assert!(lift.dc[1] > 0.3, "{lift:?}");
+            // Brighter than the wall, whose green is 115, a DC of -0.17.
+            assert!(lift.dc[1] > 0.0, "{lift:?}");
         } else if (24.0..34.0).contains(&u) {
             stripes += 1;
         }
