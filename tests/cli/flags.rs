@@ -48,13 +48,8 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--holdout none",
     ];
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
-    let options = [
-        "--seed 1",
-        "--ratio 0.3",
-        "--background white",
-        "--depth-threshold 0.8",
-        "--bias-correction",
-        "--centre-depth",
-    ];
-    work.changes("enhance data --base base.ply", &options);
+    work.changes(
+        "enhance data --base base.ply",
+        &["--seed 1", "--ratio 0.3", "--depth-threshold 0.8", "--bias-correction"],
+    );
 }
