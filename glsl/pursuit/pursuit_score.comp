@@ -3,7 +3,7 @@
 // and lobe width.
 //
 // One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums, which are added to: plane
-// (width * SUMS + s) of item candidate * sizes + size.
+// (width * SUMS + s) of item candidate * sizes + size. A page goes on where the one before ended, so pages change no rounding.
 // With r the blurred photograph minus render, b the render, l the lobe's factor and a the area of the footprint, an opacity o and
 // colour c change the squared error of a view by -a (|r|^2 - |r - o l (c - b)|^2). Summed over the views that see it the gain is
 // 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S a l r, B = S a l^2 b, C = S a l^2, D = S a l r.b, E = S a l^2 |b|^2.
@@ -31,9 +31,12 @@ void main() {
     float sigma = sigma_of(size, c.px);
     vec3 a[WIDTHS], b[WIDTHS], cde[WIDTHS];
     [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
-        a[w] = vec3(0.0);
-        b[w] = vec3(0.0);
-        cde[w] = vec3(0.0);
+        [[unroll]] for (uint q = 0; q < 3; ++q) {
+            uint at = (w * SUMS + q) * items + item;
+            a[w][q] = push.begin != 0 ? 0.0 : sums[at];
+            b[w][q] = push.begin != 0 ? 0.0 : sums[at + 3 * items];
+            cde[w][q] = push.begin != 0 ? 0.0 : sums[at + 6 * items];
+        }
     }
     if (c.view != NONE) {
         for (uint v = push.view_first; v < push.view_end; ++v) {
@@ -54,11 +57,10 @@ void main() {
     }
     [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
         [[unroll]] for (uint q = 0; q < 3; ++q) {
-            uint at = w * SUMS + q;
-            bool begin = push.begin != 0;
-            sums[at * items + item] = (begin ? 0.0 : sums[at * items + item]) + a[w][q];
-            sums[(at + 3) * items + item] = (begin ? 0.0 : sums[(at + 3) * items + item]) + b[w][q];
-            sums[(at + 6) * items + item] = (begin ? 0.0 : sums[(at + 6) * items + item]) + cde[w][q];
+            uint at = (w * SUMS + q) * items + item;
+            sums[at] = a[w][q];
+            sums[at + 3 * items] = b[w][q];
+            sums[at + 6 * items] = cde[w][q];
         }
     }
 }
