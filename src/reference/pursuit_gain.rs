@@ -16,3 +16,127 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
     };
     ground.sights(c).filter_map(one).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2, DVec3};
+
+    use super::*;
+    use crate::{
+        reference::{
+            View,
+            pursuit::{Texel, lobe_width, sigma_of},
+            pursuit_attenuate::pursuit_attenuate,
+            pursuit_score::pursuit_score,
+        },
+        scene::Camera,
+        stages::{constants::pursuit::WIDTHS, types::Plot},
+    };
+
+    const SIZE: u32 = 16;
+    /// Texels of the three levels.
+    const TEXELS: u32 = 16 * 16 + 8 * 8 + 4 * 4;
+
+    /// Three cameras in a row before a surface at depth 2, and a candidate on it.
+    fn scene() -> (Vec<View>, Vec<Plot>, Candidate) {
+        let view = |v: u32| {
+            let translation = DVec3::new(-0.1 * f64::from(v), 0.0, 0.0);
+            let (fx, c) = (20.0, f64::from(SIZE) / 2.0);
+            let rotation = DMat3::IDENTITY;
+            View::from_camera(&Camera { width: SIZE, height: SIZE, fx, fy: fx, cx: c, cy: c, rotation, translation })
+        };
+        let plot = |v| Plot { texel_first: v * TEXELS, pixel_first: v * SIZE * SIZE, cell_first: 0, block_first: 0 };
+        let mean = DVec3::new(0.05, 0.05, 2.0);
+        let views: Vec<View> = (0..3).map(view).collect();
+        let toward = (views[0].eye - mean).normalize();
+        let pixel = 8 * SIZE + 8;
+        (views, (0..3).map(plot).collect(), Candidate { mean, toward, px: 0.1, theta_bar: 0.05, view: 0, pixel })
+    }
+
+    fn texels() -> Vec<Texel> {
+        let wave = |i: u32, k: f64| (f64::from(i) * k).sin();
+        let one = |i| Texel {
+            difference: 0.3 * DVec3::new(wave(i, 0.1), wave(i, 0.2), 0.5 + 0.5 * wave(i, 0.05)),
+            render: DVec3::splat(0.4) + 0.3 * DVec3::new(wave(i, 0.3), wave(i, 0.07), wave(i, 0.11)),
+        };
+        (0..3 * TEXELS).map(one).collect()
+    }
+
+    /// The nine sums give the fall of the squared error, view by view, of any opacity, colour, size and width.
+    #[test]
+    fn the_sums_say_what_each_view_gains() {
+        let (views, plots, c) = scene();
+        let texels = texels();
+        let depths = vec![2.0; 3 * 256];
+        let ground = Ground { views: &views, plots: &plots, surface_depths: &depths, texels: &texels, range: (0, 3) };
+        assert_eq!(ground.sights(&c).count(), 3);
+        let mut lobes = 0;
+        for size in [0.6, 1.1, 2.4, 5.0] {
+            let sigma = sigma_of(size, c.px);
+            let sums = pursuit_score(&ground, &c, sigma);
+            for (w, x) in sums.iter().enumerate() {
+                let width = lobe_width(w as u32, c.theta_bar);
+                for (opacity, colour) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
+                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0 };
+                    let by_view = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit);
+                    let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
+                    let o2 = opacity * opacity;
+                    let by_sums = 2.0 * colour.dot(opacity * a + o2 * b)
+                        - colour.length_squared() * o2 * x[6]
+                        - 2.0 * opacity * x[7]
+                        - o2 * x[8];
+                    assert!((by_view - by_sums).abs() < 1e-9, "{size} {w}: {by_view} {by_sums}");
+                }
+                // Narrow lobes reach fewer views.
+                lobes += usize::from(w as u32 != WIDTHS - 1 && x[6] < 0.99 * sums[WIDTHS as usize - 1][6]);
+            }
+        }
+        assert!(lobes >= 8, "{lobes}");
+    }
+
+    /// One view, a residual of (0.4, 0, 0) on black: a fit of opacity 0.5 and colour (0.4, 0, 0) explains half of it.
+    #[test]
+    fn what_is_explained_is_gained_no_more() {
+        let (views, plots, c) = scene();
+        let texels = vec![Texel { difference: DVec3::X * 0.4, render: DVec3::ZERO }; TEXELS as usize];
+        let ground =
+            Ground { views: &views[..1], plots: &plots, surface_depths: &[2.0; 256], texels: &texels, range: (0, 1) };
+        let fit = Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0 };
+        let mut explained = vec![0; 256];
+        let before = pursuit_gain(&ground, &explained, &c, &fit);
+        // s² = (0.1 · 20 / 2)² + 0.3 px², the error falls from 0.16 to 0.04.
+        assert!((before - 4.0 * PI * 1.3 * 0.12).abs() < 1e-12, "{before}");
+        pursuit_attenuate(&ground, &c, &fit, &mut explained);
+        // Half of the residual is left in the middle: one halving.
+        assert_eq!(explained[c.pixel as usize], HALVING as u32);
+        let after = pursuit_gain(&ground, &explained, &c, &fit);
+        assert!((after - 0.25 * before).abs() < 1e-12, "{after}");
+        // Two pixels beside, 1 - 0.5 exp(-2/1.3) is left; beyond 2.5 s = 2.85 px, so from 4 px on, nothing is explained.
+        let beside = -HALVING * (1.0 - 0.5 * (-2.0f64 / 1.3).exp()).log2();
+        assert!((f64::from(explained[c.pixel as usize + 2]) - beside).abs() <= 0.5);
+        assert!(explained[c.pixel as usize + 3] > 0 && explained[c.pixel as usize + 4] == 0);
+        assert_eq!(explained.iter().filter(|&&e| e > 0).count(), 49);
+        // A loss stays as it is.
+        let worse = Fit { colour: DVec3::Y, ..fit };
+        let loss = pursuit_gain(&ground, &explained, &c, &worse);
+        assert!(loss < 0.0 && loss == pursuit_gain(&ground, &[0; 256], &c, &worse));
+    }
+
+    /// Between four texels, each of which counts by the overlap.
+    #[test]
+    fn a_look_is_between_four_texels() {
+        let (views, plots, _) = scene();
+        let mut texels = vec![Texel::default(); TEXELS as usize];
+        texels[5 * 16 + 3].render = DVec3::X;
+        // Levels begin at 0, 256 and 320: the second of half the size.
+        texels[256 + 2 * 8 + 1].render = DVec3::X;
+        let ground = Ground { views: &views, plots: &plots, surface_depths: &[], texels: &texels, range: (0, 1) };
+        let red = |x, y, deviation| ground.look(0, DVec2::new(x, y), deviation).render.x;
+        assert_eq!(
+            [red(3.5, 5.5, 0.7), red(3.75, 5.5, 0.7), red(3.0, 6.0, 0.9), red(4.5, 5.5, 0.7)],
+            [1.0, 0.75, 0.25, 0.0]
+        );
+        // Texel (1, 2) of the next level is pixels 2 to 4, 4 to 6. The levels meet at 0.7 times the square root of 2.
+        assert_eq!([red(3.0, 5.0, 1.0), red(4.0, 5.0, 1.9), red(3.5, 5.5, 0.98)], [1.0, 0.5, 1.0]);
+    }
+}
