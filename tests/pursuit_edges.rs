@@ -1,0 +1,305 @@
+//! What residual pursuit must leave alone, to the bit: pages, budgets, views that see nothing. `tests/pursuit.rs` has what it places.
+
+mod common;
+
+use std::slice::from_ref;
+
+use common::{Gpu, session};
+use glam::{DMat3, DVec3};
+use glint::{
+    gpu::Context,
+    pipelines::{
+        model::{Model, Room, Segment},
+        pursuit::{Kinds, Placed, Pursuit, PursuitOptions},
+        render::{Needs, RenderOptions, Renderer},
+        session::Session,
+        views::Views,
+    },
+    scene::{Camera, Gaussians, Scene},
+};
+
+const WIDTH: u32 = 60;
+const HEIGHT: u32 = 50;
+const WHITE: u32 = 0xFFFF_FFFF;
+const BLACK: u32 = 0xFF00_0000;
+
+/// Looks along z from `x`.
+fn camera(x: f64) -> Camera {
+    Camera {
+        width: WIDTH,
+        height: HEIGHT,
+        fx: 65.0,
+        fy: 65.0,
+        cx: 30.0,
+        cy: 25.0,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::new(-x, 0.0, 0.0),
+    }
+}
+
+/// A wall at z = 4 that is exactly black: what photographs show is what is lacking.
+fn wall() -> Gaussians {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+        push(&mut base, [i as f32 - 4.0, j as f32 - 4.0, 4.0], -0.4);
+    }
+    base
+}
+
+/// A black plate that faces z.
+fn push(base: &mut Gaussians, mean: [f32; 3], log_scale: f32) {
+    base.means.push(mean);
+    base.log_scales.push([log_scale, log_scale, -6.0]);
+    base.quats.push([1.0, 0.0, 0.0, 0.0]);
+    base.opacities.push(4.0);
+    base.sh.push([-5.0; 3]);
+}
+
+/// Packed pixels: `colour` by column and row.
+fn photo(camera: &Camera, colour: impl Fn(u32, u32) -> u32) -> Vec<u32> {
+    (0..camera.pixels()).map(|p| colour(p % camera.width, p / camera.width)).collect()
+}
+
+/// White in a square of 8 px about a pixel, else black.
+fn spot(camera: &Camera, x: u32, y: u32) -> Vec<u32> {
+    photo(camera, |u, v| if u.abs_diff(x) < 4 && v.abs_diff(y) < 4 { WHITE } else { BLACK })
+}
+
+struct Found {
+    placed: Placed,
+    /// By segment.
+    added: [u32; 2],
+    /// Squared error of all views, before and after.
+    errors: [f64; 2],
+}
+
+/// `made_for` Gaussians have room, `most` may be placed.
+fn pursue_in(
+    session: &Session,
+    base: &Gaussians,
+    seen: &[(Camera, Vec<u32>)],
+    [made_for, most]: [u32; 2],
+    options: PursuitOptions,
+) -> Found {
+    let gpu = &session.context;
+    let cameras: Vec<Camera> = seen.iter().map(|(camera, _)| *camera).collect();
+    let views = Views::without_photographs(gpu, DVec3::ZERO, &cameras, true).unwrap();
+    seen.iter().enumerate().for_each(|(v, (_, photo))| views.upload_photograph(v, photo).unwrap());
+    let scene = Scene { base: base.clone(), supplement: None };
+    let room = Room { supplement: made_for, base: made_for, page: None };
+    let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
+    let shown = RenderOptions { depth: true, ..Default::default() };
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, shown).unwrap();
+    let squared = |renderer: &mut Renderer, model: &Model| -> f64 {
+        let of = |v: usize| -> f64 {
+            let shown = renderer.render(model, &views, v as u32, session.background).unwrap();
+            let pixels = seen[v].1.iter().zip(shown.color.chunks(3)).filter(|(target, _)| **target >> 24 > 0);
+            let one = |target: &u32, c: &[f32]| -> f64 {
+                let square = |k: usize| (f64::from(target.to_le_bytes()[k]) / 255.0 - f64::from(c[k])).powi(2);
+                (0..3).map(square).sum()
+            };
+            pixels.map(|(target, c)| one(target, c)).sum()
+        };
+        (0..seen.len()).map(of).sum()
+    };
+    let before = squared(&mut renderer, &model);
+    let mut pursuit = Pursuit::new(session, &views, made_for, options).unwrap();
+    pursuit.start(most).unwrap();
+    while pursuit.advance(&mut renderer, &model, &views).unwrap().is_some() {}
+    let placed = pursuit.placed().unwrap();
+    model.learn_counts().unwrap();
+    let added = [model.count_of(Segment::Base) - base.len() as u32, model.count_of(Segment::Supplement)];
+    assert_eq!(added, [placed.plain, placed.lobes]);
+    assert!(placed.count() <= most.min(made_for) && placed.gains.is_sorted_by(|a, b| a >= b), "{:?}", placed.gains);
+    for lift in &placed.lifts {
+        let numbers = [
+            &lift.mean[..],
+            &lift.log_scale,
+            &lift.dc,
+            &lift.lobe_dir,
+            &[lift.opacity, lift.lobe_width, lift.theta_bar],
+        ];
+        assert!(numbers.concat().iter().all(|n| n.is_finite()), "{lift:?}");
+    }
+    let errors = [before, squared(&mut renderer, &model)];
+    Found { placed, added, errors }
+}
+
+fn pursue(gpu: &Context, base: &Gaussians, seen: &[(Camera, Vec<u32>)], options: PursuitOptions) -> Found {
+    pursue_in(&session(gpu), base, seen, [20, 20], options)
+}
+
+/// Three views of a stripe on the wall, and a spot that one of them has alone.
+fn three() -> Vec<(Camera, Vec<u32>)> {
+    let one = |v: u32| {
+        let camera = camera(0.4 * f64::from(v));
+        let inside = |u: u32, w: u32| v == 1 && u.abs_diff(45) < 4 && w.abs_diff(12) < 4;
+        // What lies at x is seen 6.5 px further left from each next camera.
+        let stripe = |u: u32| u32::from((20.0..26.0).contains(&(f64::from(u) + 6.5 * f64::from(v))));
+        let colour = |u, w| if inside(u, w) { WHITE } else { BLACK | stripe(u) * 0x0060_A0C0 };
+        (camera, photo(&camera, colour))
+    };
+    (0..3).map(one).collect()
+}
+
+#[test]
+fn two_runs_give_the_same_bits_and_a_smaller_error() {
+    let options = PursuitOptions { rounds: 8, ..Default::default() };
+    // A device of its own for each run: nothing may be left over from the first.
+    let [a, b] = [(); 2].map(|()| pursue(&Gpu::new(), &wall(), &three(), options));
+    assert_eq!(a.placed, b.placed);
+    assert_eq!(a.errors.map(f64::to_bits), b.errors.map(f64::to_bits));
+    assert!(a.added[0] > 0 && a.added[1] > 0, "{:?}", a.added);
+    assert!(a.errors[1] < 0.8 * a.errors[0], "{:?}", a.errors);
+}
+
+/// Sums over views go on from page to page, so not one bit differs.
+#[test]
+fn pages_change_nothing() {
+    let gpu = Gpu::new();
+    let seen = three();
+    let of = |page| pursue(&gpu, &wall(), &seen, PursuitOptions { rounds: 8, page, ..Default::default() }).placed;
+    let whole = of(None);
+    assert!(whole.count() > 10, "{whole:?}");
+    // A view has 60 x 50 + 30 x 25 + 15 x 13 texels: a page for each view, then one of two and one of one.
+    for page in [1, 2 * 3945] {
+        assert_eq!(of(Some(page)), whole, "{page}");
+    }
+}
+
+/// Of the same draws and rounds the first Gaussians are the same, whether more may follow or not.
+#[test]
+fn budgets_are_kept() {
+    let gpu = Gpu::new();
+    let (base, seen) = (wall(), three());
+    let run = |made_for, most, draws| {
+        let options = PursuitOptions { draws, rounds: 8, ..Default::default() };
+        pursue_in(&session(&gpu), &base, &seen, [made_for, most], options).placed
+    };
+    let all = run(20, 20, 12);
+    assert_eq!(all.count(), 20);
+    for (made_for, most, draws) in [(1, 1, 240), (20, 1, 12), (20, 7, 12), (20, 0, 12)] {
+        let some = run(made_for, most, draws);
+        assert_eq!((&some.lifts[..], &some.gains[..]), (&all.lifts[..most as usize], &all.gains[..most as usize]));
+    }
+    // More than it was made for is not placed.
+    assert_eq!(run(20, 40, 12), all);
+}
+
+/// Of one kind, and worth what is asked for.
+#[test]
+fn kinds_and_the_least_gain_are_kept() {
+    let gpu = Gpu::new();
+    let run = |kinds, least_gain| {
+        let options = PursuitOptions { kinds, least_gain, rounds: 8, ..Default::default() };
+        pursue(&gpu, &wall(), &three(), options).placed
+    };
+    let (lobes, plain) = (run(Kinds::Lobes, 0.0), run(Kinds::Plain, 0.0));
+    assert!(lobes.lobes > 5 && lobes.plain == 0 && plain.plain > 5 && plain.lobes == 0);
+    let least = plain.gains[4];
+    let fewer = run(Kinds::Plain, least);
+    let enough = plain.gains.iter().filter(|&&gain| gain >= least).count();
+    assert!(enough < plain.gains.len());
+    assert_eq!(fewer.gains, plain.gains[..enough]);
+}
+
+#[test]
+fn without_an_error_nothing_is_placed() {
+    let gpu = Gpu::new();
+    let black = [0.0, 0.4].map(|x| (camera(x), photo(&camera(x), |_, _| BLACK)));
+    let white = [0.0, 0.4].map(|x| (camera(x), photo(&camera(x), |_, _| WHITE)));
+    // A wall that is as its photographs, and no surface to put anything on.
+    for (base, seen) in [(wall(), &black), (Gaussians::default(), &white)] {
+        let found = pursue(&gpu, &base, seen, PursuitOptions::default());
+        assert_eq!((found.added, found.placed), ([0, 0], Placed::default()));
+    }
+}
+
+/// The square is left out of a photograph, or all of a render is no number.
+#[test]
+fn pixels_that_do_not_count_draw_nothing() {
+    let gpu = Gpu::new();
+    let masked = (
+        camera(0.0),
+        spot(&camera(0.0), 30, 25).iter().map(|p| if *p == WHITE { p & 0xFF_FFFF } else { *p }).collect(),
+    );
+    let found = pursue(&gpu, &wall(), &[masked], PursuitOptions::default());
+    assert_eq!(found.added, [0, 0]);
+    for bad in [f32::NAN, f32::INFINITY] {
+        let session = Session { background: [bad, 0.0, 0.0], ..session(&gpu) };
+        let seen = [(camera(0.0), spot(&camera(0.0), 30, 25))];
+        let found = pursue_in(&session, &wall(), &seen, [20, 20], PursuitOptions::default());
+        assert_eq!(found.added, [0, 0], "{bad}");
+    }
+}
+
+/// Without another view the angle to the nearest is a quarter turn; what is placed lies on the wall.
+#[test]
+fn one_view_is_enough() {
+    let gpu = Gpu::new();
+    let found = pursue(&gpu, &wall(), &[(camera(0.0), spot(&camera(0.0), 30, 25))], PursuitOptions::default());
+    assert!(
+        found.placed.count() > 0 && found.errors[1] < 0.5 * found.errors[0],
+        "{:?} {:?}",
+        found.added,
+        found.errors
+    );
+    for lift in &found.placed.lifts {
+        assert_eq!(lift.theta_bar, std::f32::consts::FRAC_PI_2);
+        // 4 px of 65 a unit at depth 4.
+        let [x, y, z] = lift.mean;
+        assert!(x.abs() < 0.25 && y.abs() < 0.25 && (z - 4.0).abs() < 0.1, "{lift:?}");
+    }
+}
+
+/// A camera that looks away and one that looks elsewhere do not see the wall's middle: to angle and gain they are not there.
+#[test]
+fn views_behind_and_beside_change_nothing() {
+    let gpu = Gpu::new();
+    let front = (camera(0.0), spot(&camera(0.0), 30, 25));
+    let away = Camera { rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)), ..camera(0.0) };
+    let options = PursuitOptions::default();
+    let alone = pursue(&gpu, &wall(), from_ref(&front), options).placed;
+    assert!(alone.count() > 0);
+    for other in [away, camera(2.5)] {
+        let seen = [front.clone(), (other, photo(&other, |_, _| BLACK))];
+        assert_eq!(pursue(&gpu, &wall(), &seen, options).placed, alone, "{other:?}");
+    }
+}
+
+/// A view from the side in which a plate hides what is placed has no part in its gain; without the plate it has.
+#[test]
+fn a_view_from_which_a_candidate_is_hidden_does_not_judge_it() {
+    let gpu = Gpu::new();
+    let (front, side) = ((camera(0.0), spot(&camera(0.0), 30, 25)), (camera(1.5), photo(&camera(1.5), |_, _| BLACK)));
+    let options = PursuitOptions { kinds: Kinds::Plain, ..Default::default() };
+    // Half way from the side's camera to the middle of the spot; 24 px beside it for the camera in front.
+    let mut hidden = wall();
+    push(&mut hidden, [0.75, 0.0, 2.0], 0.3f32.ln());
+    let run = |base: &Gaussians, seen: &[(Camera, Vec<u32>)]| pursue(&gpu, base, seen, options).placed;
+    let alone = run(&hidden, from_ref(&front));
+    assert!(alone.count() > 0);
+    let judged = run(&hidden, &[front.clone(), side.clone()]);
+    assert_eq!(judged.gains, alone.gains);
+    let parts =
+        |placed: &Placed| placed.lifts.iter().map(|l| (l.mean, l.log_scale, l.opacity, l.dc)).collect::<Vec<_>>();
+    assert_eq!(parts(&judged), parts(&alone));
+    // In the open, what the front gains the side loses.
+    let open = [run(&wall(), from_ref(&front)), run(&wall(), &[front, side])];
+    assert!(open[1].gains.iter().sum::<f32>() < 0.8 * open[0].gains.iter().sum::<f32>(), "{open:?}");
+}
+
+/// A pixel has one candidate, however often it is drawn.
+#[test]
+fn more_draws_than_pixels() {
+    let gpu = Gpu::new();
+    for (width, height) in [(1, 1), (2, 1), (1, 3)] {
+        let (cx, cy) = (0.5 * f64::from(width), 0.5 * f64::from(height));
+        let small = |x: f64| Camera { width, height, cx, cy, ..camera(x) };
+        let seen = [0.0, 3.0].map(|x| (small(x), photo(&small(x), |_, _| WHITE)));
+        let found = pursue(&gpu, &wall(), &seen, PursuitOptions::default());
+        let pixels = 2 * width * height;
+        assert!((1..=pixels).contains(&found.placed.count()), "{:?} of {pixels} pixels", found.added);
+        assert!(found.errors[1] < found.errors[0], "{:?}", found.errors);
+    }
+}
