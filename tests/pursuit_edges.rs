@@ -136,7 +136,7 @@ fn three() -> Vec<(Camera, Vec<u32>)> {
         let inside = |u: u32, w: u32| v == 1 && u.abs_diff(45) < 4 && w.abs_diff(12) < 4;
         // What lies at x is seen 6.5 px further left from each next camera.
         let stripe = |u: u32| u32::from((20.0..26.0).contains(&(f64::from(u) + 6.5 * f64::from(v))));
-        let colour = |u, w| if inside(u, w) { WHITE } else { BLACK | stripe(u) * 0x0060_A0C0 };
+        let colour = |u, w| if inside(u, w) { WHITE } else { BLACK | (stripe(u) * 0x0060_A0C0) };
         (camera, photo(&camera, colour))
     };
     (0..3).map(one).collect()
