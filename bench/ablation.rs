@@ -16,7 +16,9 @@ use std::{path::PathBuf, process::ExitCode, time::Instant};
 use clap::Parser;
 use glint::{
     Error, Result,
-    data::{Dataset, DatasetOptions, Photo, Split, builtin::builtin_scene, read_scene, scene_bytes, write_scene},
+    data::{
+        Dataset, DatasetOptions, Holdout, Photo, Split, builtin::builtin_scene, read_scene, scene_bytes, write_scene,
+    },
     gpu::{Context, ContextOptions},
     pipelines::{
         enhance::{EnhanceOptions, Method, enhance},
@@ -53,6 +55,9 @@ struct Args {
     keep: Option<PathBuf>,
     #[arg(long, default_value_t = 72)]
     max_size: u32,
+    /// Photos to hold out: every Nth, or `sector`; without, as the dataset says
+    #[arg(long, value_name = "N|sector|none")]
+    holdout: Option<Holdout>,
     #[arg(long, default_value_t = 0.1)]
     ratio: f64,
     /// Joint steps for each view
@@ -63,7 +68,8 @@ struct Args {
     seeds: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
-    /// Settings of pursuit and of the joint stage other than the defaults: draws, sizes, first, ratio, rounds, pace, decay
+    /// Settings of pursuit and of the joint stage other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
+    /// placements, pace, decay
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -126,6 +132,9 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "first" => options.pursuit.first_size = value,
             "ratio" => options.pursuit.size_ratio = value,
             "rounds" => options.pursuit.rounds = value as u32,
+            "caution" => options.pursuit.caution = value,
+            "least" => options.pursuit.least_gain = value,
+            "opacity" => options.pursuit.least_opacity = value,
             "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
@@ -161,7 +170,8 @@ fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Re
 }
 
 fn run(args: &Args) -> Result<()> {
-    let options = DatasetOptions { max_size: Some(args.max_size), ..Default::default() };
+    let holdout = args.holdout.unwrap_or_default();
+    let options = DatasetOptions { max_size: Some(args.max_size), holdout, ..Default::default() };
     let dataset = match &args.dataset {
         Some(path) => Dataset::open(path, &options)?,
         None => builtin_scene(8000).dataset(),

@@ -184,7 +184,7 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
             }
         }
     }
-    let enhanced = enhancer.finish().unwrap();
+    let enhanced = enhancer.finish(&views).unwrap();
     let steps = enhanced.join.unwrap().losses.len();
     assert!(enhanced.lifted > 0 && (1..60).contains(&steps), "{steps} joint steps");
 }

@@ -76,7 +76,7 @@ fn every_stage_is_worth_its_decibels() {
             lifts.push(lifted.lifts.clone());
         }
     }
-    let enhanced = enhancer.finish().unwrap();
+    let enhanced = enhancer.finish(&views).unwrap();
     let joined = score(&enhanced.scene);
     let mean = |of: fn(&(f64, f64)) -> f64| {
         screen.iter().map(|(n, found)| n * of(found)).sum::<f64>() / screen.iter().map(|(n, _)| n).sum::<f64>()
@@ -92,7 +92,7 @@ fn every_stage_is_worth_its_decibels() {
             enhancer.resume(lifts.next().unwrap()).unwrap();
         }
     }
-    let unjoined = enhancer.finish().unwrap();
+    let unjoined = enhancer.finish(&views).unwrap();
     assert_eq!(unjoined.lifted, enhanced.lifted);
     let [learned, lifted, rejoined] = [&base, &unjoined.scene, &enhanced.scene].map(|scene| psnr_of(scene, &train));
     println!("test views: {at_first:.2}, trained {trained:.2}, joined {joined:.2} dB");

@@ -27,8 +27,7 @@ void main() {
     if (k >= push.count) return;
     uint i = push.first + k;
     Candidate candidate = candidates[i];
-    Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0);
-   
+    Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0, 0.0);
     bool again = i > 0 && candidates[i - 1].view == candidate.view && candidates[i - 1].pixel == candidate.pixel;
     if (candidate.view != NONE && !again) {
         float most = 0.0;
@@ -51,7 +50,8 @@ void main() {
                 if (!(gain * worth > most && gain <= FLOAT_MAX)) continue;
                 most = gain * worth;
                 float size = push.first_size * pow(push.size_ratio, float(s));
-                best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain);
+                best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain,
+                           x[6]);
             }
         }
     }

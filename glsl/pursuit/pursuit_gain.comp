@@ -14,6 +14,7 @@ layout(push_constant, scalar) uniform Push {
     uint count;
     uint view_first, view_end;
     uint begin; // 1: the gains begin at 0
+    float caution;
 } push;
 
 layout(set = 0, binding = 5, scalar) readonly buffer Explained { uint explained[]; };
@@ -38,7 +39,9 @@ void main() {
             vec3 r, render;
             look(plots[v], view, s.at, deviation, r, render);
             vec3 after = r - alpha * (fit.colour - render);
-            float here = 4.0 * PI * deviation * deviation * (dot(r, r) - dot(after, after));
+            float area = 4.0 * PI * deviation * deviation, l = alpha / fit.opacity;
+            float others = max(1.0 - push.caution * area * l * l / fit.support, 0.01);
+            float here = area * (dot(r, r) - dot(after, after) / (others * others));
             float left = exp2(-float(explained[plots[v].pixel_first + s.pixel]) / HALVING);
             gain += here > 0.0 ? here * left * left : here;
         }

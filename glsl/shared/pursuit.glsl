@@ -59,6 +59,7 @@ struct Fit {
     float width;   // T of the lobe; 0: none, a plain Gaussian
     vec3 colour;   // sRGB
     float gain;    // fall of the squared error over all views, px; 0: none
+    float support; // sum of the squares of the lobe's factors in all views, each times the footprint's area, px: C of pursuit_score
 };
 
 // The texels of level k of a view: first, width, height.

@@ -24,7 +24,7 @@ pub(super) struct DatasetArgs {
     model: Option<PathBuf>,
     /// Test photos: every N-th by name, from the first on; sector, an eighth of the cameras that lies together (of an orbit by
     /// angle, else one end of the cameras' largest spread); or none [default: what the dataset says, else 8]
-    #[arg(long, alias = "test-every", value_name = "N|sector|none", value_parser = parse_holdout, help_heading = "Dataset")]
+    #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
     holdout: Option<Holdout>,
     /// What transparent pixels of photos mean
     #[arg(long, value_enum, default_value_t = AlphaArg::Background, help_heading = "Dataset")]
@@ -84,17 +84,6 @@ pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<(
         note(format!("{} of {all} training photos see no Gaussian", all - seeing));
     }
     Ok(())
-}
-
-fn parse_holdout(text: &str) -> Result<Holdout, String> {
-    match text {
-        "none" => Ok(Holdout::Nothing),
-        "sector" => Ok(Holdout::Sector),
-        _ => match text.parse() {
-            Ok(n) if n >= 2 => Ok(Holdout::Every(n)),
-            _ => Err("expected sector, none or a number from 2".into()),
-        },
-    }
 }
 
 /// How photos are prepared.
@@ -172,16 +161,6 @@ mod tests {
         assert_eq!(parse_background("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
         for bad in ["", "grey", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"] {
             assert!(parse_background(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn a_holdout_is_a_sector_none_or_a_number() {
-        assert_eq!(parse_holdout("sector"), Ok(Holdout::Sector));
-        assert_eq!(parse_holdout("none"), Ok(Holdout::Nothing));
-        assert_eq!(parse_holdout("2"), Ok(Holdout::Every(2)));
-        for bad in ["", "0", "1", "-3", "2.5", "all"] {
-            assert!(parse_holdout(bad).is_err(), "{bad}");
         }
     }
 }

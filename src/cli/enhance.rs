@@ -243,6 +243,8 @@ struct Report<'a> {
     supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     plain_gaussians: u32,
+    /// Supplementary Gaussians that the joint stage made so transparent that they were taken away.
+    faded_gaussians: u32,
     /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
     original_kept: bool,
     seconds: Seconds,
@@ -363,6 +365,7 @@ impl Args {
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
+                faded_gaussians: found.faded,
                 original_kept: found.original.is_some(),
                 seconds: Seconds {
                     base: found.times.base.as_secs_f64(),
@@ -384,8 +387,12 @@ impl Args {
                     Method::Augs => format!("2D stage {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
                 };
                 let plain = if plain > 0 { format!(" and {plain} plain ones") } else { String::new() };
+                let faded = match found.faded {
+                    0 => String::new(),
+                    faded => format!(", without {faded} that faded"),
+                };
                 print(format_args!(
-                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}\n\
+                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}\n\
                      base {:.1} s, {times}, joint stage {:.1} s on {device}\n{}",
                     seconds.base,
                     seconds.join,
@@ -498,6 +505,7 @@ pub(super) fn run_with_progress(
     };
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut kept: Option<Kept> = None;
+    let mut told = 0;
     loop {
         let event = match (enhancer.next(views), &mut kept) {
             (Ok(Some(event)), _) => event,
@@ -526,6 +534,15 @@ pub(super) fn run_with_progress(
                 }
             }
             Event::Join { step, steps } => {
+                for (k, placed) in enhancer.placed().iter().enumerate().skip(told) {
+                    let (placement, placements) = (k + 1, options.pursuit.placements.max(1));
+                    tracing::info!(
+                        "placement {placement} of {placements}: {} Gaussians with lobes, {} plain",
+                        placed.lobes,
+                        placed.plain
+                    );
+                }
+                told = enhancer.placed().len();
                 show("joining", step.into(), steps.into(), None);
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
                     let (path, settings) = match options.method {
@@ -561,7 +578,7 @@ pub(super) fn run_with_progress(
             }
         }
     }
-    enhancer.finish()
+    enhancer.finish(views)
 }
 
 /// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to

@@ -1,6 +1,7 @@
 //! Photos with their cameras, read from COLMAP or transforms.json datasets or made in memory.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -49,6 +50,22 @@ pub enum Holdout {
     Sector,
     /// None: all are for training.
     Nothing,
+}
+
+impl FromStr for Holdout {
+    type Err = String;
+
+    /// `none`, `sector` or a number from 2; what the dataset says has no name.
+    fn from_str(text: &str) -> Result<Holdout, String> {
+        match text {
+            "none" => Ok(Holdout::Nothing),
+            "sector" => Ok(Holdout::Sector),
+            _ => match text.parse() {
+                Ok(n) if n >= 2 => Ok(Holdout::Every(n)),
+                _ => Err("expected sector, none or a number from 2".into()),
+            },
+        }
+    }
 }
 
 /// What transparency means.
@@ -431,5 +448,15 @@ mod tests {
         assert_eq!(photo(vec![7; 6], Some(vec![true, false])).load([0.0; 3]).unwrap().rgb, [7; 6]);
         assert!(photo(vec![7; 5], None).load([0.0; 3]).is_err());
         assert!(photo(vec![7; 6], Some(vec![true])).load([0.0; 3]).is_err());
+    }
+
+    #[test]
+    fn a_holdout_is_a_sector_none_or_a_number() {
+        assert_eq!("sector".parse(), Ok(Holdout::Sector));
+        assert_eq!("none".parse(), Ok(Holdout::Nothing));
+        assert_eq!("2".parse(), Ok(Holdout::Every(2)));
+        for bad in ["", "0", "1", "-3", "2.5", "all"] {
+            assert!(bad.parse::<Holdout>().is_err(), "{bad}");
+        }
     }
 }

@@ -17,6 +17,8 @@ use super::{
     train::{TrainReport, Trainer},
     views::Views,
 };
+use glam::DVec3;
+
 use crate::{
     error::{Error, Result},
     scene::{Gaussians, Scene},
@@ -120,6 +122,8 @@ pub struct Enhanced {
     /// 2D Gaussians left after the screen phase, and those of them that were lifted.
     pub refined: u32,
     pub lifted: u32,
+    /// Supplementary Gaussians that had become so transparent in every view that they were taken away.
+    pub faded: u32,
     /// Views whose lifts came from an earlier run.
     pub resumed: usize,
     pub times: Times,
@@ -387,12 +391,29 @@ impl Enhancer {
         self.refiner.as_ref().zip(self.lifted.as_ref())
     }
 
-    /// The scene, once there is nothing more to tell. Waits.
-    pub fn finish(self) -> Result<Enhanced> {
+    /// What pursuit has placed so far, each time.
+    pub fn placed(&self) -> &[Placed] {
+        &self.placed
+    }
+
+    /// The scene, once there is nothing more to tell; `views` are those that it was made for. Waits.
+    pub fn finish(self, views: &Views) -> Result<Enhanced> {
+        let mut scene = self.model.download()?;
+        let lifted = self.model.count_of(Segment::Supplement);
+        if self.options.method == Method::Pursuit {
+            let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + views.origin).collect();
+            if let Some(supplement) = &mut scene.supplement {
+                let least = self.options.pursuit.least_opacity;
+                supplement.retain(|s, i| s.greatest_opacity(i, &eyes) >= f64::from(least));
+            }
+            scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
+        }
+        let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
         Ok(Enhanced {
-            scene: self.model.download()?,
+            scene,
             original: self.worse_alone.then_some(self.original),
-            lifted: self.model.count_of(Segment::Supplement),
+            lifted: left,
+            faded: lifted - left,
             base_losses: self.base_losses,
             budgets: self.budgets,
             refined: self.refined,
@@ -459,7 +480,7 @@ pub fn enhance(
     while let Some(event) = enhancer.next(views)? {
         watch(&event);
     }
-    enhancer.finish()
+    enhancer.finish(views)
 }
 
 #[cfg(test)]

@@ -55,6 +55,11 @@ pub struct PursuitOptions {
     pub placements: u32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
+    /// How much less a candidate's gain in a view counts the more its colour comes from that view alone: 0 as it was fitted, 1 as the
+    /// other views predict it.
+    pub caution: f32,
+    /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
+    pub least_opacity: f32,
     /// Texels of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
 }
@@ -70,6 +75,8 @@ impl Default for PursuitOptions {
             kinds: Kinds::Both,
             placements: 3,
             least_gain: 0.0,
+            caution: 1.0,
+            least_opacity: 0.1,
             page: None,
         }
     }
@@ -82,7 +89,7 @@ pub struct Placed {
     pub lifts: Vec<Lift>,
     pub lobes: u32,
     pub plain: u32,
-    /// By rank: fall of the squared error that each was expected to bring.
+    /// By rank: fall of the squared error, summed over pixels and channels of all views, that each was expected to bring.
     pub gains: Vec<f32>,
 }
 
@@ -578,6 +585,7 @@ impl Placer {
                     view_first: page.views.start,
                     view_end: page.views.end,
                     begin: u32::from(k == 0),
+                    caution: self.options.caution,
                 },
                 count,
             );

@@ -93,6 +93,8 @@ pub struct Fit {
     pub colour: DVec3,
     /// 0: none.
     pub gain: f64,
+    /// C of [`super::pursuit_score`].
+    pub support: f64,
 }
 
 impl From<&types::Fit> for Fit {
@@ -103,6 +105,7 @@ impl From<&types::Fit> for Fit {
             width: f.width.into(),
             colour: DVec3::from_array(f.colour.map(f64::from)),
             gain: f.gain.into(),
+            support: f.support.into(),
         }
     }
 }

@@ -42,7 +42,7 @@ pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2])
             if gain * worth > most && gain <= FLOAT_MAX {
                 most = gain * worth;
                 let width = lobe_width(w as u32, c.theta_bar);
-                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain };
+                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain, support: x[6] };
             }
         }
     }

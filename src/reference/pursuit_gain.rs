@@ -5,11 +5,13 @@ use std::f64::consts::PI;
 use super::pursuit::{Candidate, Fit, Ground, HALVING};
 
 /// Over the views of a page; `explained` by pixel of the page.
-pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit) -> f64 {
+pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit, caution: f64) -> f64 {
     let one = |(v, s)| {
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
         let after = t.difference - alpha * (fit.colour - t.render);
-        let here = 4.0 * PI * deviation * deviation * (t.difference.length_squared() - after.length_squared());
+        let (area, l) = (4.0 * PI * deviation * deviation, alpha / fit.opacity);
+        let others = (1.0 - caution * area * l * l / fit.support).max(0.01);
+        let here = area * (t.difference.length_squared() - after.length_squared() / (others * others));
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
         let left = (-f64::from(explained[pixel]) / HALVING).exp2();
         Some(if here > 0.0 { here * left * left } else { here })
@@ -77,8 +79,8 @@ mod tests {
             for (w, x) in sums.iter().enumerate() {
                 let width = lobe_width(w as u32, c.theta_bar);
                 for (opacity, colour) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
-                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0 };
-                    let by_view = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit);
+                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0, support: 1.0 };
+                    let by_view = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit, 0.0);
                     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
                     let o2 = opacity * opacity;
                     let by_sums = 2.0 * colour.dot(opacity * a + o2 * b)
@@ -101,15 +103,15 @@ mod tests {
         let texels = vec![Texel { difference: DVec3::X * 0.4, render: DVec3::ZERO }; TEXELS as usize];
         let ground =
             Ground { views: &views[..1], plots: &plots, surface_depths: &[2.0; 256], texels: &texels, range: (0, 1) };
-        let fit = Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0 };
+        let fit = Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0 };
         let mut explained = vec![0; 256];
-        let before = pursuit_gain(&ground, &explained, &c, &fit);
+        let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
         // s² = (0.1 · 20 / 2)² + 0.3 px², the error falls from 0.16 to 0.04.
         assert!((before - 4.0 * PI * 1.3 * 0.12).abs() < 1e-12, "{before}");
         pursuit_attenuate(&ground, &c, &fit, &mut explained);
         // Half of the residual is left in the middle: one halving.
         assert_eq!(explained[c.pixel as usize], HALVING as u32);
-        let after = pursuit_gain(&ground, &explained, &c, &fit);
+        let after = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
         assert!((after - 0.25 * before).abs() < 1e-12, "{after}");
         // Two pixels beside, 1 - 0.5 exp(-2/1.3) is left; beyond 2.5 s = 2.85 px, so from 4 px on, nothing is explained.
         let beside = -HALVING * (1.0 - 0.5 * (-2.0f64 / 1.3).exp()).log2();
@@ -118,8 +120,8 @@ mod tests {
         assert_eq!(explained.iter().filter(|&&e| e > 0).count(), 49);
         // A loss stays as it is.
         let worse = Fit { colour: DVec3::Y, ..fit };
-        let loss = pursuit_gain(&ground, &explained, &c, &worse);
-        assert!(loss < 0.0 && loss == pursuit_gain(&ground, &[0; 256], &c, &worse));
+        let loss = pursuit_gain(&ground, &explained, &c, &worse, 0.0);
+        assert!(loss < 0.0 && loss == pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0));
     }
 
     /// Between four texels, each of which counts by the overlap.

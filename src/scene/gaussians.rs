@@ -1,5 +1,9 @@
 //! Gaussians on the host, structure of arrays, in the units of the de-facto PLY layout.
 
+use std::f64::consts::FRAC_PI_2;
+
+use glam::DVec3;
+
 /// Plain 3D Gaussians. All vectors have the same length, but `sh` which holds
 /// `len · (sh_degree + 1)²` RGB coefficients, Gaussian-major: `sh[i · K + k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -60,9 +64,76 @@ pub struct Scene {
     pub supplement: Option<Supplement>,
 }
 
+impl Supplement {
+    /// The greatest opacity, 0 to 1, that Gaussian `i` has for any of `eyes` (scene units): σ(logit) times the lobe's factor (method,
+    /// section 1).
+    pub fn greatest_opacity(&self, i: usize, eyes: &[DVec3]) -> f64 {
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let (mean, direction) = (vector(self.gaussians.means[i]), vector(self.lobes.directions[i]));
+        let exponent = 2.0 * f64::from(self.lobes.sharpness[i]).exp();
+        let factor = |eye: &DVec3| {
+            let half = 0.5 * direction.angle_between(*eye - mean) / f64::from(self.lobes.widths[i]);
+            if half < FRAC_PI_2 { half.cos().powf(exponent) } else { 0.0 }
+        };
+        let most = eyes.iter().map(factor).fold(0.0, f64::max);
+        most / (1.0 + (-f64::from(self.gaussians.opacities[i])).exp())
+    }
+
+    /// Keeps the Gaussians that `keep` is true of, in their order.
+    pub fn retain(&mut self, keep: impl Fn(&Supplement, usize) -> bool) {
+        let kept: Vec<bool> = (0..self.gaussians.len()).map(|i| keep(self, i)).collect();
+        fn only<T>(values: &mut Vec<T>, kept: &[bool]) {
+            let each = values.len() / kept.len().max(1);
+            let mut at = 0;
+            values.retain(|_| {
+                at += 1;
+                kept[(at - 1) / each]
+            });
+        }
+        let (g, l) = (&mut self.gaussians, &mut self.lobes);
+        only(&mut g.means, &kept);
+        only(&mut g.log_scales, &kept);
+        only(&mut g.quats, &kept);
+        only(&mut g.opacities, &kept);
+        only(&mut g.sh, &kept);
+        only(&mut l.directions, &kept);
+        only(&mut l.widths, &kept);
+        only(&mut l.sharpness, &kept);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_no_eye_sees_goes_and_the_rest_keeps_its_order() {
+        let gaussians = Gaussians {
+            sh_degree: 1,
+            means: vec![[0.0; 3]; 3],
+            log_scales: vec![[1.0; 3], [2.0; 3], [3.0; 3]],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; 3],
+            opacities: vec![0.0; 3],
+            sh: (0..12).map(|k| [k as f32; 3]).collect(),
+        };
+        // Toward the eye at a length other than 1, sideways, and half of the support away.
+        let directions = vec![[0.0, 0.0, 3.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0]];
+        let lobes = Lobes { directions, widths: vec![0.4, 0.4, 0.5], sharpness: vec![0.0; 3] };
+        let mut all = Supplement { gaussians, lobes };
+        let eyes = [DVec3::Z * 2.0, DVec3::NEG_Z];
+        // ψ/2 = (π/4)/0.5/2 = π/4, whose cosine is squared.
+        for (i, expected) in [0.5, 0.0, 0.25].into_iter().enumerate() {
+            assert!((all.greatest_opacity(i, &eyes) - expected).abs() < 1e-7, "{i}");
+        }
+        assert_eq!(all.greatest_opacity(0, &[]), 0.0);
+        all.retain(|s, i| s.greatest_opacity(i, &eyes) > 0.1);
+        assert_eq!(all.gaussians.log_scales, [[1.0; 3], [3.0; 3]]);
+        assert_eq!(all.lobes.widths, [0.4, 0.5]);
+        assert_eq!(
+            all.gaussians.sh.iter().map(|c| c[0]).collect::<Vec<_>>(),
+            [0.0, 1.0, 2.0, 3.0, 8.0, 9.0, 10.0, 11.0]
+        );
+    }
 
     #[test]
     fn a_scene_of_one_is_not_empty() {

@@ -366,7 +366,14 @@ impl Here<'_> {
         row.work = Work { bytes: table + 8.0 * explained.len() as f64, operations: 100.0 * views };
         row.numbers(all.iter().enumerate().map(|(i, (c, fit))| {
             let live = fit.gain > 0.0 && keys[i] == NONE;
-            (gains[i], if live { twin::pursuit_gain::pursuit_gain(&ground, &explained, c, fit) } else { 0.0 })
+            (
+                gains[i],
+                if live {
+                    twin::pursuit_gain::pursuit_gain(&ground, &explained, c, fit, self.options.caution.into())
+                } else {
+                    0.0
+                },
+            )
         }));
         bench.push(row);
 

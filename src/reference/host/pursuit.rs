@@ -180,6 +180,7 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
             width: fit.width as f32,
             colour: fit.colour.as_vec3().to_array(),
             gain: fit.gain as f32,
+            support: fit.support as f32,
         };
     }
     debug_assert_eq!((SUMS * WIDTHS) as usize, Sums::default().as_flattened().len());
@@ -193,7 +194,7 @@ pub(super) fn pursuit_gain(h: kernels::pursuit_gain::Host<'_>) -> Outcome {
         let mut gain = if p.begin != 0 { 0.0 } else { f64::from(h.gains[i]) };
         if h.fits[i].gain > 0.0 && h.gain_keys[i] == NONE {
             let (c, fit) = (Candidate::from(&h.candidates[i]), Fit::from(&h.fits[i]));
-            gain += twin::pursuit_gain::pursuit_gain(&page.ground(), h.explained, &c, &fit);
+            gain += twin::pursuit_gain::pursuit_gain(&page.ground(), h.explained, &c, &fit, p.caution.into());
         }
         h.gains[i] = gain as f32;
     }
