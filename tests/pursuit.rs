@@ -37,11 +37,14 @@ fn camera(v: usize) -> Camera {
     Camera { width, height, fx: 65.0, fy: 65.0, cx: 30.0, cy: 25.0, rotation: DMat3::IDENTITY, translation }
 }
 
-/// A stripe on the wall in all views, and a spot in the second.
+/// A stripe on the wall in all views, and a spot on it in the second and third.
 fn striped(v: usize) -> Vec<[u8; 3]> {
     let (width, height) = SIZE;
     let stripe = |p: u32| (20..26).contains(&(p % width).wrapping_sub(6 * v as u32));
-    let spot = |p: u32| v == 1 && (p % width).abs_diff(45) < 4 && (p / width).abs_diff(12) < 4;
+    let spot = |p: u32| {
+        let at = 39 + 6 * v as u32;
+        (v == 1 || v == 2) && (p % width).abs_diff(at) < 4 && (p / width).abs_diff(12) < 4
+    };
     let colour = |p| {
         if spot(p) {
             [250, 250, 240]
@@ -90,15 +93,15 @@ fn words(photo: &[[u8; 3]]) -> Vec<u32> {
     pack(photo.as_flattened())
 }
 
-fn three(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
-    let photos: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v))).collect();
-    place(gpu, &wall(), &[0, 1, 2].map(camera), &photos, most, options)
+fn four(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
+    let photos: Vec<Vec<u32>> = (0..4).map(|v| words(&striped(v))).collect();
+    place(gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, most, options)
 }
 
-/// What all views lack is plain, what one has alone gets a lobe, and both lie on the wall.
+/// What all views lack is plain, what two have gets a lobe, and both lie on the wall.
 #[test]
 fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
-    let Outcome { placed, .. } = three(&Gpu::new(), 60, PursuitOptions::default());
+    let Outcome { placed, .. } = four(&Gpu::new(), 60, PursuitOptions::default());
     assert!(placed.count() > 20, "{}", placed.count());
     let (mut spots, mut stripes) = (0, 0);
     for lift in &placed.lifts {
@@ -122,11 +125,11 @@ fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
 fn the_same_every_run_and_in_any_pages() {
     let gpu = Gpu::new();
     let options = PursuitOptions::default();
-    let first = three(&gpu, 40, options);
-    let again = three(&gpu, 40, options);
+    let first = four(&gpu, 40, options);
+    let again = four(&gpu, 40, options);
     assert_eq!((&first.placed, &first.model), (&again.placed, &again.model));
     // A page holds a view of 3,000 pixels and its smaller levels, but not two.
-    let paged = three(&gpu, 40, PursuitOptions { page: Some(4000), ..options });
+    let paged = four(&gpu, 40, PursuitOptions { page: Some(4000), ..options });
     assert_eq!(first.placed.lobes, paged.placed.lobes);
     // Sums are made page by page, so that they may differ in their last bits.
     for (a, b) in first.placed.gains.iter().zip(&paged.placed.gains) {
@@ -137,7 +140,7 @@ fn the_same_every_run_and_in_any_pages() {
 #[test]
 fn kinds_rooms_and_numbers_are_kept() {
     let gpu = Gpu::new();
-    let of = |most, options| three(&gpu, most, options).placed;
+    let of = |most, options| four(&gpu, most, options).placed;
     let lobes = of(40, PursuitOptions { kinds: Kinds::Lobes, ..Default::default() });
     assert!(lobes.lobes > 0 && lobes.plain == 0);
     let plain = of(40, PursuitOptions { kinds: Kinds::Plain, ..Default::default() });
@@ -168,6 +171,20 @@ fn nothing_is_placed_where_nothing_is_lacking() {
     assert_eq!(place(&gpu, &wall(), &away, &photos, 40, PursuitOptions::default()).placed.count(), 0);
 }
 
+/// What one view says alone is no evidence, unless nobody asks for any.
+#[test]
+fn a_single_view_says_nothing() {
+    let gpu = Gpu::new();
+    let mut photos: Vec<Vec<u32>> = (0..4).map(|_| words(&vec![GREY; 3000])).collect();
+    photos[1] = words(&striped(1));
+    let of = |caution| {
+        let options = PursuitOptions { caution, kinds: Kinds::Lobes, ..Default::default() };
+        place(&gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
+    };
+    let [bold, cautious] = [0.0, 1.0].map(of);
+    assert!(bold > 10 && 4 * cautious < bold, "{bold} {cautious}");
+}
+
 /// Where a base lacks nothing but is NaN in places, the rest is done as usual.
 #[test]
 fn colours_that_are_no_numbers_and_single_views_are_borne() {
@@ -175,7 +192,8 @@ fn colours_that_are_no_numbers_and_single_views_are_borne() {
     let mut scene = wall();
     scene.base.sh[40] = [f32::MAX; 3];
     let photos = [words(&striped(0))];
-    let found = place(&gpu, &scene, &[camera(0)], &photos, 40, PursuitOptions::default());
+    let bold = PursuitOptions { caution: 0.0, ..Default::default() };
+    let found = place(&gpu, &scene, &[camera(0)], &photos, 40, bold);
     assert!(found.placed.count() > 0);
     let finite = |lift: &glint::stages::types::Lift| {
         lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite())

@@ -40,7 +40,7 @@ void main() {
             look(plots[v], view, s.at, deviation, r, render);
             vec3 after = r - alpha * (fit.colour - render);
             float area = 4.0 * PI * deviation * deviation, l = alpha / fit.opacity;
-            float others = max(1.0 - push.caution * area * l * l / fit.support, 0.01);
+            float others = max(1.0 - push.caution * area * l * l / fit.support, 0.1);
             float here = area * (dot(r, r) - dot(after, after) / (others * others));
             float left = exp2(-float(explained[plots[v].pixel_first + s.pixel]) / HALVING);
             gain += here > 0.0 ? here * left * left : here;

@@ -5,6 +5,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+use glam::DVec3;
+use rayon::prelude::*;
+
 use super::{
     checkpoint::Checkpoint,
     join::{JoinOptions, join},
@@ -17,11 +20,9 @@ use super::{
     train::{TrainReport, Trainer},
     views::Views,
 };
-use glam::DVec3;
-
 use crate::{
     error::{Error, Result},
-    scene::{Gaussians, Scene},
+    scene::{Gaussians, Scene, Supplement},
     stages::types::Lift,
 };
 
@@ -190,7 +191,8 @@ impl Enhancer {
         let room = match options.method {
             Method::Pursuit => {
                 let most = most(scene.base.len() as u32, options.ratio);
-                Room { base: most, supplement: most, page: None }
+                // Supplementary Gaussians that fade stay there until the end.
+                Room { base: most, supplement: most.saturating_mul(2), page: None }
             }
             Method::Augs => Room::default(),
         };
@@ -310,8 +312,11 @@ impl Enhancer {
                     let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
                     if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
                         let most = most(self.original.len() as u32, self.options.ratio);
-                        let so_far = self.model.count() - self.original.len() as u32;
-                        pursuit.start(allowed(most, done, placements).saturating_sub(so_far))?;
+                        // What has faded goes in the end, so that others may take its place.
+                        let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
+                        let so_far = self.model.count() - self.original.len() as u32 - faded;
+                        let room = most.saturating_mul(2) - self.model.count_of(Segment::Supplement);
+                        pursuit.start(allowed(most, done, placements).saturating_sub(so_far).min(room))?;
                         let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
                             return Ok(None);
                         };
@@ -400,14 +405,18 @@ impl Enhancer {
     pub fn finish(self, views: &Views) -> Result<Enhanced> {
         let mut scene = self.model.download()?;
         let lifted = self.model.count_of(Segment::Supplement);
-        if self.options.method == Method::Pursuit {
-            let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + views.origin).collect();
-            if let Some(supplement) = &mut scene.supplement {
-                let least = self.options.pursuit.least_opacity;
-                supplement.retain(|s, i| s.greatest_opacity(i, &eyes) >= f64::from(least));
-            }
-            scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
+        if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
+            let plain = (scene.base.len() - self.original.len()) as u32;
+            let room = most(self.original.len() as u32, self.options.ratio).saturating_sub(plain) as usize;
+            let opacities = greatest_opacities(supplement, views);
+            // Some may have come back that others had taken the place of.
+            let mut order: Vec<usize> = (0..opacities.len()).collect();
+            order.sort_by(|&a, &b| opacities[b].total_cmp(&opacities[a]));
+            let mut keep = vec![false; opacities.len()];
+            order.iter().take(room).for_each(|&i| keep[i] = opacities[i] >= self.options.pursuit.least_opacity.into());
+            supplement.retain(|i| keep[i]);
         }
+        scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
         let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
         Ok(Enhanced {
             scene,
@@ -446,6 +455,20 @@ impl Enhancer {
 /// Gaussians that may be added to `gaussians`.
 fn most(gaussians: u32, ratio: f64) -> u32 {
     (ratio * f64::from(gaussians)).ceil() as u32
+}
+
+/// The greatest opacity that each Gaussian has in any of `views`, lobe included.
+fn greatest_opacities(supplement: &Supplement, views: &Views) -> Vec<f64> {
+    let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + views.origin).collect();
+    let opacity = |i| supplement.greatest_opacity(i, &eyes);
+    // NaN is as good as none.
+    (0..supplement.gaussians.len()).into_par_iter().map(|i| opacity(i).max(0.0)).collect()
+}
+
+/// Supplementary Gaussians whose opacity is below `least` in all of `views`. Waits.
+fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
+    let Some(supplement) = model.supplement()? else { return Ok(0) };
+    Ok(greatest_opacities(&supplement, views).into_iter().filter(|&opacity| opacity < least.into()).count() as u32)
 }
 
 /// Name of the number of placements in a checkpoint.

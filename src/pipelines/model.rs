@@ -375,14 +375,18 @@ impl Model {
     pub fn download(&self) -> Result<Scene> {
         let counts = self.segment_counts.download()?;
         let (base, _) = self.parts[0].download(counts[0] as usize, self.sh_degree, self.origin)?;
-        let supplement = match counts[1] {
-            0 => None,
+        Ok(Scene { base, supplement: self.supplement()? })
+    }
+
+    /// The supplement as it is on the device, in world coordinates; `None` where it is empty. Waits.
+    pub fn supplement(&self) -> Result<Option<Supplement>> {
+        match self.segment_counts.download()?[1] {
+            0 => Ok(None),
             m => {
                 let (gaussians, lobes) = self.parts[1].download(m as usize, self.sh_degree, self.origin)?;
-                Some(Supplement { gaussians, lobes })
+                Ok(Some(Supplement { gaussians, lobes }))
             }
-        };
-        Ok(Scene { base, supplement })
+        }
     }
 }
 

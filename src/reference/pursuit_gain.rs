@@ -10,7 +10,7 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
         let after = t.difference - alpha * (fit.colour - t.render);
         let (area, l) = (4.0 * PI * deviation * deviation, alpha / fit.opacity);
-        let others = (1.0 - caution * area * l * l / fit.support).max(0.01);
+        let others = (1.0 - caution * area * l * l / fit.support).max(0.1);
         let here = area * (t.difference.length_squared() - after.length_squared() / (others * others));
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
         let left = (-f64::from(explained[pixel]) / HALVING).exp2();

@@ -80,8 +80,8 @@ impl Supplement {
     }
 
     /// Keeps the Gaussians that `keep` is true of, in their order.
-    pub fn retain(&mut self, keep: impl Fn(&Supplement, usize) -> bool) {
-        let kept: Vec<bool> = (0..self.gaussians.len()).map(|i| keep(self, i)).collect();
+    pub fn retain(&mut self, keep: impl FnMut(usize) -> bool) {
+        let kept: Vec<bool> = (0..self.gaussians.len()).map(keep).collect();
         fn only<T>(values: &mut Vec<T>, kept: &[bool]) {
             let each = values.len() / kept.len().max(1);
             let mut at = 0;
@@ -126,7 +126,8 @@ mod tests {
             assert!((all.greatest_opacity(i, &eyes) - expected).abs() < 1e-7, "{i}");
         }
         assert_eq!(all.greatest_opacity(0, &[]), 0.0);
-        all.retain(|s, i| s.greatest_opacity(i, &eyes) > 0.1);
+        let opacities = [0, 1, 2].map(|i| all.greatest_opacity(i, &eyes));
+        all.retain(|i| opacities[i] > 0.1);
         assert_eq!(all.gaussians.log_scales, [[1.0; 3], [3.0; 3]]);
         assert_eq!(all.lobes.widths, [0.4, 0.5]);
         assert_eq!(
