@@ -182,7 +182,7 @@ fn a_single_view_says_nothing() {
         place(&gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
     };
     let [bold, cautious] = [0.0, 1.0].map(of);
-    assert!(bold > 10 && 4 * cautious < bold, "{bold} {cautious}");
+    assert!(bold > 10 && 5 * cautious < bold, "{bold} {cautious}");
 }
 
 /// Where a base lacks nothing but is NaN in places, the rest is done as usual.

@@ -46,6 +46,11 @@ fn wall() -> Gaussians {
     base
 }
 
+/// What one view says alone counts too.
+fn bold() -> PursuitOptions {
+    PursuitOptions { caution: 0.0, ..Default::default() }
+}
+
 /// A black plate that faces z.
 fn push(base: &mut Gaussians, mean: [f32; 3], log_scale: f32) {
     base.means.push(mean);
@@ -150,8 +155,8 @@ fn two_runs_give_the_same_bits_and_a_smaller_error() {
     assert_eq!(a.placed, b.placed);
     assert_eq!(a.errors.map(f64::to_bits), b.errors.map(f64::to_bits));
     assert!(a.added[0] > 0 && a.added[1] > 0, "{:?}", a.added);
-    // Room for 20 is a small part of three stripes of 50 rows: a sixth of the error goes.
-    assert!(a.errors[1] < 0.9 * a.errors[0], "{:?}", a.errors);
+    // Room for 20 is a small part of three stripes of 50 rows: a thirteenth of the error goes.
+    assert!(a.errors[1] < 0.95 * a.errors[0], "{:?}", a.errors);
 }
 
 /// Sums over views go on from page to page, so not one bit differs.
@@ -239,7 +244,7 @@ fn pixels_that_do_not_count_draw_nothing() {
 #[test]
 fn one_view_is_enough() {
     let gpu = Gpu::new();
-    let found = pursue(&gpu, &wall(), &[(camera(0.0), spot(&camera(0.0), 30, 25))], PursuitOptions::default());
+    let found = pursue(&gpu, &wall(), &[(camera(0.0), spot(&camera(0.0), 30, 25))], bold());
     assert!(
         found.placed.count() > 0 && found.errors[1] < 0.8 * found.errors[0],
         "{:?} {:?}",
@@ -260,7 +265,7 @@ fn views_behind_and_beside_change_nothing() {
     let gpu = Gpu::new();
     let front = (camera(0.0), spot(&camera(0.0), 30, 25));
     let away = Camera { rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)), ..camera(0.0) };
-    let options = PursuitOptions::default();
+    let options = bold();
     let alone = pursue(&gpu, &wall(), from_ref(&front), options).placed;
     assert!(alone.count() > 0);
     for other in [away, camera(2.5)] {
@@ -274,7 +279,7 @@ fn views_behind_and_beside_change_nothing() {
 fn a_view_from_which_a_candidate_is_hidden_does_not_judge_it() {
     let gpu = Gpu::new();
     let (front, side) = ((camera(0.0), spot(&camera(0.0), 30, 25)), (camera(1.5), photo(&camera(1.5), |_, _| BLACK)));
-    let options = PursuitOptions { kinds: Kinds::Plain, ..Default::default() };
+    let options = PursuitOptions { kinds: Kinds::Plain, ..bold() };
     // Half way from the side's camera to the middle of the spot; 24 px beside it for the camera in front.
     let mut hidden = wall();
     push(&mut hidden, [0.75, 0.0, 2.0], 0.3f32.ln());
@@ -299,7 +304,7 @@ fn more_draws_than_pixels() {
         let (cx, cy) = (0.5 * f64::from(width), 0.5 * f64::from(height));
         let small = |x: f64| Camera { width, height, cx, cy, ..camera(x) };
         let seen = [0.0, 3.0].map(|x| (small(x), photo(&small(x), |_, _| WHITE)));
-        let found = pursue(&gpu, &wall(), &seen, PursuitOptions::default());
+        let found = pursue(&gpu, &wall(), &seen, bold());
         let pixels = 2 * width * height;
         assert!((1..=pixels).contains(&found.placed.count()), "{:?} of {pixels} pixels", found.added);
         assert!(found.errors[1] < found.errors[0], "{:?}", found.errors);

@@ -40,8 +40,10 @@ void main() {
             look(plots[v], view, s.at, deviation, r, render);
             vec3 after = r - alpha * (fit.colour - render);
             float area = 4.0 * PI * deviation * deviation, l = alpha / fit.opacity;
-            float others = max(1.0 - push.caution * area * l * l / fit.support, 0.1);
+            // What is left with the colour that the other views ask for; where there are none, they predict nothing.
+            float others = 1.0 - push.caution * area * l * l / fit.support;
             float here = area * (dot(r, r) - dot(after, after) / (others * others));
+            if (!(others > 0.01)) here = min(area * (dot(r, r) - dot(after, after)), 0.0);
             float left = exp2(-float(explained[plots[v].pixel_first + s.pixel]) / HALVING);
             gain += here > 0.0 ? here * left * left : here;
         }

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use glam::DVec3;
+
 use super::pursuit::{Candidate, Fit, Ground, HALVING};
 
 /// Over the views of a page; `explained` by pixel of the page.
@@ -10,8 +12,10 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
         let after = t.difference - alpha * (fit.colour - t.render);
         let (area, l) = (4.0 * PI * deviation * deviation, alpha / fit.opacity);
-        let others = (1.0 - caution * area * l * l / fit.support).max(0.1);
-        let here = area * (t.difference.length_squared() - after.length_squared() / (others * others));
+        let others = 1.0 - caution * area * l * l / fit.support;
+        let [before, after] = [t.difference, after].map(DVec3::length_squared);
+        let predicted = area * (before - after / (others * others));
+        let here = if others > 0.01 { predicted } else { (area * (before - after)).min(0.0) };
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
         let left = (-f64::from(explained[pixel]) / HALVING).exp2();
         Some(if here > 0.0 { here * left * left } else { here })
