@@ -170,7 +170,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "PLY")]
     #[serde(skip)]
     base: PathBuf,
-    /// PLY file to write: the base as any viewer reads it, and elements `augmented` and, if needed, `learned`
+    /// PLY file to write: the base as any viewer reads it, and behind it what only glint reads
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
@@ -279,7 +279,7 @@ impl Args {
     pub(super) fn run(&self) -> Outcome {
         let scene = self.lenient.open(&self.base)?;
         if scene.supplement.is_some() {
-            let what = "is augmented already (it has an element `augmented`), expected a base scene";
+            let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
             return Err(Error::input(&self.base, what).into());
         }
         let dataset = self.photos.open(&self.dataset)?;

@@ -6,6 +6,9 @@
 //!
 //! Where a base has learned together with its supplement, `vertex` is the base as it was, which other viewers show, and an element
 //! `learned` has those properties that changed, row by row, and after them the plain Gaussians that were added.
+//!
+//! Both are announced in comments (see `ply_format`), so that readers of one element open the file. Declared as elements, as glint once
+//! wrote them, they are read too.
 
 use std::collections::HashMap;
 use std::fs;
@@ -28,6 +31,8 @@ pub struct PointCloud {
 pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
 pub(super) const LEARNED: &str = "learned";
+/// Before the lines of a header that other readers need not know.
+const ANNOUNCED: &str = "comment glint ";
 pub(super) const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
 
 /// Everything but f_rest, in the order of [`Columns::fixed`].
@@ -54,7 +59,7 @@ pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> 
     Ok((scene, dropped))
 }
 
-/// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) as a second element.
+/// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     write_augmented(path, &scene.base, scene)
@@ -81,7 +86,8 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
     write_whole(path, |file| {
         writeln!(file, "ply\nformat binary_little_endian 1.0")?;
         for (name, rows) in &elements {
-            rows.iter().try_for_each(|rows| rows.write_header(file, name))?;
+            let prefix = if *name == BASE { "" } else { ANNOUNCED };
+            rows.iter().try_for_each(|rows| rows.write_header(file, prefix, name))?;
         }
         writeln!(file, "end_header")?;
         elements.iter().filter_map(|(_, rows)| rows.as_ref()).try_for_each(|rows| rows.write(file))
@@ -123,9 +129,9 @@ impl<'a> Rows<'a> {
         (rest || !fixed.is_empty()).then_some(Rows { gaussians: now, lobes: None, fixed, rest, normals: false })
     }
 
-    fn write_header(&self, file: &mut impl Write, name: &str) -> std::io::Result<()> {
-        writeln!(file, "element {name} {}", self.gaussians.len())?;
-        let mut property = |name: &str| writeln!(file, "property float {name}");
+    fn write_header(&self, file: &mut impl Write, prefix: &str, name: &str) -> std::io::Result<()> {
+        writeln!(file, "{prefix}element {name} {}", self.gaussians.len())?;
+        let mut property = |name: &str| writeln!(file, "{prefix}property float {name}");
         let (head, tail): (Vec<usize>, Vec<usize>) = self.fixed.iter().partition(|&&p| p < DC);
         head.into_iter().try_for_each(|p| property(FIXED[p]))?;
         if self.normals {
@@ -563,10 +569,8 @@ mod tests {
             write_augmented(&path, &original.base, scene).unwrap();
             assert_eq!(&read_scene(&path).unwrap(), scene);
             let bytes = fs::read(&path).unwrap();
-            // A reader that skips elements it does not know.
-            let text = String::from_utf8_lossy(&bytes).replace("element learned", "element unknown");
-            let header = text.find("end_header").unwrap();
-            let strange = [&text.as_bytes()[..header], &bytes[header..]].concat();
+            // A reader that does not know the comment.
+            let strange = header_with(&bytes, "comment glint element learned", "comment glint element unknown");
             assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
             bytes.len()
         };
@@ -589,9 +593,68 @@ mod tests {
         // Harmonics of 0 are not written.
         let mut lean = more.clone();
         lean.base.sh[3 * 9 + 1..].fill([0.0; 3]);
-        assert_eq!(whole - bytes(&lean), 4 * 4 * 3 * 8 + "property float f_rest_0\n".len() * 10 + 14 * 25);
+        assert_eq!(
+            whole - bytes(&lean),
+            4 * 4 * 3 * 8 + "comment glint property float f_rest_0\n".len() * 10 + 14 * 39
+        );
         let fewer = Scene { base: gaussians(2, 2, 0.5), supplement: None };
         assert!(write_augmented(&path, &original.base, &fewer).unwrap_err().to_string().contains("begin with"));
+    }
+
+    /// As a reader sees it that takes one element and no comments.
+    fn strict(bytes: &[u8]) -> (Vec<String>, Vec<f32>) {
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+        let header = std::str::from_utf8(&bytes[..end]).unwrap();
+        let mut lines = header.lines().filter(|line| !line.starts_with("comment"));
+        assert_eq!(lines.next(), Some("ply"));
+        assert_eq!(lines.next(), Some("format binary_little_endian 1.0"));
+        let rows: usize = lines.next().unwrap().strip_prefix("element vertex ").unwrap().parse().unwrap();
+        let names: Vec<String> = lines.map(|line| line.strip_prefix("property float ").unwrap().into()).collect();
+        let values = bytes[end + 11..][..4 * rows * names.len()].chunks(4);
+        (names, values.map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect())
+    }
+
+    #[test]
+    fn a_reader_of_one_element_and_no_comments_opens_an_augmented_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ply");
+        for degree in 0..4 {
+            let augmented = scene(degree, true);
+            let plain = Scene { base: augmented.base.clone(), supplement: None };
+            let mut learned = augmented.clone();
+            learned.base.opacities[0] += 1.0;
+            for scene in [&augmented, &learned] {
+                write_augmented(&path, &augmented.base, scene).unwrap();
+                assert_eq!(strict(&fs::read(&path).unwrap()), strict(&written(&plain)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_block_is_read_declared_as_elements_too_and_may_be_gone() {
+        let (whole, path) = (scene(1, true), Path::new("a.ply"));
+        let bytes = written(&whole);
+        let declared = header_with(&bytes, "comment glint ", "");
+        assert_eq!(parse_scene(&declared, path).unwrap(), whole);
+        let gone = &bytes[..bytes.len() - scene_bytes(0, 2, 1) as usize];
+        assert_eq!(parse_scene(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
+        // A tool has put the comments first.
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+        let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+        let (comments, others): (Vec<&str>, Vec<&str>) = header.lines().partition(|line| line.starts_with("comment"));
+        let lines = [&others[..2], &comments, &others[2..]].concat().join("\n") + "\n";
+        assert_eq!(parse_scene(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
+        // Part of it is no block, and other comments are comments.
+        expect(&bytes[..bytes.len() - 1], &["`augmented`", "1 bytes too few"]);
+        let head = "ply\nformat ascii 1.0\ncomment glint\ncomment glint was here\n";
+        expect(format!("{head}comment glint property float x\nend_header\n").as_bytes(), &["no element comes before"]);
+        let text = "element vertex 0\nproperty float x\ncomment glint element augmented 1\nproperty float y\n";
+        expect(format!("{head}{text}end_header\n").as_bytes(), &["no element comes before"]);
+        let (text, expected) = ascii(false);
+        let text = String::from_utf8(text).unwrap();
+        let more = "comment glint element augmented 3\ncomment glint property float x\nend_header\n";
+        let gone = text.replace("end_header\n", more);
+        assert_eq!(parse_scene(gone.as_bytes(), path).unwrap(), expected);
     }
 
     #[test]
@@ -665,10 +728,14 @@ mod tests {
     }
 
     fn replaced(scene: &Scene, from: &str, to: &str) -> Vec<u8> {
-        let bytes = written(scene);
-        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let end = written(scene).windows(11).position(|w| w == b"end_header\n").unwrap();
+        assert!(String::from_utf8_lossy(&written(scene)[..end]).contains(from));
+        header_with(&written(scene), from, to)
+    }
+
+    fn header_with(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
-        assert!(header.contains(from));
         [header.replace(from, to).as_bytes(), &bytes[end..]].concat()
     }
 

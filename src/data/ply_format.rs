@@ -2,6 +2,10 @@
 //!
 //! Format: Greg Turk, "The PLY Polygon File Format", 1994, in its three encodings. Numbers are handed out as f64, which
 //! holds every value of every PLY type.
+//!
+//! Many readers take a file of one element only. What they need not know is a block behind the rows of the declared elements, announced
+//! in comments: `comment glint element NAME ROWS` and `comment glint property TYPE NAME` say what they would say without the first two
+//! words. A tool that keeps comments and drops the block leaves a sound file.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -108,6 +112,8 @@ pub(super) struct Element {
     /// Rows that the header promises; believed only as far as the file's size allows.
     pub(super) rows: u64,
     pub(super) properties: Vec<Property>,
+    /// In comments.
+    announced: bool,
 }
 
 impl Element {
@@ -159,6 +165,12 @@ impl<'a> Ply<'a> {
             let line = String::from_utf8_lossy(&rest[..length]);
             at += length + 1;
             let words: Vec<&str> = line.split_whitespace().collect();
+            let (announced, words) = match words[..] {
+                ["comment", "glint", what @ ("element" | "property"), ref rest @ ..] => {
+                    (true, [&[what], rest].concat())
+                }
+                _ => (false, words),
+            };
             match words[..] {
                 ["ply"] | [] => {}
                 ["comment" | "obj_info", ..] => {}
@@ -177,7 +189,7 @@ impl<'a> Ply<'a> {
                         return Err(fail(format!("element `{name}` appears twice in the header")));
                     }
                     property_names.clear();
-                    elements.push(Element { name: name.to_owned(), rows, properties: Vec::new() });
+                    elements.push(Element { name: name.to_owned(), rows, properties: Vec::new(), announced });
                 }
                 ["property", ref kind @ .., name] => {
                     let (number, list) = match *kind {
@@ -193,7 +205,7 @@ impl<'a> Ply<'a> {
                     if list.is_some_and(|count| !count.is_integer()) {
                         return Err(fail(format!("header line `{line}`: the length of a list must be an integer")));
                     }
-                    let Some(element) = elements.last_mut() else {
+                    let Some(element) = elements.last_mut().filter(|element| element.announced == announced) else {
                         return Err(fail(format!("header line `{line}`: no element comes before it")));
                     };
                     if !property_names.insert(name.to_owned()) {
@@ -213,7 +225,25 @@ impl<'a> Ply<'a> {
         if let Some(empty) = elements.iter().find(|e| e.properties.is_empty() && e.rows > 0) {
             return Err(fail(format!("element `{}` promises {} rows but has no properties", empty.name, empty.rows)));
         }
-        Ok(Ply { path, encoding, elements, body: &bytes[at..] })
+        // Wherever a tool has put the comments, the block is the last.
+        elements.sort_by_key(|element| element.announced);
+        let mut ply = Ply { path, encoding, elements, body: &bytes[at..] };
+        if ply.elements.iter().any(|element| element.announced) && ply.has_no_block() {
+            ply.elements.retain(|element| !element.announced || element.rows == 0);
+        }
+        Ok(ply)
+    }
+
+    /// Whether the body ends with the declared elements.
+    fn has_no_block(&self) -> bool {
+        let declared = self.elements.iter().filter(|element| !element.announced);
+        // guard: PLY: a block that is gone
+        if self.encoding == Encoding::Ascii {
+            let lines = self.body.split(|&b| b == b'\n').filter(|line| !line.trim_ascii().is_empty()).count();
+            return declared.map(|element| u128::from(element.rows)).sum::<u128>() == lines as u128;
+        }
+        let bytes: Option<u128> = declared.map(|e| Some(u128::from(e.rows) * e.row_bytes()? as u128)).sum();
+        bytes == Some(self.body.len() as u128)
     }
 
     pub(super) fn element(&self, name: &str) -> Option<&Element> {
