@@ -228,6 +228,7 @@ impl<'a> Ply<'a> {
         // Wherever a tool has put the comments, the block is the last.
         elements.sort_by_key(|element| element.announced);
         let mut ply = Ply { path, encoding, elements, body: &bytes[at..] };
+        // guard: PLY: a block that is gone
         if ply.elements.iter().any(|element| element.announced) && ply.has_no_block() {
             ply.elements.retain(|element| !element.announced || element.rows == 0);
         }
@@ -237,7 +238,6 @@ impl<'a> Ply<'a> {
     /// Whether the body ends with the declared elements.
     fn has_no_block(&self) -> bool {
         let declared = self.elements.iter().filter(|element| !element.announced);
-        // guard: PLY: a block that is gone
         if self.encoding == Encoding::Ascii {
             let lines = self.body.split(|&b| b == b'\n').filter(|line| !line.trim_ascii().is_empty()).count();
             return declared.map(|element| u128::from(element.rows)).sum::<u128>() == lines as u128;
