@@ -189,6 +189,10 @@ fn run(args: &Args) -> Result<()> {
         write_scene(path, &base)?;
     }
     let before = quality(&session(0), &base, &held)?;
+    let split = match holdout {
+        Holdout::Sector => "sector",
+        _ => "every",
+    };
     let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
     let mut table = Vec::new();
     let name = args.dataset.as_ref().map_or("built-in".into(), |path| path.display().to_string());
@@ -230,7 +234,7 @@ fn run(args: &Args) -> Result<()> {
                 println!(
                     "{}",
                     json!({
-                        "name": row, "dataset": name, "seed": seed, "psnr": after.psnr, "ssim": after.ssim,
+                        "name": row, "dataset": name, "seed": seed, "holdout": split, "psnr": after.psnr, "ssim": after.ssim,
                         "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
                         "gaussians": scene.base.len() + supplement, "lobes": lobes, "plain": plain,
                     })

@@ -8,10 +8,11 @@ use super::{
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
+    report::{NUMBERS, PAGE, Shown, compare},
 };
 use crate::{
     Result,
-    data::{Dataset, Photo, Split, builtin::builtin_scene, write_augmented, write_png_bytes, write_scene},
+    data::{Dataset, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::Times,
@@ -25,6 +26,7 @@ use crate::{
     },
     report::{
         evaluate::{Evaluation, evaluate},
+        history::Record,
         sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
@@ -33,7 +35,7 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos. As a control, the base is also trained with as many more plain Gaussians for as \
+it, and compares both with 8 held-out photos, on a page to look at too. As a control, the base is also trained with as many more plain Gaussians for as \
 many more steps.
 
 Examples:
@@ -109,7 +111,7 @@ impl Args {
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
         let dataset = builtin_scene(2 * POINTS).dataset();
         let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
-        let names = [BASE, AUGMENTED].into_iter().chain(pictures.iter().map(String::as_str));
+        let names = [BASE, AUGMENTED, PAGE, NUMBERS].into_iter().chain(pictures.iter().map(String::as_str));
         self.replace.check_files(&self.output, names, &Inputs::default())?;
         self.replace.make_folder(&self.output, &Inputs::default())?;
         self.device.with(|context| Ok(self.run_on(context, &dataset)?))
@@ -162,6 +164,7 @@ impl Args {
                 &score,
             ),
         ];
+        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows)?;
         self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;
         let report = Report {
@@ -200,6 +203,43 @@ impl Args {
         let bar = Progress::new("training", "steps", iterations.into());
         train_base(session, &model, views, &options, false, |done| bar.set(done.into()))?;
         Ok((model.download()?, started.elapsed().as_secs_f64()))
+    }
+
+    /// The page that compares `scenes`, which are those of `rows`.
+    fn page(
+        &self,
+        context: &Context,
+        test: &[&Photo],
+        background: [f32; 3],
+        scenes: [&Scene; 3],
+        rows: &[Row; 3],
+    ) -> Result<()> {
+        let bytes = rows.each_ref().map(|r| scene_bytes(r.gaussians as u64, r.supplementary as u64, SH_DEGREE));
+        let shown: Vec<Shown> = scenes
+            .iter()
+            .zip(rows)
+            .zip(bytes)
+            .map(|((&scene, row), bytes)| Shown { name: row.what, scene, bytes })
+            .collect();
+        let history: Vec<Record> = rows
+            .iter()
+            .zip(bytes)
+            .map(|(row, bytes)| Record {
+                name: row.what.into(),
+                seconds: row.seconds,
+                bytes,
+                gaussians: (row.gaussians + row.supplementary) as u64,
+                psnr: row.psnr,
+                ssim: row.ssim,
+                seed: self.seed.into(),
+                holdout: "every".into(),
+            })
+            .collect();
+        compare(context, &shown, test, RenderOptions::default(), background)?.write(
+            &self.output,
+            "the built-in scene",
+            &history,
+        )
     }
 
     /// A picture of each test view: the three renders and the photo, their errors, and where the augmentation gains most.
@@ -265,7 +305,7 @@ impl Args {
         }
         format!(
             "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             placing {:.1} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, view_*.png\n",
+             placing {:.1} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
             (times.base + times.place + times.screen + times.lift).as_secs_f64(),

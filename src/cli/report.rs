@@ -1,4 +1,7 @@
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use image::RgbImage;
 use serde::Serialize;
@@ -27,8 +30,8 @@ use crate::{
     scene::Scene,
 };
 
-const PAGE: &str = "index.html";
-const NUMBERS: &str = "report.json";
+pub(super) const PAGE: &str = "index.html";
+pub(super) const NUMBERS: &str = "report.json";
 
 const EXAMPLES: &str = "\
 One page, DIR/index.html, that needs nothing beside it: for each photo the renders of all scenes under a slider, their errors, and \
@@ -109,84 +112,113 @@ impl Args {
         let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
         self.replace.check_files(&self.output, [PAGE, NUMBERS], &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
-        let (shown, entries) = self.device.with(|context| {
-            let progress = Progress::new("comparing", "views", (photos.len() * self.scenes.len()) as u64);
-            let mut shown = Vec::new();
-            let mut entries = Vec::new();
-            for (named, scene) in self.scenes.iter().zip(&scenes) {
-                // The photographs are the same beside every scene.
-                shown.clear();
-                entries.push(self.entry(context, named, scene, &photos, &progress, &mut shown)?);
-            }
-            Ok((shown, entries))
-        })?;
-        self.write(&shown, &entries, &history)?;
-        Ok(print(table(&entries))?)
-    }
-
-    /// What `named` is like in all `photos`, whose pictures are put into `shown`.
-    fn entry(
-        &self,
-        context: &Context,
-        named: &Named,
-        scene: &Scene,
-        photos: &[&Photo],
-        progress: &Progress,
-        shown: &mut Vec<String>,
-    ) -> Result<Entry> {
-        let bytes = fs::metadata(&named.path).map_err(|source| Error::io(&named.path, source))?.len();
-        let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
-        let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
-        let background = self.photos.background;
-        let cameras = || photos.iter().map(|photo| &photo.camera);
-        let mut layers = (supplementary > 0).then(|| Layers::new(context, scene, cameras(), options())).transpose()?;
-        let mut views = Vec::with_capacity(photos.len());
-        let found = evaluate(context, scene, photos, options(), background, |view| {
-            progress.advance();
-            let mut own = Vec::new();
-            for (what, image) in pictures(view, false) {
-                match what {
-                    "photo" => shown.push(data_of(&image)?),
-                    what => own.push((what, data_of(&image)?)),
-                }
-            }
-            if let Some(layers) = &mut layers {
-                let parts = render_parts(layers, view.photo, background)?;
-                for (what, light) in [("diffuse", parts.diffuse), ("specular", parts.specular)] {
-                    let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
-                    let image =
-                        RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
-                    own.push((what, data_of(&image)?));
-                }
-            }
-            views.push(EntryView { name: view.photo.name.clone(), quality: view.quality.augmented, pictures: own });
-            Ok(())
-        })?;
-        let gaussians = scene.base.len() + supplementary;
-        Ok(Entry { name: named.name.clone(), gaussians, supplementary, bytes, mean: found.augmented, views })
-    }
-
-    fn write(&self, shown: &[String], entries: &[Entry], history: &[Record]) -> Result<()> {
-        let names: Vec<&str> = entries.iter().map(|entry| &entry.name[..]).collect();
-        let title = format!("{} on {}", names.join(", "), self.dataset.display());
-        write_text(self.output.join(NUMBERS), &to_json(&Numbers { scenes: entries })?)?;
-        write_text(self.output.join(PAGE), &page(&title, shown, entries, history)?)
+        let sizes = self.scenes.iter().map(|Named { path, .. }| fs::metadata(path).map_err(|e| Error::io(path, e)));
+        let sizes = sizes.map(|found| found.map(|found| found.len())).collect::<Result<Vec<_>>>()?;
+        let scenes = self.scenes.iter().zip(&scenes).zip(sizes);
+        let scenes: Vec<Shown> =
+            scenes.map(|((named, scene), bytes)| Shown { name: &named.name, scene, bytes }).collect();
+        let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
+        let compared =
+            self.device.with(|context| Ok(compare(context, &scenes, &photos, options, self.photos.background)?))?;
+        compared.write(&self.output, &self.dataset.display().to_string(), &history)?;
+        Ok(print(compared.table())?)
     }
 }
 
-fn table(entries: &[Entry]) -> Table {
-    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
-    let mut table = Table::new([
-        column("scene", "scene", "", 0),
-        column("gaussians", "Gaussians", "", 0),
-        column("supplementary", "with lobes", "", 0),
-        column("bytes", "bytes", "", 0),
-        column("psnr", "PSNR", "dB", 2),
-        column("ssim", "SSIM", "", 4),
-    ]);
-    for Entry { name, gaussians, supplementary, bytes, mean, .. } in entries {
-        let counts = [*gaussians as u64, *supplementary as u64, *bytes].map(Cell::Count);
-        table.row(std::iter::once(Cell::from(&name[..])).chain(counts).chain([mean.psnr.into(), mean.ssim.into()]));
+/// A scene of a page.
+pub(super) struct Shown<'a> {
+    pub(super) name: &'a str,
+    pub(super) scene: &'a Scene,
+    /// Of its file.
+    pub(super) bytes: u64,
+}
+
+/// What scenes are like beside photos.
+pub(super) struct Compared {
+    photos: Vec<String>,
+    entries: Vec<Entry>,
+}
+
+pub(super) fn compare(
+    context: &Context,
+    scenes: &[Shown],
+    photos: &[&Photo],
+    options: RenderOptions,
+    background: [f32; 3],
+) -> Result<Compared> {
+    let progress = Progress::new("comparing", "views", (photos.len() * scenes.len()) as u64);
+    let mut found = Compared { photos: Vec::new(), entries: Vec::new() };
+    for shown in scenes {
+        // The photographs are the same beside every scene.
+        found.photos.clear();
+        found.entries.push(entry(context, shown, photos, options, background, &progress, &mut found.photos)?);
     }
-    table
+    Ok(found)
+}
+
+impl Compared {
+    /// Into the folder `output`: the page and its numbers.
+    pub(super) fn write(&self, output: &Path, dataset: &str, history: &[Record]) -> Result<()> {
+        let names: Vec<&str> = self.entries.iter().map(|entry| &entry.name[..]).collect();
+        let title = format!("{} on {dataset}", names.join(", "));
+        write_text(output.join(NUMBERS), &to_json(&Numbers { scenes: &self.entries })?)?;
+        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history)?)
+    }
+
+    fn table(&self) -> Table {
+        let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+        let mut table = Table::new([
+            column("scene", "scene", "", 0),
+            column("gaussians", "Gaussians", "", 0),
+            column("supplementary", "with lobes", "", 0),
+            column("bytes", "bytes", "", 0),
+            column("psnr", "PSNR", "dB", 2),
+            column("ssim", "SSIM", "", 4),
+        ]);
+        for Entry { name, gaussians, supplementary, bytes, mean, .. } in &self.entries {
+            let counts = [*gaussians as u64, *supplementary as u64, *bytes].map(Cell::Count);
+            table.row(std::iter::once(Cell::from(&name[..])).chain(counts).chain([mean.psnr.into(), mean.ssim.into()]));
+        }
+        table
+    }
+}
+
+/// What `shown` is like in all `photos`, whose pictures are put into `truths`.
+fn entry(
+    context: &Context,
+    shown: &Shown,
+    photos: &[&Photo],
+    options: RenderOptions,
+    background: [f32; 3],
+    progress: &Progress,
+    truths: &mut Vec<String>,
+) -> Result<Entry> {
+    let &Shown { name, scene, bytes } = shown;
+    let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+    let cameras = || photos.iter().map(|photo| &photo.camera);
+    let mut layers = (supplementary > 0).then(|| Layers::new(context, scene, cameras(), options)).transpose()?;
+    let mut views = Vec::with_capacity(photos.len());
+    let found = evaluate(context, scene, photos, options, background, |view| {
+        progress.advance();
+        let mut own = Vec::new();
+        for (what, image) in pictures(view, false) {
+            match what {
+                "photo" => truths.push(data_of(&image)?),
+                what => own.push((what, data_of(&image)?)),
+            }
+        }
+        if let Some(layers) = &mut layers {
+            let parts = render_parts(layers, view.photo, background)?;
+            for (what, light) in [("diffuse", parts.diffuse), ("specular", parts.specular)] {
+                let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
+                let image =
+                    RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
+                own.push((what, data_of(&image)?));
+            }
+        }
+        views.push(EntryView { name: view.photo.name.clone(), quality: view.quality.augmented, pictures: own });
+        Ok(())
+    })?;
+    let gaussians = scene.base.len() + supplementary;
+    Ok(Entry { name: name.into(), gaussians, supplementary, bytes, mean: found.augmented, views })
 }
