@@ -221,7 +221,7 @@ fn without_an_error_nothing_is_placed() {
     }
 }
 
-/// The square is left out of a photograph, or all of a render is no number.
+/// The square is left out of a photograph, or all of a render is NaN or infinite.
 #[test]
 fn pixels_that_do_not_count_draw_nothing() {
     let gpu = Gpu::new();

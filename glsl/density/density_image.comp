@@ -26,7 +26,7 @@ void main() {
     for (uint c = 0; c < 3; ++c) wanted[c] = target_channel(target, c);
     vec3 off = abs(shown - wanted);
     float error = (off.x + off.y + off.z) / 3.0;
-    bool fine = counts(target) && error <= FLOAT_MAX;
+    bool fine = counts(target) && error <= FLOAT_MAX; // guard: density: pixels that count; density: errors that are finite
     uint at = 3 * (frame.image_first + pixel);
     image_grad[at] = fine ? error : 0.0;
     image_grad[at + 1] = fine ? 1.0 : 0.0;

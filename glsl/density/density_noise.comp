@@ -45,6 +45,6 @@ void main() {
     vec3 scale = exp(load_geometry3(LOG_SCALE, place));
     vec3 e = normal_of(pcg4d(uvec4(number, push.step, HASH_NOISE, push.seed)));
     vec3 off = axes * (scale * scale * (e * axes)) * gate;
-    if (!(all(lessThanEqual(abs(off), vec3(FLOAT_MAX))))) return;
+    if (!(all(lessThanEqual(abs(off), vec3(FLOAT_MAX))))) return; // guard: density: noise that is finite
     store_geometry3(MEAN, place, load_geometry3(MEAN, place) + off);
 }

@@ -27,16 +27,16 @@ layout(set = 0, binding = 2, scalar) writeonly buffer DispatchArgs { uint dispat
 void main() {
     if (!(thread_index() == 0)) return;
     uint old = words[OLD], alive = words[ALIVE], candidates = words[CANDIDATES], children = 0;
-    bool still = status[STATUS_FAILED] != 0 || alive == 0;
+    bool still = status[STATUS_FAILED] != 0 || alive == 0; // guard: density: steps that fit; density: something alive
     if (still) alive = old;
     if (!still) {
         uint more = push.nth > 0 ? old + old / push.nth : 0;
-        uint target = min(max(push.target, more), push.capacity);
+        uint target = min(max(push.target, more), push.capacity); // guard: density: the limit
         if (target > alive) children = target - alive;
         if (REPLACEMENT) {
-            if (candidates == 0) children = 0;
+            if (candidates == 0) children = 0; // guard: density: something to draw
         } else {
-            children = min(children, candidates);
+            children = min(children, candidates); // guard: density: each once
         }
     }
     words[ALIVE] = alive;

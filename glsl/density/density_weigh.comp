@@ -46,7 +46,7 @@ void main() {
     if (!(place < push.stride && number < count)) return;
     float opacity = sigmoid(load_geometry(OPACITY, place));
     vec3 log_scale = load_geometry3(LOG_SCALE, place);
-    bool sized = all(lessThanEqual(abs(log_scale), vec3(FLOAT_MAX)));
+    bool sized = all(lessThanEqual(abs(log_scale), vec3(FLOAT_MAX))); // guard: density: scales that are finite
     bool stays = sized && (STRATEGY == MCMC ? opacity > push.least_opacity : opacity >= push.least_opacity);
     uint key = STRATEGY == MCMC ? 0 : NONE;
     if (stays) {
@@ -57,7 +57,7 @@ void main() {
             if (seen > 0.0 && pull / seen >= push.least_score) key = 0;
         } else {
             float score = scores[ERROR * push.stride + place];
-            if (score >= SCORE_MIN && score <= SCORE_MAX) {
+            if (score >= SCORE_MIN && score <= SCORE_MAX) { // guard: density: scores that can be drawn
                 uvec4 h = pcg4d(uvec4(number, push.step, HASH_KEY, push.seed));
                 key = floatBitsToUint(exponential_of(h.x) / score);
             }

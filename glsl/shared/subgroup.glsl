@@ -11,7 +11,8 @@
 // itself is alone in its workgroup, others meet where the whole workgroup does.
 // build.rs puts `software_` in place of `gl_` in the names of subgroup built-ins, as those can be neither defined nor declared.
 //
-// Loops go through LOOK lanes a round, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them together.
+// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together, upon which lanes no longer meet at
+// barriers. So what loops over tiles call has no loop that is left when it is compiled, and scans go through LOOK lanes a round.
 
 layout(constant_id = 100) const uint software_SubgroupSize = 32;
 #define software_SubgroupID (gl_LocalInvocationIndex / software_SubgroupSize)
@@ -59,12 +60,14 @@ uvec4 software_mask(uint lane) {
 }
 
 // To and from words.
+uvec4 software_put(uvec4 x) { return x; }
 uvec4 software_put(uint x) { return uvec4(x, 0, 0, 0); }
 uvec4 software_put(int x) { return uvec4(uint(x), 0, 0, 0); }
 uvec4 software_put(float x) { return uvec4(floatBitsToUint(x), 0, 0, 0); }
 uvec4 software_put(vec2 x) { return uvec4(floatBitsToUint(x), 0, 0); }
 uvec4 software_put(vec3 x) { return uvec4(floatBitsToUint(x), 0); }
 uvec4 software_put(vec4 x) { return floatBitsToUint(x); }
+uvec4 software_get(uvec4 like, uvec4 words) { return words; }
 uint software_get(uint like, uvec4 words) { return words.x; }
 int software_get(int like, uvec4 words) { return int(words.x); }
 float software_get(float like, uvec4 words) { return uintBitsToFloat(words.x); }
@@ -79,17 +82,6 @@ void software_barrier() {
 
 bool software_elect() { return software_SubgroupInvocationID == 0; }
 
-uvec4 software_ballot(bool value) {
-    software_show(uvec4(value, 0, 0, 0));
-    uvec4 bits = uvec4(0);
-    for (uint first = 0; first < software_SubgroupSize; first += LOOK) {
-        [[unroll]] for (uint k = 0; k < LOOK; ++k) bits[first / 32] |= software_seen(first + k).x << (first + k) % 32;
-    }
-    return bits;
-}
-
-bool software_any(bool value) { return software_ballot(value).xy != uvec2(0); }
-bool software_all(bool value) { return !software_any(!value); }
 uint software_ballotFindLSB(uvec4 bits) { return bits.x != 0 ? findLSB(bits.x) : 32 + findLSB(bits.y); }
 uint software_ballotBitCount(uvec4 bits) { return bitCount(bits.x) + bitCount(bits.y); }
 uint software_ballotExclusiveBitCount(uvec4 bits) { return software_ballotBitCount(bits & software_SubgroupLtMask); }
@@ -107,32 +99,58 @@ SOFTWARE_SHUFFLE(vec2)
 SOFTWARE_SHUFFLE(vec3)
 SOFTWARE_SHUFFLE(vec4)
 
-// Over the lanes `IF` in their order, from the lowest of them.
-#define SOFTWARE_REDUCE(NAME, T, START, COMBINE, IF) \
+// Over all lanes: those of four neighbours, of four such fours, of four of these. Every lane adds up the same in the same order.
+#define SOFTWARE_REDUCE(NAME, T, COMBINE) \
     T NAME(T value) { \
-        software_show(software_put(value)); \
-        T sum = START; \
-        for (uint first = 0; first < software_SubgroupSize; first += LOOK) { \
-            [[unroll]] for (uint k = 0; k < LOOK; ++k) { \
-                uint lane = first + k; \
-                T other = software_get(value, software_seen(lane)); \
-                if (IF) sum = COMBINE; \
+        T sum = value; \
+        [[unroll]] for (uint step = 1; step < 64; step *= 4) { \
+            if (step < software_SubgroupSize) { \
+                software_show(software_put(sum)); \
+                uint first = software_SubgroupInvocationID & ~(3 * step); \
+                sum = software_get(value, software_seen(first)); \
+                [[unroll]] for (uint k = 1; k < 4; ++k) { \
+                    T other = software_get(value, software_seen(first + k * step)); \
+                    if (first + k * step < software_SubgroupSize) sum = COMBINE; \
+                } \
             } \
         } \
         return sum; \
     }
-#define SOFTWARE_ADD(T) SOFTWARE_REDUCE(software_add, T, T(0), sum + other, true)
-SOFTWARE_ADD(uint)
-SOFTWARE_ADD(float)
-SOFTWARE_ADD(vec2)
-SOFTWARE_ADD(vec3)
-SOFTWARE_ADD(vec4)
-SOFTWARE_REDUCE(software_inclusiveAdd, uint, 0, sum + other, lane <= software_SubgroupInvocationID)
-SOFTWARE_REDUCE(software_exclusiveAdd, uint, 0, sum + other, lane < software_SubgroupInvocationID)
-SOFTWARE_REDUCE(software_min, uint, value, min(sum, other), true)
-SOFTWARE_REDUCE(software_min, float, value, min(sum, other), true)
-SOFTWARE_REDUCE(software_min, vec3, value, min(sum, other), true)
-SOFTWARE_REDUCE(software_max, uint, value, max(sum, other), true)
-SOFTWARE_REDUCE(software_max, float, value, max(sum, other), true)
-SOFTWARE_REDUCE(software_max, vec3, value, max(sum, other), true)
+SOFTWARE_REDUCE(software_add, uint, sum + other)
+SOFTWARE_REDUCE(software_add, float, sum + other)
+SOFTWARE_REDUCE(software_add, vec2, sum + other)
+SOFTWARE_REDUCE(software_add, vec3, sum + other)
+SOFTWARE_REDUCE(software_add, vec4, sum + other)
+SOFTWARE_REDUCE(software_min, uint, min(sum, other))
+SOFTWARE_REDUCE(software_min, float, min(sum, other))
+SOFTWARE_REDUCE(software_min, vec3, min(sum, other))
+SOFTWARE_REDUCE(software_max, uint, max(sum, other))
+SOFTWARE_REDUCE(software_max, float, max(sum, other))
+SOFTWARE_REDUCE(software_max, vec3, max(sum, other))
+SOFTWARE_REDUCE(software_or, uvec4, sum | other)
+
+// Over the lanes `IF`.
+#define SOFTWARE_SCAN(NAME, IF) \
+    uint NAME(uint value) { \
+        software_show(software_put(value)); \
+        uint sum = 0; \
+        for (uint first = 0; first < software_SubgroupSize; first += LOOK) { \
+            [[unroll]] for (uint k = 0; k < LOOK; ++k) { \
+                uint lane = first + k; \
+                uint other = software_seen(lane).x; \
+                if (IF) sum += other; \
+            } \
+        } \
+        return sum; \
+    }
+SOFTWARE_SCAN(software_inclusiveAdd, lane <= software_SubgroupInvocationID)
+SOFTWARE_SCAN(software_exclusiveAdd, lane < software_SubgroupInvocationID)
+
+uvec4 software_ballot(bool value) {
+    uint lane = software_SubgroupInvocationID, bit = uint(value) << lane % 32;
+    return software_or(lane < 32 ? uvec4(bit, 0, 0, 0) : uvec4(0, bit, 0, 0));
+}
+
+bool software_any(bool value) { return software_ballot(value).xy != uvec2(0); }
+bool software_all(bool value) { return !software_any(!value); }
 #endif

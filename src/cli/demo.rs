@@ -62,8 +62,10 @@ pub(super) struct Args {
     /// Folder for the scenes and the pictures
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
+    /// How Gaussians are placed
     #[arg(long, value_enum, default_value_t = Way::Pursuit)]
     method: Way,
+    /// Seed of the draws and of the order of photos
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON

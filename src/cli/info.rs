@@ -12,7 +12,7 @@ use crate::{
 /// Show what a scene or a dataset holds
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// PLY scene, or folder or JSON file of a dataset: which of them is seen from the contents
+    /// PLY scene, or folder or JSON file of a dataset: told apart by its contents
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
     #[command(flatten)]

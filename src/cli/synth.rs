@@ -28,17 +28,17 @@ pub(super) struct Args {
     /// Folder of the dataset; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Photos
+    /// Number of photos
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(i64::from(SynthOptions::LEAST_VIEWS)..=1000))]
     views: u32,
     /// Width and height of each photo, pixels
     #[arg(long, value_name = "PIXELS", default_value_t = 128,
         value_parser = clap::value_parser!(u32).range(i64::from(SynthOptions::LEAST_SIZE)..=2048))]
     size: u32,
-    /// Sparse points
+    /// Number of sparse points
     #[arg(long, default_value_t = 4000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     points: u32,
-    /// Of where the cameras stand and the points lie
+    /// Seed of the cameras' places and of the sparse points
     #[arg(long, default_value_t = 0)]
     seed: u32,
     #[command(flatten)]

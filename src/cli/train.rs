@@ -64,7 +64,7 @@ pub(super) struct Args {
     /// most 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Gaussians at most, at the start too, and as many as the default strategy comes to [default: those of the start]
+    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied

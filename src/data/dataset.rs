@@ -109,7 +109,9 @@ pub struct ImageFile {
     pub lens: Option<Lens>,
     /// An image whose black pixels do not count.
     pub mask: Option<PathBuf>,
+    /// What transparency means.
     pub alpha: Alpha,
+    /// How it is downscaled.
     pub reduce: Reduce,
 }
 
@@ -128,15 +130,20 @@ pub struct Photo {
     pub name: String,
     /// The camera of the prepared image: without distortion, and of its reduced size.
     pub camera: Camera,
+    /// For training or for testing.
     pub split: Split,
+    /// Where they are read from.
     pub pixels: PixelSource,
 }
 
 /// A set of photos, sorted by name, and sparse points if there are any.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
+    /// What the files are.
     pub kind: DatasetKind,
+    /// Sorted by name.
     pub photos: Vec<Photo>,
+    /// Where the base may begin.
     pub points: Option<PointCloud>,
     /// What transparent pixels are put over, sRGB values 0 to 1.
     pub background: [f32; 3],

@@ -77,6 +77,7 @@ pub struct BorrowedDevice {
     pub physical_device: vk::PhysicalDevice,
     /// Made with the extensions and features that [`Context::requirements`] names.
     pub device: ash::Device,
+    /// Of `queue`; it must take compute.
     pub queue_family: u32,
     pub queue: vk::Queue,
     /// Which of the optional features it was made with, and with their extensions.
@@ -86,6 +87,7 @@ pub struct BorrowedDevice {
 /// What a borrowed device must have been made with, and what it may have been.
 #[derive(Debug, Clone)]
 pub struct Requirements {
+    /// Of Vulkan, at least.
     pub api_version: u32,
     /// Those of the features are named by [`Feature::extension`]; on a device of Vulkan 1.3 `VK_EXT_subgroup_size_control` is
     /// not needed.

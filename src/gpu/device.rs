@@ -34,12 +34,15 @@ pub enum Reconvergence {
 /// What is known of a physical device, and how kernels run on it.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct DeviceInfo {
+    /// As the driver has it.
     pub name: String,
+    /// Discrete GPU, CPU and so on, as `glint devices` prints it.
     pub kind: &'static str,
     /// Lanes of every subgroup; of a device that glint cannot use, what the device itself prefers.
     pub subgroup_size: u32,
     /// The smallest and the largest size that the device offers.
     pub subgroup_sizes: [u32; 2],
+    /// What keeps lanes together, see [`Reconvergence`].
     pub reconvergence: Reconvergence,
     /// Kernels are run with `SignedZeroInfNanPreserve`: NaN and infinities are those of IEEE 754.
     pub preserves_nan: bool,
@@ -51,6 +54,7 @@ pub struct DeviceInfo {
     pub timestamp_period: f32,
     /// llvmpipe and other CPU implementations: every cost is ALU and dispatch, none is bandwidth.
     pub is_cpu: bool,
+    /// Name and version.
     pub driver: String,
     /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
     pub float_atomics: bool,

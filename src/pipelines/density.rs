@@ -44,6 +44,7 @@ pub enum Strategy {
 /// What density control does over a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DensityOptions {
+    /// What is pruned and what is multiplied.
     pub strategy: Strategy,
     /// Gaussians at most; what [`Strategy::Budget`] comes to.
     pub limit: u32,

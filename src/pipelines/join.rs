@@ -9,6 +9,7 @@ use super::{
 };
 use crate::error::Result;
 
+/// How the joint stage learns.
 #[derive(Debug, Clone, Copy)]
 pub struct JoinOptions {
     /// Steps for each view; the method has 30.
@@ -18,8 +19,9 @@ pub struct JoinOptions {
     pub bias_correction: bool,
     /// The base learns everything too, not only its opacities.
     pub everything: bool,
-    /// Rates at first, of the method's, and what share of them is left at the end.
+    /// Rates at first, as a multiple of the method's.
     pub pace: f32,
+    /// What share of them is left at the end.
     pub decay: f32,
 }
 

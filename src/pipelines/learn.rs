@@ -17,15 +17,21 @@ use crate::{
 pub struct Rates {
     /// Scene units.
     pub mean: f32,
+    /// Logarithms of scene units.
     pub log_scale: f32,
+    /// Of quaternions that are not normalised.
     pub quat: f32,
+    /// Logits.
     pub opacity: f32,
     /// Constant SH band.
     pub dc: f32,
     /// Other SH bands.
     pub sh: f32,
+    /// Of lobes.
     pub direction: f32,
+    /// T of lobes.
     pub width: f32,
+    /// β of lobes.
     pub sharpness: f32,
     /// Weight in the loss of the mean of the segment's opacities. Of a learner that steps on each view.
     pub mean_opacity: f32,
@@ -102,7 +108,9 @@ struct Accumulated {
 
 /// A lesson with its pipelines and Adam's moments.
 pub struct Learner {
+    /// What is learned.
     pub lesson: Lesson,
+    /// First and second, in pages as the model's.
     pub moments: Beside,
     /// By degree of harmonics, for the fused step.
     fused: Vec<project_backward::Stage>,
@@ -114,10 +122,13 @@ pub struct Learner {
 pub struct Seen<'a> {
     pub model: &'a Model,
     pub views: &'a Views,
+    /// Index in `views`.
     pub view: u32,
+    /// Holds the render of the view and its gradient records.
     pub raster: &'a Raster,
     /// Bands of harmonics in use.
     pub degree: u32,
+    /// See `stages::status`; once it says that the step did not fit, nothing is learned.
     pub status: &'a Buffer<u32>,
 }
 

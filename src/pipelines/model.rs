@@ -131,7 +131,9 @@ impl Planes {
 pub struct Part {
     /// In order; a page begins where the one before ends.
     pub pages: Vec<Page>,
+    /// Position, scale, rotation and opacity: planes as `scene::layout` names them.
     pub geometry: Planes,
+    /// Colour.
     pub sh: Planes,
     /// None for the base.
     pub lobes: Planes,
@@ -147,6 +149,7 @@ impl Part {
 /// Room for Gaussians beyond those of a scene.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Room {
+    /// Gaussians.
     pub base: u32,
     pub supplement: u32,
     /// Gaussians of a page at most; `None` for as many as the device binds at once.
@@ -157,6 +160,7 @@ pub struct Room {
 pub struct Model {
     context: Context,
     parts: [Part; 2],
+    /// Of both segments, 0 to 3.
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,

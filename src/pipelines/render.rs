@@ -27,12 +27,15 @@ pub const MEDIAN_THRESHOLD: f32 = 0.5;
 /// What a [`Renderer`] can do beyond colour and transmittance.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions {
+    /// Depths will be asked for.
     pub depth: bool,
     /// Take the z of the median Gaussian's centre, not of its point of maximum response.
     pub centre_depth: bool,
+    /// Transmittance: see [`MEDIAN_THRESHOLD`].
     pub median_threshold: f32,
     /// Gradients will be asked for.
     pub backward: bool,
+    /// Which variants of the stages run.
     pub policy: Policy,
 }
 
@@ -100,10 +103,12 @@ pub struct Renderer {
 /// One view on the host.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
+    /// Pixels.
     pub width: u32,
     pub height: u32,
     /// RGB interleaved, not clamped above.
     pub color: Vec<f32>,
+    /// By pixel: the share of the background that is seen.
     pub transmittance: Vec<f32>,
     /// Camera z, 0 where there is none; empty unless [`RenderOptions::depth`].
     pub depth: Vec<f32>,

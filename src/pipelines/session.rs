@@ -25,11 +25,13 @@ impl Policy {
 #[derive(Clone)]
 pub struct Session {
     pub context: Context,
+    /// Which variants of the stages run.
     pub policy: Policy,
     /// sRGB, 0 to 1.
     pub background: [f32; 3],
     /// 1.1 × the largest camera distance from their mean, scene units: what position rates are relative to.
     pub extent: f32,
+    /// Of whatever is drawn at random.
     pub seed: u64,
 }
 

@@ -61,6 +61,7 @@ struct Training {
 /// What a training loop did.
 #[derive(Debug)]
 pub struct TrainReport {
+    /// How many, and their times.
     pub steps: StepReport,
     /// Loss of every view of every step, before the step.
     pub losses: Vec<f32>,
@@ -351,7 +352,9 @@ pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
 /// The base scene's schedule (3DGS, method section 2): position rate falling log-linearly over the run, SH bands one by one.
 #[derive(Debug, Clone, Copy)]
 pub struct BaseOptions {
+    /// Steps, of one view each.
     pub iterations: u32,
+    /// 0 to 3.
     pub sh_degree: u32,
 }
 

@@ -14,6 +14,7 @@ const JACOBIAN_LIMIT: f64 = 1.3;
 
 /// Views 0..V, written once.
 pub struct Views {
+    /// The cameras as kernels have them.
     pub views: Buffer<View>,
     /// Frame v is view v alone: its image begins at pixel 0 of the working image, its target where its photograph does.
     pub frames: Buffer<Frame>,

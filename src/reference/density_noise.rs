@@ -13,7 +13,7 @@ use crate::stages::constants::density::HASH_NOISE;
 /// Steepness and middle of the gate, in transmittance.
 pub const GATE: (f64, f64) = (100.0, 0.995);
 
-/// Σ (ε σ(100 ((1 − o) − 0.995))) rate, 0 where that is no number.
+/// Σ (ε σ(100 ((1 − o) − 0.995))) rate, 0 where that is not finite.
 pub fn density_noise(gaussian: &Geometry, rate: f64, number: u32, step: u32, seed: u32) -> DVec3 {
     let gate = rate * sigmoid(GATE.0 * (1.0 - sigmoid(gaussian.logit) - GATE.1));
     let [w, x, y, z] = gaussian.quat;

@@ -29,18 +29,24 @@ pub struct ViewQuality {
 /// Means over views, and the views.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
+    /// The plain Gaussians alone.
     pub base: Quality,
+    /// The whole scene.
     pub augmented: Quality,
+    /// In the order of the photos.
     pub views: Vec<ViewQuality>,
 }
 
 /// A photograph beside what was rendered of it.
 pub struct Compared<'a> {
     pub photo: &'a Photo,
+    /// The photograph as it was prepared.
     pub truth: &'a Image,
+    /// Of the plain Gaussians alone.
     pub base: &'a Rendered,
     /// The same as `base` where there is no supplement.
     pub whole: &'a Rendered,
+    /// Of both renders.
     pub quality: &'a ViewQuality,
 }
 

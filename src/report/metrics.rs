@@ -19,7 +19,9 @@ const C2: f64 = 0.03 * 0.03;
 /// A render and the photograph it is compared with.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'a> {
+    /// RGB interleaved, sRGB values; those beyond 0 to 1 are clamped.
     pub image: &'a [f32],
+    /// The same of 8 bits.
     pub reference: &'a [u8],
     /// Pixels.
     pub width: u32,

@@ -5,13 +5,18 @@ use glam::{DMat3, DVec3};
 /// Intrinsics in pixels, pose as world-to-camera: `x_camera = rotation · x_world + translation`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
+    /// Pixels.
     pub width: u32,
     pub height: u32,
+    /// Focal lengths, pixels.
     pub fx: f64,
     pub fy: f64,
+    /// Principal point, pixels from the image's upper left corner.
     pub cx: f64,
     pub cy: f64,
+    /// From world axes to camera axes.
     pub rotation: DMat3,
+    /// The world's origin in camera axes, scene units.
     pub translation: DVec3,
 }
 

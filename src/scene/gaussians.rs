@@ -53,14 +53,18 @@ pub struct Lobes {
 /// Supplementary Gaussians: plain ones with a lobe each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Supplement {
+    /// Their opacities are those in the middle of the lobe.
     pub gaussians: Gaussians,
+    /// One for each.
     pub lobes: Lobes,
 }
 
 /// A base scene and, once it is augmented, its supplement (which shares the base's SH degree).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scene {
+    /// What any viewer shows.
     pub base: Gaussians,
+    /// What the augmentation has added.
     pub supplement: Option<Supplement>,
 }
 

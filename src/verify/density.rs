@@ -60,7 +60,7 @@ struct Page {
     count: usize,
     population: Buffer<u32>,
     status: Buffer<u32>,
-    /// Some scales and opacities are no number, some opacities are low.
+    /// Some opacities are NaN and some scales infinite, some opacities are low.
     planes: Vec<f32>,
     params: Params,
     workgroup_size: u32,
@@ -398,7 +398,7 @@ fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
 fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
     let (context, count) = (bench.context, page.count);
     let numbers = PAGE_FIRST as usize + count;
-    // What is no number had no children; the last third are children.
+    // What is not finite had no children; the last third are children.
     let sound = |i: usize| page.params.logit(i).is_finite() && page.params.log_scale(i).is_finite();
     let copies: Vec<u32> = (0..numbers)
         .map(|n| match n.checked_sub(PAGE_FIRST as usize) {

@@ -32,7 +32,7 @@ const POINTS: &str = "points.ply";
 pub enum Synth {
     /// A standing mirror, a mirror on the floor and a mirror ball among things that do not shine: virtual images
     Mirror,
-    /// Lacquer and satin metal: broad highlights, nothing that is seen sharp in anything
+    /// Lacquer and satin metal: broad highlights, no sharp reflections
     Gloss,
     /// Nothing reflects: the specular part is 0
     Diffuse,
