@@ -1,6 +1,8 @@
 //! The screen phase as a whole, and what its kernels leave alone; what they compute is judged by `glint verify`.
 
 mod common;
+#[path = "common/wall.rs"]
+mod wall;
 
 use common::{Gpu, session};
 use glint::{
@@ -18,7 +20,7 @@ use glint::{
         screen_project::screen_project,
         screen_tiles::{WINDOW_RADIUS, screen_tiles},
     },
-    scene::{Camera, Gaussians, Scene},
+    scene::{Camera, Scene},
     stages::{
         constants::screen::{DRAWING, WAITING},
         ssim,
@@ -27,6 +29,7 @@ use glint::{
     },
     verify::screen::{SMALL_FRAMES, Scattered, pixels_of},
 };
+use wall::wall;
 
 fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
     let error = (f64::from(got) - expected).abs();
@@ -137,14 +140,6 @@ fn waiting_views_and_overflow_leave_everything_alone() {
 
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
 fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
-        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
-        base.log_scales.push([-0.4, -0.4, -4.0]);
-        base.quats.push([1.0, 0.0, 0.0, 0.0]);
-        base.opacities.push(4.0);
-        base.sh.push([0.3, -0.2, 0.5]);
-    }
     let (width, height) = (180, 160);
     let camera = |v: usize| Camera {
         width,
@@ -165,7 +160,7 @@ fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
             })
             .collect()
     };
-    (Scene { base, supplement: None }, (0..views).map(camera).collect(), (0..views).map(photograph).collect())
+    (Scene { base: wall(), supplement: None }, (0..views).map(camera).collect(), (0..views).map(photograph).collect())
 }
 
 const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3, shared_steps: false };

@@ -4,6 +4,8 @@
 mod common;
 #[path = "common/probe.rs"]
 mod probe;
+#[path = "common/wall.rs"]
+mod wall;
 
 use std::collections::BTreeSet;
 
@@ -24,11 +26,12 @@ use glint::{
         views::Views,
     },
     reference::{Params, random_camera, random_scene, twin, twins},
-    scene::{Camera, Gaussians, Scene},
+    scene::{Camera, Scene},
     stages::{blend, status},
     verify::{Options, run},
 };
 use probe::{BACKGROUND, Probe, RATES, Setup, ripple};
+use wall::wall;
 
 fn with(twins: &[Twin]) -> Gpu {
     Gpu::with(ContextOptions { twins: twins.to_vec(), ..ContextOptions::from_env() })
@@ -312,14 +315,6 @@ fn moving_gaussians_has_a_twin() {
 /// A wall of a few wide Gaussians, photographed twice with stripes that it lacks: three rounds of drawing, steps and pruning, and
 /// the lift of what is left.
 fn augment(gpu: &Gpu) -> Outcome {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
-        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
-        base.log_scales.push([-0.4, -0.4, -4.0]);
-        base.quats.push([1.0, 0.0, 0.0, 0.0]);
-        base.opacities.push(4.0);
-        base.sh.push([0.3, -0.2, 0.5]);
-    }
     let (width, height) = (120, 100);
     let camera = |v: usize| {
         let translation = DVec3::new(0.1 * v as f64, 0.0, 0.0);
@@ -330,7 +325,7 @@ fn augment(gpu: &Gpu) -> Outcome {
         (0..width * height).flat_map(|p| if stripe(p) { [220, 200, 60] } else { [150, 115, 165] }).collect()
     };
     let views = Views::upload(gpu, &[camera(0), camera(1)], &[&photo(0), &photo(1)]).unwrap();
-    let scene = Scene { base, supplement: None };
+    let scene = Scene { base: wall(), supplement: None };
     let room = Room { supplement: 60, page: Some(25), ..Default::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
@@ -364,14 +359,6 @@ fn the_stages_of_the_augmentation_have_twins() {
 
 /// A wall, photographed three times with a stripe that it lacks in all of them and a spot that is there in two.
 fn pursue(gpu: &Gpu) -> Outcome {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
-        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
-        base.log_scales.push([-0.4, -0.4, -4.0]);
-        base.quats.push([1.0, 0.0, 0.0, 0.0]);
-        base.opacities.push(4.0);
-        base.sh.push([0.3, -0.2, 0.5]);
-    }
     let (width, height) = (60, 50);
     let camera = |v: usize| {
         let translation = DVec3::new(0.37 * v as f64, 0.0, 0.0);
@@ -392,7 +379,7 @@ fn pursue(gpu: &Gpu) -> Outcome {
         (0..width * height).flat_map(colour).collect()
     };
     let views = Views::upload(gpu, &[0, 1, 2].map(camera), &[&photo(0)[..], &photo(1), &photo(2)]).unwrap();
-    let scene = Scene { base, supplement: None };
+    let scene = Scene { base: wall(), supplement: None };
     let room = Room { supplement: 20, base: 20, page: Some(25) };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };

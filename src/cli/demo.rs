@@ -307,7 +307,7 @@ impl Args {
         }
         format!(
             "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             placing {:.1} s, joint stage {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}, view_*.png\n",
+             placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}, view_*.png\n",
             report.gain_over_base,
             report.gain_over_plain,
             (times.base + times.place + times.screen + times.lift).as_secs_f64(),

@@ -57,11 +57,11 @@ pub(super) enum Way {
     Augs,
 }
 
-/// How many steps the 2D stage of the paper's method takes.
+/// How many steps the 2D phase of the paper's method takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
-    /// The same stages with shorter rounds, for previews and machines without a GPU
+    /// The same with shorter rounds, for previews and machines without a GPU
     Quick,
     /// The paper's numbers of steps
     Paper,
@@ -86,7 +86,7 @@ enum Weights {
 #[serde(rename_all = "kebab-case")]
 #[command(next_help_heading = "What the paper leaves open")]
 pub(super) struct ChoiceArgs {
-    /// Rounds of the 2D stage of --method augs [default: paper]
+    /// Rounds of the 2D phase of --method augs [default: paper]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
@@ -104,7 +104,7 @@ pub(super) struct ChoiceArgs {
     /// Weights of the covariance of a group
     #[arg(long, value_enum, default_value_t = Weights::Squared)]
     pca_weights: Weights,
-    /// Use Adam's bias correction for all parameters of the joint stage, not only for the lobes
+    /// Use Adam's bias correction for all parameters of the joint phase, not only for the lobes
     #[arg(long)]
     bias_correction: bool,
 }
@@ -180,7 +180,7 @@ pub(super) struct Args {
     /// Gaussians that may be added, per Gaussian of the base
     #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
     ratio: f64,
-    /// Keep in this folder what the joint stage has learned so far, and with --method augs each view's 2D Gaussians and lifts
+    /// Keep in this folder what the joint phase has learned so far, and with --method augs each view's 2D Gaussians and lifts
     /// (safetensors), base render and depth (EXR), and resume from it
     #[arg(long, value_name = "DIR")]
     #[serde(skip)]
@@ -191,7 +191,7 @@ pub(super) struct Args {
     /// Seed of the draws and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// Print JSON: what was added and how long each stage took
+    /// Print JSON: what was added and how long each phase took
     #[arg(long)]
     #[serde(skip)]
     json: bool,
@@ -243,12 +243,12 @@ struct Report<'a> {
     supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     plain_gaussians: u32,
-    /// Supplementary Gaussians that the joint stage made so transparent that they were taken away.
+    /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
     faded_gaussians: u32,
     /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
     original_kept: bool,
     seconds: Seconds,
-    /// Mean loss over the first and over the last pass of the joint stage; null where it did not run.
+    /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
     /// On the test views; null where there are none.
@@ -384,7 +384,7 @@ impl Args {
                 let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
                 let times = match options.method {
                     Method::Pursuit => format!("placing {:.1} s", seconds.place),
-                    Method::Augs => format!("2D stage {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
+                    Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
                 };
                 let plain = if plain > 0 { format!(" and {plain} plain ones") } else { String::new() };
                 let faded = match found.faded {
@@ -393,7 +393,7 @@ impl Args {
                 };
                 print(format_args!(
                     "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}\n\
-                     base {:.1} s, {times}, joint stage {:.1} s on {device}\n{}",
+                     base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
                     seconds.base,
                     seconds.join,
                     gain.as_ref().map_or(String::new(), Gain::text)

@@ -1,4 +1,4 @@
-//! What people see on stderr while they wait: a bar for each stage with rate and time left, or where stderr is no terminal a
+//! What people see on stderr while they wait: a bar for each phase with rate and time left, or where stderr is no terminal a
 //! line now and then.
 
 use std::{
@@ -24,7 +24,7 @@ static QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Between lines in a log file: a run of an hour leaves 120.
 const LINE_EVERY: Duration = Duration::from_secs(30);
-/// A stage of this length leaves a line in a log file when it ends.
+/// A phase of this length leaves a line in a log file when it ends.
 const WORTH_A_LINE: Duration = Duration::from_secs(10);
 /// Before this part of the work or this time is done, what is left is not guessed: the first steps wait for pipelines.
 const KNOWN_FROM: (f64, Duration) = (0.01, Duration::from_secs(2));
@@ -38,7 +38,7 @@ fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// How far a stage is.
+/// How far a phase is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pace {
     done: u64,
@@ -62,7 +62,7 @@ impl Pace {
         }
     }
 
-    /// From the mean rate since the stage began. `None` as long as that says little.
+    /// From the mean rate since the phase began. `None` as long as that says little.
     fn left(&self) -> Option<Duration> {
         let share = self.done as f64 / self.total.max(1) as f64;
         let known = share >= KNOWN_FROM.0 && self.elapsed >= KNOWN_FROM.1;
@@ -74,7 +74,7 @@ impl Pace {
     }
 }
 
-/// A bar of one stage of a command; it disappears when dropped.
+/// A bar of one phase of a command; it disappears when dropped.
 pub(super) struct Progress {
     bar: ProgressBar,
     label: &'static str,
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_hears_of_a_stage_again_and_again_until_it_ends() {
+    fn a_log_hears_of_a_phase_again_and_again_until_it_ends() {
         let (ended, wait) = mpsc::channel();
         let (sender, beats) = mpsc::channel();
         let bar = ProgressBar::hidden();

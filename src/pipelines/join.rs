@@ -9,7 +9,7 @@ use super::{
 };
 use crate::error::Result;
 
-/// How the joint stage learns.
+/// How the joint phase learns.
 #[derive(Debug, Clone, Copy)]
 pub struct JoinOptions {
     /// Steps for each view; the method has 30.

@@ -428,7 +428,7 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     let scene = read_scene(work.path("first.ply")).unwrap();
     assert_eq!(scene.supplement.as_ref().unwrap().gaussians.len() as u64, added);
     assert_eq!(scene.base.len(), 300);
-    // The file's first element is the base as any viewer reads it, with opacities that the joint stage moved.
+    // The file's first element is the base as any viewer reads it, with opacities that the joint phase moved.
     let base = read_scene(work.path("base.ply")).unwrap().base;
     assert_eq!((&base.means, &base.sh), (&scene.base.means, &scene.base.sh));
     assert_ne!(base.opacities, scene.base.opacities);
@@ -443,7 +443,7 @@ fn an_augmentation_can_be_inspected_and_gone_on_with() {
     assert_eq!(exr(&work.path("kept/d.base.exr")).2.len(), 3);
     assert_eq!(exr(&work.path("kept/d.depth.exr")).2[0].0, "Z");
 
-    // All views are there: only the joint stage runs again. One is not: its batch is done again. Either way the same file.
+    // All views are there: only the joint phase runs again. One is not: its batch is done again. Either way the same file.
     let first = fs::read(work.path("first.ply")).unwrap();
     let again = work.json(&format!("{enhance} -o again.ply --work kept"));
     assert_eq!(again["photos_resumed"], 7);
