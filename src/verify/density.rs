@@ -233,7 +233,8 @@ fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         alive: &alive,
         keys: &keys,
     };
-    let capacity = 2 * numbers as u32;
+    // A weight is a whole number of up to 2^31 / capacity: one more or less must be little beside the bound.
+    let capacity = 6000;
     let push = density_weigh::Push {
         segment: 1,
         page_first: PAGE_FIRST,

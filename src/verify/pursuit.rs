@@ -13,8 +13,9 @@ use crate::{
     },
     reference::{
         self as twin, NONE, View,
-        pursuit::{Candidate, Fit, Ground, Texel, sigma_of},
+        pursuit::{Candidate, Fit, Ground, HALVING, Texel, lobe_width, sigma_of},
         pursuit_draw::Drawn,
+        pursuit_fit::best_of,
         pursuit_score::Sums,
     },
     stages::{
@@ -330,8 +331,13 @@ impl Here<'_> {
                 same.push((fit, best));
             } else {
                 flips += 1;
-                // Another size or width of nearly the same gain.
-                wrong += u64::from((f64::from(fit.gain) - best.gain).abs() > 1e-3 * best.gain.abs().max(1e-3));
+                // Another size or width of nearly the same gain, as far as float32 knows differences of such sums.
+                let size = |s: &usize| close(fit.sigma, sigma_of(pixels[*s], f64::from(c.px)));
+                let width = |w: &usize| close(fit.width, lobe_width(*w as u32, f64::from(c.theta_bar)));
+                let taken = (0..sizes).find(size).zip((0..WIDTHS as usize).find(width)).map(|(s, w)| &sums[s][w]);
+                let gain = taken.and_then(best_of).map_or(0.0, |(_, _, gain)| gain);
+                let terms = taken.map_or(0.0, |x| x.iter().map(|x| x.abs()).sum::<f64>());
+                wrong += u64::from(best.gain - gain > 1e-3 * best.gain + 2e-6 * terms);
             }
         }
         row.flips(flips, count);
@@ -417,7 +423,9 @@ impl Here<'_> {
         };
         // Nothing is proved where nothing is taken.
         row.unequal(u64::from(taken == 0));
-        row.numbers(page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (got as f32, want.into())));
+        // As it is used: what remains.
+        let left = |explained: u32| (-f64::from(explained) / HALVING).exp2();
+        row.numbers(page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (left(got) as f32, left(want))));
         row.words(&w.gain_keys.download()?, &want_keys);
         bench.push(row);
         Ok(())
