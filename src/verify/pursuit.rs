@@ -425,7 +425,9 @@ impl Here<'_> {
         row.unequal(u64::from(taken == 0));
         // As it is used: what remains.
         let left = |explained: u32| (-f64::from(explained) / HALVING).exp2();
-        row.numbers(page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (left(got) as f32, left(want))));
+        row.numbers(
+            page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (left(got) as f32, left(want))),
+        );
         row.words(&w.gain_keys.download()?, &want_keys);
         bench.push(row);
         Ok(())
