@@ -13,7 +13,7 @@ use crate::stages::{
 
 pub(super) const FIRST_BLUR: f64 = 0.7;
 pub(super) const NEXT_BLUR: f64 = 1.2124;
-pub(super) const REACH: f64 = 2.5;
+pub(crate) const REACH: f64 = 2.5;
 pub(super) const CORE: f64 = 0.5;
 pub(crate) const HALVING: f64 = 65536.0;
 const WIDEST: f64 = 3.2;

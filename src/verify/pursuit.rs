@@ -13,7 +13,7 @@ use crate::{
     },
     reference::{
         self as twin, NONE, View,
-        pursuit::{Candidate, Fit, Ground, HALVING, Texel, lobe_width, sigma_of},
+        pursuit::{Candidate, Fit, Ground, HALVING, REACH, Texel, lobe_width, sigma_of},
         pursuit_draw::Drawn,
         pursuit_fit::best_of,
         pursuit_score::Sums,
@@ -25,6 +25,8 @@ use crate::{
 };
 
 const SEED: u64 = 5;
+/// What remains of a residual differs by more only where a pixel is taken for one within a window, or for one outside of it.
+const BORDER: f64 = 1e-3;
 
 pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let case = Case::new(33, 1, DVec3::ZERO);
@@ -423,11 +425,15 @@ impl Here<'_> {
         };
         // Nothing is proved where nothing is taken.
         row.unequal(u64::from(taken == 0));
-        // As it is used: what remains.
+        // As it is used: what remains. Where a window's reach is a whole number of pixels, as 2.5 deviations of 2 px, a pixel outside of
+        // its border may be within; it is REACH deviations away or more.
         let left = |explained: u32| (-f64::from(explained) / HALVING).exp2();
-        row.numbers(
-            page.explained.download()?.into_iter().zip(&want).map(|(got, &want)| (left(got) as f32, left(want))),
-        );
+        let pairs: Vec<(f32, f64)> =
+            page.explained.download()?.iter().zip(&want).map(|(&got, &want)| (left(got) as f32, left(want))).collect();
+        let off = |&(got, want): &(f32, f64)| (f64::from(got) - want).abs();
+        row.flips(pairs.iter().filter(|pair| off(pair) > BORDER).count(), pairs.len());
+        row.unequal(pairs.iter().filter(|pair| off(pair) > (-0.5 * REACH * REACH).exp()).count() as u64);
+        row.numbers(pairs.iter().filter(|pair| off(pair) <= BORDER).copied());
         row.words(&w.gain_keys.download()?, &want_keys);
         bench.push(row);
         Ok(())
