@@ -6,8 +6,8 @@
 //!
 //! - `more`: nothing is added, the base learns on;
 //! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: whichever gains more for its bytes;
-//! - `augs`: the paper's placement and joint stage, with the rounds of the preset `quick`; `paper`: with its own;
-//! - `augs+`: its placement, and a joint stage in which everything learns, as the others have it.
+//! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its own;
+//! - `augs+`: its placement, and a joint phase in which everything learns, as the others have it.
 //!
 //! Prints a table, or with `--json` a line of JSON for each row and seed.
 
@@ -68,7 +68,7 @@ struct Args {
     seeds: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
-    /// Settings of pursuit and of the joint stage other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
+    /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
     /// placements, pace, decay
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
@@ -149,7 +149,7 @@ struct Found {
     quality: Quality,
     lobes: u32,
     plain: u32,
-    /// Seconds until the joint stage, and of everything.
+    /// Seconds until the joint phase, and of everything.
     place: f64,
     seconds: f64,
 }

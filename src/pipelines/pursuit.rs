@@ -51,7 +51,7 @@ pub struct PursuitOptions {
     /// Rounds of choosing, each of which takes all candidates that no overlapping one beats.
     pub rounds: u32,
     pub kinds: Kinds,
-    /// Placements in all: the first before the joint stage, the others in its first half, each of what is lacking by then.
+    /// Placements in all: the first before the joint phase, the others in its first half, each of what is lacking by then.
     pub placements: u32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
