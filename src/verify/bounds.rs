@@ -336,7 +336,7 @@ pub const BOUNDS: [Bound; 54] = [
         stage: "pursuit_attenuate",
         max: 1e-3,
         relative_l2: 1e-4,
-        flips: 1e-3,
+        flips: 1e-2,
         reason: "What remains of a residual, to 1e-5 for each that takes of it, from a logarithm in units of 2^-16. The logarithm itself is \
                  known a thousand times less well where nearly nothing remains. Where a window ends at a pixel's border, that pixel may be \
                  within or not: what remains there differs by 0.044 at most.",
