@@ -235,6 +235,12 @@ fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     let before = both.base_losses.iter().sum::<f64>() as f32 / 3.0;
     assert!(lobes < 0.6 * before, "{before} {lobes}");
     assert_eq!(both.placed.len(), 3);
+    // No more than half of 81 are left, none of which has faded.
+    let supplement = both.scene.supplement.as_ref().unwrap();
+    let plain = both.scene.base.len() - wall().base.len();
+    assert!(supplement.gaussians.len() == both.lifted as usize && both.lifted as usize + plain <= 41);
+    let eyes = [0, 1, 2].map(|v| camera(v).eye());
+    assert!((0..supplement.gaussians.len()).all(|i| supplement.greatest_opacity(i, &eyes) >= 0.1));
     // Half of them before the joint phase.
     assert!(both.placed[0].count() <= 21 && both.scene.base.means != wall().base.means);
     if let Some(original) = &both.original {

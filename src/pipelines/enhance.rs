@@ -315,7 +315,7 @@ impl Enhancer {
                         // What has faded goes in the end, so that others may take its place.
                         let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
                         let so_far = self.model.count() - self.original.len() as u32 - faded;
-                        let room = most.saturating_mul(2) - self.model.count_of(Segment::Supplement);
+                        let room = most.saturating_mul(2).saturating_sub(self.model.count_of(Segment::Supplement));
                         pursuit.start(allowed(most, done, placements).saturating_sub(so_far).min(room))?;
                         let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
                             return Ok(None);
