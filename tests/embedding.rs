@@ -5,7 +5,7 @@ mod common;
 use ash::vk;
 use common::Gpu;
 use glint::{
-    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Recorder},
+    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Kept, Recorder},
     pipelines::{
         enhance::{EnhanceOptions, Enhancer, Event},
         model::Model,
@@ -67,6 +67,10 @@ impl Application {
             queue_family: self.queue_family,
             queue: self.queue(),
             optional: Default::default(),
+            pipeline_cache: vk::PipelineCache::null(),
+            queue_lock: None,
+            labels: false,
+            memory_budget: None,
         };
         unsafe { Context::borrow(borrowed) }.unwrap()
     }
@@ -106,8 +110,8 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         let commands = device.allocate_command_buffers(&info).unwrap()[0];
         device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
-        assert!(matches!(Recorder::borrow(&context, commands).submit(), Err(GpuError::NotOurs)));
-        let mut recorder = Recorder::borrow(&context, commands);
+        assert!(matches!(Recorder::borrow(&context, commands, Kept::default()).submit(), Err(GpuError::NotOurs)));
+        let mut recorder = Recorder::borrow(&context, commands, Kept::default());
         renderer.record(&mut recorder, &model, &views, 0, &Show::all(&model, [0.5; 3]), &status).unwrap();
         let kept = recorder.finish();
         assert!(!kept.is_empty());

@@ -1,12 +1,12 @@
-//! build.rs: what it makes of kernels, and what it refuses.
+//! glsl/generate.rs: what it makes of kernels, and what it refuses.
 
 #[allow(dead_code, reason = "each test uses its part")]
-#[path = "../build.rs"]
-mod build;
+#[path = "../glsl/generate.rs"]
+mod generate;
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, env, fs, path::Path};
 
-use build::{Demands, Interface, Types, compile, unit};
+use generate::{Demands, Interface, Types, compile, unit};
 
 /// A kernel of these declarations; `body` makes use of them.
 fn kernel(declarations: &str, body: &str) -> Vec<u32> {
@@ -212,5 +212,27 @@ fn what_a_kernel_asks_of_a_device_is_found_in_its_spirv() {
     let known: BTreeSet<String> = glint::gpu::Feature::ALL.iter().map(|f| format!("{f:?}")).collect();
     for name in [size, full, "SubgroupBroadcastDynamicId", "ShaderFloat16", "StorageBuffer8BitAccess"] {
         assert!(known.contains(name));
+    }
+}
+
+/// `tools/kernels` runs this with GLINT_WRITE_KERNELS set, and then it writes them.
+#[test]
+fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() {
+    let folder = Path::new("glsl/spirv");
+    let files = generate::files(false).unwrap();
+    if env::var_os("GLINT_WRITE_KERNELS").is_some() {
+        let _ = fs::remove_dir_all(folder);
+        fs::create_dir_all(folder).unwrap();
+        files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
+    }
+    let there: BTreeSet<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(there, files.keys().cloned().collect(), "run tools/kernels");
+    // The compiler's number is in each module: glslang of another release may well make other bytes of the same source.
+    for (name, bytes) in &files {
+        let kept = fs::read(folder.join(name)).unwrap();
+        assert!(kept == *bytes, "glsl/spirv/{name} is not what its source gives: run tools/kernels and commit glsl/spirv");
     }
 }

@@ -30,11 +30,12 @@ fn every_kernel_has_a_stage_and_a_twin_of_its_name() {
 }
 
 #[test]
-fn unsafe_code_is_in_the_vulkan_layer_only() {
+fn unsafe_code_is_in_the_vulkan_layer_and_where_a_caller_hands_over_handles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut sources = Vec::new();
     files(&root.join("src"), "rs", &mut sources);
-    for path in sources.iter().filter(|p| !p.starts_with(root.join("src/gpu"))) {
+    let home = |path: &&std::path::PathBuf| path.starts_with(root.join("src/gpu")) || path.ends_with("pipelines/frames.rs");
+    for path in sources.iter().filter(|path| !home(path)) {
         let text = fs::read_to_string(path).unwrap();
         let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
         assert!(!code.into_iter().any(|line| line.contains("unsafe {") || line.contains("unsafe fn")), "{path:?}");

@@ -72,7 +72,7 @@ fn place(
 ) -> Outcome {
     let views = Views::without_photographs(gpu, DVec3::ZERO, cameras, true).unwrap();
     photos.iter().enumerate().for_each(|(v, photo)| views.upload_photograph(v, photo).unwrap());
-    let room = Room { base: most, supplement: most, page: None };
+    let room = Room { base: most, supplement: most, page: None, half: false };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, scene, room).unwrap();
     let render = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, render).unwrap();

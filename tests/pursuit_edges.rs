@@ -91,7 +91,7 @@ fn pursue_in(
     let views = Views::without_photographs(gpu, DVec3::ZERO, &cameras, true).unwrap();
     seen.iter().enumerate().for_each(|(v, (_, photo))| views.upload_photograph(v, photo).unwrap());
     let scene = Scene { base: base.clone(), supplement: None };
-    let room = Room { supplement: made_for, base: made_for, page: None };
+    let room = Room { supplement: made_for, base: made_for, page: None, half: false };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let shown = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, shown).unwrap();

@@ -41,6 +41,7 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
         batch: false,
         background_image: false,
         median: false,
+        occluded: false,
         backward: true,
         policy: Policy { reduction, ..Default::default() },
     }

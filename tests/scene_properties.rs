@@ -123,7 +123,7 @@ fn a_device_keeps_every_scene_exactly() {
     for (base, supplement, page) in [(0, 0, None), (0, 1, None), (9, 37, Some(3)), (2, 0, Some(1))] {
         for_scenes(24, |scene| {
             let failed = |error: &dyn std::fmt::Display| TestCaseError::fail(error.to_string());
-            let room = Room { base, supplement, page };
+            let room = Room { base, supplement, page, half: false };
             let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).map_err(|error| failed(&error))?;
             let back = model.download().map_err(|error| failed(&error))?;
             assert_same(&back, &without_empty_supplement(scene))

@@ -2,16 +2,18 @@
 // Blends each tile's splats front to back into colour and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, global_from_slot, splats, splat_colours -> image (rgb with background, transmittance), median_ids
+// tile_ranges, isect_slots, global_from_slot, splats, splat_colours, depth_keys, scene_depths -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
+#include "../shared/unit.glsl"
 #include "../shared/splat.glsl"
 #include "../shared/frame.glsl"
 #include "../shared/tile.glsl"
 
 layout(constant_id = 4) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
 layout(constant_id = 5) const bool MEDIAN = false;           // also note the Gaussian of median depth
+layout(constant_id = 6) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;      // the first frame, index in frames
@@ -20,6 +22,7 @@ layout(push_constant, scalar) uniform Push {
     uint tile_count;       // over all frames
     vec3 background;       // rgb
     float median_threshold; // transmittance below which the median is reached
+    vec2 depth_form;       // a depth d of `scene_depths` is at camera z = y / (d - x), see pipelines::frames::Projection
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -31,6 +34,14 @@ layout(set = 0, binding = 5, scalar) readonly buffer SplatColours { vec3 splat_c
 layout(set = 0, binding = 6, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer MedianIds { uint median_ids[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer DepthKeys { uint depth_keys[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer SceneDepths { float scene_depths[]; };
+
+// Camera z of what a mesh left in the depth buffer; the farthest where it left nothing (or nonsense).
+float occluder(uint at) {
+    float z = push.depth_form.y / (scene_depths[at] - push.depth_form.x);
+    return z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX;
+}
 
 void main() {
     uint index = subgroup_index();
@@ -45,12 +56,18 @@ void main() {
     float T[PIXELS];
     vec3 colour[PIXELS];
     uint median[PIXELS];
+    float farthest[PIXELS]; // camera z
     uint live = 0; // a bit for each pixel of the lane that is not finished
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         T[k] = 1.0;
         colour[k] = vec3(0.0);
         median[k] = NONE;
-        if (px < frame.width && corner.y + lane_y(k) < frame.height) live |= 1u << k;
+        farthest[k] = FLOAT_MAX;
+        uint py = corner.y + lane_y(k);
+        if (px < frame.width && py < frame.height) {
+            live |= 1u << k;
+            if (OCCLUDED) farthest[k] = occluder(frame.image_first + py * frame.width + px);
+        }
     }
 
     uvec2 range = tile_ranges[index];
@@ -59,10 +76,12 @@ void main() {
         uint mine = first + gl_SubgroupInvocationID, global = NONE;
         Splat s;
         vec3 tint;
+        float depth;
         if (mine < range.y) {
             global = global_from_slot[isect_slots[mine]];
             s = splats[global];
             tint = splat_colours[global];
+            if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
         }
         uint n = min(gl_SubgroupSize, range.y - first);
         for (uint j = 0; j < n; ++j) {
@@ -71,9 +90,12 @@ void main() {
             vec3 rgb = subgroupBroadcast(tint, j);
             precise float u0 = shape.x * (x - centre.x);
             uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
+            float z = OCCLUDED ? subgroupBroadcast(depth, j) : 0.0;
             [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
                 float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
                 Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+                // All that comes later is farther still.
+                if (OCCLUDED) live &= ~(uint(z > farthest[k]) << k);
                 // Chosen, not branched to, as there is little to pass over.
                 precise float next = T[k] * (1.0 - e.alpha);
                 bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN; // guard: α from 1/255 on

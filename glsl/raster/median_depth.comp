@@ -21,6 +21,7 @@ layout(push_constant, scalar) uniform Push {
     uint stride;      // the page's capacity
     uint view;
     uint depth_first; // where this view's depths begin
+    uint splat_first; // Gaussian index of the model's first
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
@@ -43,11 +44,11 @@ void main() {
     if (pixel >= view.width * view.height) return;
     uint i = median_ids[pixel];
     if (i == NONE) {
-        if (push.segment == 0 && push.page_first == 0) depths[push.depth_first + pixel] = 0.0;
+        if (push.segment == 0 && push.page_first == 0 && push.splat_first == 0) depths[push.depth_first + pixel] = 0.0;
         return;
     }
-    uint first = segment_first[push.segment] + push.page_first, place = i - first;
-    if (!(i >= first && place < push.stride && i < segment_first[push.segment + 1])) return;
+    uint first = push.splat_first + segment_first[push.segment] + push.page_first, place = i - first;
+    if (!(i >= first && place < push.stride && i < push.splat_first + segment_first[push.segment + 1])) return;
     vec3 mean = load_geometry3(MEAN, place);
     float z = to_camera(view, mean).z;
     if (!CENTRE) {
@@ -61,7 +62,7 @@ void main() {
         to_unit(q); // no median Gaussian is without a rotation: it was projected
         vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
         float best = -dot(o, d) / dot(d, d);
-        if (best > NEAR && best <= FLOAT_MAX) z = best; // guard: depth before the near plane
+        if (best > view.near && best <= FLOAT_MAX) z = best; // guard: depth before the near plane
     }
     depths[push.depth_first + pixel] = z;
 }

@@ -4,7 +4,7 @@
 // One thread takes one Gaussian of a page.
 // population, geometry, sh, lobes (by place), views -> splats, splat_colours, depth_keys, tile_counts (by Gaussian index)
 // EWA splatting (Zwicker 2001) as in 3DGS (Kerbl 2023); opacity lobe of AuGS (2026), section 1 of the method.
-// Limits: culled where camera z <= 0.2, opacity < 1/255, no pixel centre is reached, or anything is NaN.
+// Limits: culled where camera z is not beyond the view's near plane, opacity < 1/255, no pixel centre is reached, or anything is NaN.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -21,6 +21,7 @@ layout(push_constant, scalar) uniform Push {
     uint page_first; // number in the segment of the page's first Gaussian
     uint stride;     // the page's capacity
     uint view;       // index in views
+    uint splat_first; // Gaussian index of the model's first: several models may lie in one order
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
@@ -29,6 +30,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
 #define SH 3
 #define LOBES 4
 #define MODEL_LOADS
+#define SH_HALVES
 #include "../shared/model.glsl"
 layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer SplatColours { vec3 splat_colours[]; };
@@ -40,15 +42,16 @@ layout(set = 0, binding = 8, scalar) writeonly buffer TileCounts { uint tile_cou
 
 void main() {
     uint place = thread_index();
-    uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
+    uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index in the model
     if (place >= push.stride || i >= segment_first[push.segment + 1]) return;
+    i += push.splat_first;
     depth_keys[i] = NONE;
     tile_counts[i] = 0;
 
     View view = views[push.view];
     vec3 mean = load_geometry3(MEAN, place);
     vec3 p = to_camera(view, mean);
-    if (!(p.z > NEAR && p.z <= FLOAT_MAX)) return; // guard: near plane; camera z within float32
+    if (!(p.z > view.near && p.z <= FLOAT_MAX)) return; // guard: near plane; camera z within float32
 
     float opacity = sigmoid(load_geometry(OPACITY, place));
     if (HAS_LOBES) {

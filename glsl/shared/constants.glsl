@@ -1,4 +1,4 @@
-// Numbers that several kernels, or kernels and the host, must agree on. build.rs hands every plain constant of glsl/shared/ to the
+// Numbers that several kernels, or kernels and the host, must agree on. glsl/generate.rs hands every plain constant of glsl/shared/ to the
 // host as `kernels::constants::FILE::NAME`, so none is written twice.
 const uint NONE = 0xFFFFFFFFu; // no Gaussian, no view; as a depth key: not in this view
 const float PI = 3.14159265358979;

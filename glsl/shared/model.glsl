@@ -48,7 +48,16 @@ void store_quat(uint place, vec4 value) {
 #ifdef SH
 layout(set = 0, binding = SH, scalar) MODEL_ACCESS buffer Sh { float sh[]; };
 #ifdef MODEL_LOADS
+#ifdef SH_HALVES
+layout(constant_id = 11) const bool HALF_SH = false; // for rendering alone: planes 2p and 2p + 1 are the halves of the words of plane p
+float load_sh(uint p, uint place) {
+    if (!HALF_SH) return sh[p * push.stride + place];
+    vec2 pair = unpackHalf2x16(floatBitsToUint(sh[(p >> 1) * push.stride + place]));
+    return (p & 1u) == 0 ? pair.x : pair.y;
+}
+#else
 float load_sh(uint p, uint place) { return sh[p * push.stride + place]; }
+#endif
 vec3 load_sh3(uint k, uint place) {
     return vec3(load_sh(3 * k, place), load_sh(3 * k + 1, place), load_sh(3 * k + 2, place));
 }

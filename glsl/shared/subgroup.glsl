@@ -9,7 +9,7 @@
 // The same names and meanings, through shared memory and barriers of the workgroup. So every thread of the workgroup must come to
 // each operation as often as any other, which is what `Reconvergence::OneSubgroup` asks of kernels too: a subgroup that works for
 // itself is alone in its workgroup, others meet where the whole workgroup does.
-// build.rs puts `software_` in place of `gl_` in the names of subgroup built-ins, as those can be neither defined nor declared.
+// glsl/generate.rs puts `software_` in place of `gl_` in the names of subgroup built-ins, as those can be neither defined nor declared.
 //
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together, upon which lanes no longer meet at
 // barriers. So what loops over tiles call has no loop that is left when it is compiled, and scans go through LOOK lanes a round.

@@ -1,4 +1,5 @@
-// A camera on the GPU: world-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5.
+// A camera on the GPU: world-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5. Of a model that stands in a world turned,
+// moved and scaled, R is s W M and the eye is where it is among the model's Gaussians, so that harmonics and lobes turn with it.
 struct View {
     vec4 row_x, row_y, row_z;
     vec3 eye;              // camera centre, world
@@ -6,6 +7,7 @@ struct View {
     float limit_x, limit_y; // 1.3 tan(fov/2): where the Jacobian's x/z and y/z are clamped
     uint width, height;    // px
     uint pixel_first;      // first pixel of this view in buffers that pack all views
+    float near;            // camera z; what is not beyond is culled
 };
 
 vec3 to_camera(View view, vec3 p) {

@@ -17,6 +17,7 @@ use super::{
     device::{self, Limits, Physical, Subgroups},
     instance::{create_instance, create_messenger},
     memory::Budget,
+    pipeline::Made,
     recorder::{CommandSlot, destroy_slot},
 };
 
@@ -82,7 +83,19 @@ pub struct BorrowedDevice {
     pub queue: vk::Queue,
     /// Which of the optional features it was made with, and with their extensions.
     pub optional: BTreeSet<Feature>,
+    /// Pipelines are made with it; null for none. The caller keeps, saves and destroys it.
+    pub pipeline_cache: vk::PipelineCache,
+    /// Gives glint the queue to itself, where others submit to it too; `None` where glint alone uses it.
+    pub queue_lock: Option<QueueLock>,
+    /// Names kernels and buffers for debuggers: `VK_EXT_debug_utils` is enabled on the instance.
+    pub labels: bool,
+    /// Bytes of device memory that glint's buffers may take together, where that is less than the device has to give.
+    pub memory_budget: Option<u64>,
 }
+
+/// Calls what it is given, once, while nobody else uses the queue: an engine's own lock goes in here.
+#[derive(Clone)]
+pub struct QueueLock(pub Arc<dyn Fn(&mut dyn FnMut()) + Send + Sync>);
 
 /// What a borrowed device must have been made with, and what it may have been.
 #[derive(Debug, Clone)]
@@ -107,6 +120,8 @@ pub struct Counters {
     pub waits: u64,
     /// Times a twin stood in for a kernel.
     pub twins: u64,
+    /// Pipelines that were made, and not shared with what there was.
+    pub pipelines: u64,
 }
 
 pub(super) struct Inner {
@@ -114,6 +129,10 @@ pub(super) struct Inner {
     pub push_descriptor: khr::push_descriptor::Device,
     pub debug: Option<ext::debug_utils::Device>,
     pub queue: Mutex<vk::Queue>,
+    pub queue_lock: Option<QueueLock>,
+    pub pipeline_cache: vk::PipelineCache,
+    pub pipelines: Made,
+    pub pipelines_made: AtomicU64,
     pub queue_family: u32,
     pub info: DeviceInfo,
     pub limits: Limits,
@@ -145,11 +164,9 @@ pub struct Context(pub(super) Arc<Inner>);
 /// What differs between a device of our own and a borrowed one.
 #[derive(Default)]
 struct Own {
-    debug: bool,
     messages: Arc<Mutex<Vec<String>>>,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
-    memory_budget: Option<u64>,
     twins: Vec<Twin>,
     lost_after: Option<u64>,
 }
@@ -204,14 +221,23 @@ impl Context {
         // SAFETY: the family and index 0 were requested at creation.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         let optional = physical.offered.clone();
-        let borrowed =
-            BorrowedDevice { entry, instance, physical_device: physical.handle, device, queue_family, queue, optional };
+        let borrowed = BorrowedDevice {
+            entry,
+            instance,
+            physical_device: physical.handle,
+            device,
+            queue_family,
+            queue,
+            optional,
+            pipeline_cache: vk::PipelineCache::null(),
+            queue_lock: None,
+            labels: debug,
+            memory_budget: options.memory_budget,
+        };
         let own = Own {
-            debug,
             messages,
             messenger,
             owned: true,
-            memory_budget: options.memory_budget,
             twins: options.twins.clone(),
             lost_after: options.lost_after,
         };
@@ -231,12 +257,22 @@ impl Context {
         // SAFETY: by the contract above.
         let physical = unsafe { Physical::query(&device.instance, device.physical_device) };
         let subgroups = physical.check(&ContextOptions::default(), &device.optional)?;
+        // Of what is not enabled, the one extension that has functions can be seen.
+        // SAFETY: a query on live handles.
+        let push = unsafe {
+            let get = device.instance.fp_v1_0().get_device_proc_addr;
+            get(device.device.handle(), c"vkCmdPushDescriptorSetKHR".as_ptr())
+        };
+        if push.is_none() {
+            let feature = "extension VK_KHR_push_descriptor, enabled".into();
+            return Err(GpuError::Missing { device: physical.info(Some(subgroups), &BTreeSet::new(), 0).name, feature });
+        }
         Self::assemble(device, &physical, subgroups, Own::default())
     }
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
-        let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional } = from;
-        let Own { debug, messages, messenger, owned, memory_budget, twins, lost_after } = own;
+        let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional, .. } = from;
+        let Own { messages, messenger, owned, twins, lost_after } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -253,8 +289,12 @@ impl Context {
         .map_err(|source| GpuError::Allocation { name: "allocator".into(), bytes: 0, source })?;
         let context = Context(Arc::new(Inner {
             push_descriptor: khr::push_descriptor::Device::new(&instance, &device),
-            debug: debug.then(|| ext::debug_utils::Device::new(&instance, &device)),
+            debug: from.labels.then(|| ext::debug_utils::Device::new(&instance, &device)),
             queue: Mutex::new(queue),
+            queue_lock: from.queue_lock,
+            pipeline_cache: from.pipeline_cache,
+            pipelines: Made::default(),
+            pipelines_made: AtomicU64::new(0),
             queue_family,
             info: physical.info(Some(subgroups), &features, timestamp_bits),
             limits: physical.limits,
@@ -262,7 +302,7 @@ impl Context {
             features,
             timestamp_mask: u64::MAX.checked_shr(64 - timestamp_bits.min(64)).unwrap_or(0),
             allocator: Mutex::new(Some(allocator)),
-            budget: Budget::new(physical, memory_budget),
+            budget: Budget::new(physical, from.memory_budget),
             free_slots: Mutex::default(),
             submissions: AtomicU64::new(0),
             waits: AtomicU64::new(0),
@@ -282,6 +322,11 @@ impl Context {
         Ok(context)
     }
 
+    /// Whether both are the same context, or clones of it.
+    pub fn is_same(&self, other: &Context) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// What is known of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.0.info
@@ -290,6 +335,21 @@ impl Context {
     /// The features that kernels can rely on.
     pub fn features(&self) -> &BTreeSet<Feature> {
         &self.0.features
+    }
+
+    /// The device's functions and handle, for what glint does not do.
+    pub fn device(&self) -> &ash::Device {
+        &self.0.device
+    }
+
+    /// The instance's.
+    pub fn instance(&self) -> &ash::Instance {
+        &self.0.instance
+    }
+
+    /// The family of the queue that glint submits to, and that command buffers must be of.
+    pub fn queue_family(&self) -> u32 {
+        self.0.queue_family
     }
 
     /// The physical device, for queries that glint does not make.
@@ -308,6 +368,7 @@ impl Context {
             submissions: self.0.submissions.load(Ordering::Relaxed),
             waits: self.0.waits.load(Ordering::Relaxed),
             twins: self.0.stand_ins.load(Ordering::Relaxed),
+            pipelines: self.0.pipelines_made.load(Ordering::Relaxed),
         }
     }
 

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, ffi::CStr};
 
 use ash::{ext, khr, vk};
 
-/// A device feature, named as Vulkan names it. build.rs finds which a kernel needs.
+/// A device feature, named as Vulkan names it. glsl/generate.rs finds which a kernel needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum Feature {

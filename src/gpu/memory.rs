@@ -150,6 +150,16 @@ impl Unused {
 }
 
 impl RawBuffer {
+    /// The Vulkan buffer, of usage storage, indirect and transfer both ways. It lives as long as this.
+    pub fn handle(&self) -> vk::Buffer {
+        self.handle
+    }
+
+    /// Bytes that it was made with.
+    pub fn bytes_len(&self) -> u64 {
+        self.bytes
+    }
+
     /// As a buffer of bytes.
     pub(super) fn bytes(self: &Arc<Self>) -> Buffer<u8> {
         Buffer { raw: self.clone(), len: self.bytes as usize, element: PhantomData }

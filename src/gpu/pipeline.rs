@@ -1,6 +1,11 @@
 //! Compute pipelines from reflected kernels.
 
-use std::{marker::PhantomData, sync::Arc};
+use std::{
+    collections::HashMap,
+    ffi::CStr,
+    marker::PhantomData,
+    sync::{Arc, Mutex, Weak, atomic::Ordering},
+};
 
 use ash::vk;
 use bytemuck::Pod;
@@ -24,10 +29,12 @@ impl Access {
     }
 }
 
-/// A kernel's interface. Implemented by build.rs from the reflection, once for each `glsl/**/*.comp`.
+/// A kernel's interface. Implemented by glsl/generate.rs from the reflection, once for each `glsl/**/*.comp`.
 pub trait Kernel {
     /// The kernel's file name without extension: its label and timestamp too.
     const NAME: &'static str;
+    /// The same for debuggers.
+    const LABEL: &'static CStr;
     const SPIRV: &'static [u8];
     /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
     #[cfg(feature = "software-subgroups")]
@@ -44,8 +51,8 @@ pub trait Kernel {
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
-    /// The buffers by binding.
-    fn raw_buffers<'a>(buffers: &Self::Buffers<'a>) -> Vec<&'a Arc<RawBuffer>>;
+    /// Hands over the buffers by binding. A function, not a list: recording a frame takes no memory from the heap.
+    fn raw_buffers<R>(buffers: &Self::Buffers<'_>, with: impl FnOnce(&[&Arc<RawBuffer>]) -> R) -> R;
 }
 
 /// A kernel's constants, where its types do not matter.
@@ -74,6 +81,9 @@ impl KernelInfo {
     }
 }
 
+/// The pipelines of a context by kernel and constants, so that what is made again shares them.
+pub(super) type Made = Mutex<HashMap<(&'static str, Vec<(u32, u32)>), Weak<RawPipeline>>>;
+
 pub(super) struct RawPipeline {
     pub handle: vk::Pipeline,
     pub layout: vk::PipelineLayout,
@@ -91,6 +101,8 @@ pub struct Pipeline<K: Kernel> {
 }
 
 impl<K: Kernel> Pipeline<K> {
+    /// Shares what the context has made of the same kernel and constants and still holds, else makes it.
+    ///
     /// Where [`DeviceInfo::workgroup`](super::DeviceInfo::workgroup) asks for it, kernels of independent subgroups get
     /// workgroups of one subgroup, whatever `spec` says.
     pub fn new(context: &Context, spec: &K::Spec) -> Result<Self, GpuError> {
@@ -105,6 +117,11 @@ impl<K: Kernel> Pipeline<K> {
         let bytes = if subgroups.software { K::SOFTWARE_SPIRV } else { bytes };
         #[cfg(feature = "software-subgroups")]
         spec.push((SOFTWARE_LANES, subgroups.lanes));
+        let key = (K::NAME, spec.clone());
+        let known = context.0.pipelines.lock().ok().and_then(|made| made.get(&key)?.upgrade());
+        if let Some(raw) = known {
+            return Ok(Pipeline { raw, workgroup_size, spec, kernel: PhantomData });
+        }
         let in_kernel = |what| GpuError::Kernel { kernel: K::NAME, what };
         let module = words(bytes).map_err(in_kernel)?;
         check::<K>(context, workgroup_size, shared_bytes(&module, &spec).map_err(in_kernel)?)?;
@@ -168,10 +185,17 @@ impl<K: Kernel> Pipeline<K> {
                 }
             }
             let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(raw.layout)];
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+            let made = device.create_compute_pipelines(context.0.pipeline_cache, &info, None);
             device.destroy_shader_module(module, None);
             raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
-            Ok(Pipeline { raw: Arc::new(raw), workgroup_size, spec, kernel: PhantomData })
+            let raw = Arc::new(raw);
+            context.0.pipelines_made.fetch_add(1, Ordering::Relaxed);
+            // Two threads may have made the same: either is good.
+            if let Ok(mut made) = context.0.pipelines.lock() {
+                made.retain(|_, pipeline| pipeline.strong_count() > 0);
+                made.insert(key, Arc::downgrade(&raw));
+            }
+            Ok(Pipeline { raw, workgroup_size, spec, kernel: PhantomData })
         }
     }
 

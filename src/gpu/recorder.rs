@@ -3,7 +3,7 @@
 use std::{
     any::Any,
     collections::HashMap,
-    ffi::CString,
+    ffi::{CStr, CString},
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, Once, atomic::Ordering},
     time::Duration,
@@ -14,6 +14,7 @@ use bytemuck::Pod;
 
 use super::{
     Access, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall, Workgroups,
+    needs,
 };
 
 /// Stages that one recorder can time; later ones are recorded untimed.
@@ -51,13 +52,38 @@ pub struct StageTime {
 pub struct Recorder {
     context: Context,
     slot: Option<CommandSlot>,
-    commands: vk::CommandBuffer,
-    /// Since the last barrier: whether a buffer was written (true) or only read.
-    touched: HashMap<vk::Buffer, bool>,
-    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    pub(super) commands: vk::CommandBuffer,
+    kept: Kept,
     timed: Option<Vec<&'static str>>,
     /// Why a twin could not stand in; kept for `submit`.
     failed: Option<GpuError>,
+}
+
+/// The buffers and pipelines that recorded commands use: they must outlive the commands. Handed to [`Recorder::borrow`] once the
+/// commands have run, its memory serves again.
+#[derive(Default)]
+pub struct Kept {
+    /// Since the last barrier: whether a buffer was written (true) or only read.
+    touched: HashMap<vk::Buffer, bool>,
+    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+}
+
+impl Kept {
+    /// Lets go of all, and keeps the memory of the lists.
+    pub fn clear(&mut self) {
+        self.touched.clear();
+        self.keep.clear();
+    }
+
+    /// Buffers and pipelines.
+    pub fn len(&self) -> usize {
+        self.keep.len()
+    }
+
+    /// Whether nothing was recorded.
+    pub fn is_empty(&self) -> bool {
+        self.keep.is_empty()
+    }
 }
 
 /// How many workgroups a twin stands in for.
@@ -71,7 +97,7 @@ enum Count<'a> {
 pub struct Submission {
     context: Context,
     slot: Option<CommandSlot>,
-    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    kept: Kept,
     timed: Vec<&'static str>,
 }
 
@@ -88,16 +114,15 @@ impl Recorder {
             context: context.clone(),
             slot: Some(slot),
             commands,
-            touched: HashMap::new(),
-            keep: HashMap::new(),
+            kept: Kept::default(),
             timed: None,
             failed: None,
         };
-        recorder.begin(label)?;
+        recorder.begin(&CString::new(label).unwrap_or_default())?;
         Ok(recorder)
     }
 
-    fn begin(&self, label: &str) -> Result<(), GpuError> {
+    fn begin(&self, label: &CStr) -> Result<(), GpuError> {
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the slot is free, so its buffer is not pending; its pool was reset, or never used.
         unsafe { self.context.0.device.begin_command_buffer(self.commands, &begin) }.check("vkBeginCommandBuffer")?;
@@ -112,26 +137,23 @@ impl Recorder {
     ///
     /// Twins stand in for no kernel here: the commands before it would have to run first, and they are the caller's to submit.
     ///
-    /// Returns, when dropped or finished, nothing: [`Recorder::finish`] gives the resources that the caller must keep
-    /// until the commands have run.
+    /// `kept` is that of an earlier recording whose commands have run, or a new one. [`Recorder::finish`] gives it back with what the
+    /// caller must keep until the commands have run.
     ///
     /// # Safety
     /// The command buffer stays in the recording state while the recorder lives.
-    pub unsafe fn borrow(context: &Context, commands: vk::CommandBuffer) -> Self {
-        Recorder {
-            context: context.clone(),
-            slot: None,
-            commands,
-            touched: HashMap::new(),
-            keep: HashMap::new(),
-            timed: None,
-            failed: None,
-        }
+    pub unsafe fn borrow(context: &Context, commands: vk::CommandBuffer, mut kept: Kept) -> Self {
+        kept.clear();
+        Recorder { context: context.clone(), slot: None, commands, kept, timed: None, failed: None }
     }
 
     /// The context that it records for.
     pub fn context(&self) -> &Context {
         &self.context
+    }
+
+    pub(super) fn device(&self) -> &ash::Device {
+        &self.context.0.device
     }
 
     /// Times every stage from here on (own command buffers on devices with timestamps only). Of a stage that a twin stands in for
@@ -227,29 +249,18 @@ impl Recorder {
         Ok(Submission {
             context: self.context.clone(),
             slot: Some(slot),
-            keep: std::mem::take(&mut self.keep),
+            kept: std::mem::take(&mut self.kept),
             timed: self.timed.take().unwrap_or_default(),
         })
     }
 
     /// Ends recording into the slot and submits it.
     fn end(&self, slot: &CommandSlot) -> Result<(), GpuError> {
+        // What the host reads after the wait must be made visible to it.
+        self.host_barrier();
         let inner = &self.context.0;
         // SAFETY: the command buffer is recording; the queue is used under its lock; the slot stays until the work is done.
         unsafe {
-            // What the host reads after the wait must be made visible to it.
-            let host = [vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(vk::AccessFlags::HOST_READ)];
-            inner.device.cmd_pipeline_barrier(
-                slot.commands,
-                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
-                vk::PipelineStageFlags::HOST,
-                vk::DependencyFlags::empty(),
-                &host,
-                &[],
-                &[],
-            );
             if let Some(debug) = &inner.debug {
                 debug.cmd_end_debug_utils_label(slot.commands);
             }
@@ -257,7 +268,16 @@ impl Recorder {
             let commands = [slot.commands];
             let info = [vk::SubmitInfo::default().command_buffers(&commands)];
             let queue = inner.queue.lock().unwrap_or_else(|e| e.into_inner());
-            inner.device.queue_submit(*queue, &info, slot.fence).check("vkQueueSubmit")?;
+            let submit = || inner.device.queue_submit(*queue, &info, slot.fence);
+            match &inner.queue_lock {
+                None => submit(),
+                Some(lock) => {
+                    let mut result = Err(vk::Result::ERROR_UNKNOWN);
+                    (lock.0)(&mut || result = submit());
+                    result
+                }
+            }
+            .check("vkQueueSubmit")?;
         }
         inner.submissions.fetch_add(1, Ordering::Relaxed);
         Ok(())
@@ -288,7 +308,6 @@ impl Recorder {
         if self.failed.is_some() {
             return;
         }
-        let raw = K::raw_buffers(buffers);
         let call = |count| TwinCall {
             workgroups: Workgroups { count, size: pipeline.workgroup_size, lanes: self.context.info().subgroup_size },
             spec: pipeline.spec.clone(),
@@ -304,14 +323,13 @@ impl Recorder {
                     [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
                 }
             };
-            self.run_twin(twin, call(count), &raw, K::ACCESS)
+            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::ACCESS))
         };
         // What is recorded next needs a command buffer even where this failed.
         let outcome = run();
         self.failed = outcome.and(self.begin_again()).err();
-        self.touched.clear();
-        self.keep.clear();
-        self.label(K::NAME);
+        self.kept.clear();
+        self.label(K::LABEL);
         self.close(K::NAME);
     }
 
@@ -334,7 +352,7 @@ impl Recorder {
             device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()).check("vkResetCommandPool")?;
             device.reset_fences(&[slot.fence]).check("vkResetFences")?;
         }
-        self.begin("after a twin")
+        self.begin(c"after a twin")
     }
 
     /// Hands the twin copies of the buffers and writes back what its kernel writes.
@@ -367,8 +385,8 @@ impl Recorder {
     }
 
     /// For a borrowed command buffer: the buffers and pipelines that must outlive the commands.
-    pub fn finish(mut self) -> Vec<Arc<dyn Any + Send + Sync>> {
-        std::mem::take(&mut self.keep).into_values().collect()
+    pub fn finish(mut self) -> Kept {
+        std::mem::take(&mut self.kept)
     }
 
     fn bind<K: Kernel>(
@@ -378,43 +396,13 @@ impl Recorder {
         push: &K::Push,
         args: Option<&Buffer<u32>>,
     ) {
-        let raw = K::raw_buffers(buffers);
-        let used = raw.iter().map(|b| &***b).zip(K::ACCESS.iter().copied());
-        self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
-        self.keep.entry(vk::Handle::as_raw(pipeline.raw.handle)).or_insert_with(|| pipeline.raw.clone());
-        for buffer in &raw {
-            self.keep.entry(vk::Handle::as_raw(buffer.handle)).or_insert_with(|| (*buffer).clone());
-        }
-        if let Some(args) = args {
-            self.keep_buffer(args);
-        }
-        let infos: Vec<_> = raw
-            .iter()
-            .map(|b| [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }])
-            .collect();
-        let writes: Vec<_> = infos
-            .iter()
-            .enumerate()
-            .map(|(binding, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_binding(binding as u32)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
-        self.label(K::NAME);
+        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, K::ACCESS, args));
+        self.label(K::LABEL);
         let inner = &self.context.0;
         let bytes = bytemuck::bytes_of(push);
         // SAFETY: all handles are alive and kept; layout, bindings and constants come from the kernel's own reflection.
         unsafe {
             inner.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw.handle);
-            inner.push_descriptor.cmd_push_descriptor_set(
-                self.commands,
-                vk::PipelineBindPoint::COMPUTE,
-                pipeline.raw.layout,
-                0,
-                &writes,
-            );
             if !bytes.is_empty() {
                 let stage = vk::ShaderStageFlags::COMPUTE;
                 inner.device.cmd_push_constants(self.commands, pipeline.raw.layout, stage, 0, bytes);
@@ -422,54 +410,92 @@ impl Recorder {
         }
     }
 
+    /// Descriptors, and the barrier before them. Nothing is taken from the heap once `kept` has seen as many buffers.
+    fn bind_buffers<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        raw: &[&Arc<RawBuffer>],
+        access: &[Access],
+        args: Option<&Buffer<u32>>,
+    ) {
+        let used = raw.iter().map(|b| &***b).zip(access.iter().copied());
+        self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
+        self.keep(vk::Handle::as_raw(pipeline.raw.handle), &pipeline.raw);
+        raw.iter().for_each(|buffer| self.keep(vk::Handle::as_raw(buffer.handle), buffer));
+        args.into_iter().for_each(|args| self.keep_buffer(args));
+        const MOST: usize = needs::STORAGE_BUFFERS as usize;
+        let mut infos = [vk::DescriptorBufferInfo { range: vk::WHOLE_SIZE, ..Default::default() }; MOST];
+        infos.iter_mut().zip(raw).for_each(|(info, buffer)| info.buffer = buffer.handle);
+        let mut writes = [vk::WriteDescriptorSet::default(); MOST];
+        for (binding, (write, info)) in writes.iter_mut().zip(&infos).enumerate() {
+            *write = write
+                .dst_binding(binding as u32)
+                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                .buffer_info(std::slice::from_ref(info));
+        }
+        let (layout, point) = (pipeline.raw.layout, vk::PipelineBindPoint::COMPUTE);
+        let push = &self.context.0.push_descriptor;
+        // SAFETY: the buffers are kept; the layout has as many bindings as the kernel's own reflection.
+        unsafe { push.cmd_push_descriptor_set(self.commands, point, layout, 0, &writes[..raw.len()]) };
+    }
+
     /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
-    fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)>) {
-        let used: Vec<_> = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.handle, a.writes())).collect();
-        let hazard = used.iter().any(|(b, writes)| self.touched.get(b).is_some_and(|written| *written || *writes));
-        if hazard {
-            let everything = [vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(
-                    vk::AccessFlags::SHADER_READ
-                        | vk::AccessFlags::SHADER_WRITE
-                        | vk::AccessFlags::TRANSFER_READ
-                        | vk::AccessFlags::TRANSFER_WRITE
-                        | vk::AccessFlags::INDIRECT_COMMAND_READ,
-                )];
-            let stages = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
-            // SAFETY: the command buffer is recording.
-            unsafe {
-                self.context.0.device.cmd_pipeline_barrier(
-                    self.commands,
-                    stages,
-                    stages | vk::PipelineStageFlags::DRAW_INDIRECT,
-                    vk::DependencyFlags::empty(),
-                    &everything,
-                    &[],
-                    &[],
-                );
-            }
-            self.touched.clear();
+    pub(super) fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)> + Clone) {
+        let used = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.handle, a.writes()));
+        let touched = &self.kept.touched;
+        if used.clone().any(|(b, writes)| touched.get(&b).is_some_and(|written| *written || writes)) {
+            self.barrier();
         }
         for (buffer, writes) in used {
-            *self.touched.entry(buffer).or_insert(false) |= writes;
+            *self.kept.touched.entry(buffer).or_insert(false) |= writes;
         }
     }
 
-    fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
-        self.keep.entry(vk::Handle::as_raw(buffer.raw().handle)).or_insert_with(|| buffer.raw().clone());
+    /// What comes waits for what was recorded or submitted before, and sees what it wrote.
+    pub fn barrier(&mut self) {
+        let everything = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(
+                vk::AccessFlags::SHADER_READ
+                    | vk::AccessFlags::SHADER_WRITE
+                    | vk::AccessFlags::TRANSFER_READ
+                    | vk::AccessFlags::TRANSFER_WRITE
+                    | vk::AccessFlags::INDIRECT_COMMAND_READ,
+            )];
+        let stages = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+        // SAFETY: the command buffer is recording.
+        unsafe {
+            self.context.0.device.cmd_pipeline_barrier(
+                self.commands,
+                stages,
+                stages | vk::PipelineStageFlags::DRAW_INDIRECT,
+                vk::DependencyFlags::empty(),
+                &everything,
+                &[],
+                &[],
+            );
+        }
+        self.kept.touched.clear();
     }
 
-    fn label(&self, name: &str) {
-        if let (Some(debug), Ok(name)) = (&self.context.0.debug, CString::new(name)) {
-            let info = vk::DebugUtilsLabelEXT::default().label_name(&name);
+    fn keep<T: Any + Send + Sync>(&mut self, handle: u64, what: &Arc<T>) {
+        self.kept.keep.entry(handle).or_insert_with(|| what.clone());
+    }
+
+    pub(super) fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
+        self.keep(vk::Handle::as_raw(buffer.raw().handle), buffer.raw());
+    }
+
+    fn label(&self, name: &CStr) {
+        if let Some(debug) = &self.context.0.debug {
+            let info = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the command buffer is recording; every label is closed by `close` or `submit`.
             unsafe { debug.cmd_begin_debug_utils_label(self.commands, &info) };
         }
     }
 
-    fn close(&mut self, name: &'static str) {
-        if let (Some(debug), true) = (&self.context.0.debug, name != "fill" && name != "copy") {
+    pub(super) fn close(&mut self, name: &'static str) {
+        if let (Some(debug), true) = (&self.context.0.debug, !["fill", "copy", "update"].contains(&name)) {
             // SAFETY: closes the label that `bind` opened.
             unsafe { debug.cmd_end_debug_utils_label(self.commands) };
         }
@@ -541,7 +567,7 @@ impl Submission {
             }
             recycle(&self.context, slot);
         }
-        self.keep.clear();
+        self.kept.clear();
         Ok(times)
     }
 

@@ -1,4 +1,4 @@
-//! What is read from SPIR-V modules, and the execution modes that are added to them for the device at hand. build.rs reads
+//! What is read from SPIR-V modules, and the execution modes that are added to them for the device at hand. glsl/generate.rs reads
 //! its instructions through this file too.
 
 use std::collections::HashMap;
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 const HEADER: usize = 5;
 const MAGIC: u32 = 0x0723_0203;
 
-/// Opcodes, as far as they are asked for here and in build.rs.
+/// Opcodes, as far as they are asked for here and in glsl/generate.rs.
 pub mod op {
     pub const NAME: u32 = 5;
     pub const EXTENSION: u32 = 10;

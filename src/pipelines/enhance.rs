@@ -192,7 +192,7 @@ impl Enhancer {
             Method::Pursuit => {
                 let most = most(scene.base.len() as u32, options.ratio);
                 // Supplementary Gaussians that fade stay there until the end.
-                Room { base: most, supplement: most.saturating_mul(2), page: None }
+                Room { base: most, supplement: most.saturating_mul(2), page: None, half: false }
             }
             Method::Augs => Room::default(),
         };

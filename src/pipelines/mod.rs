@@ -3,6 +3,7 @@
 pub mod checkpoint;
 pub mod density;
 pub mod enhance;
+pub mod frames;
 pub mod join;
 pub mod layers;
 pub mod learn;

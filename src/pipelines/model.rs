@@ -137,6 +137,8 @@ pub struct Part {
     pub sh: Planes,
     /// None for the base.
     pub lobes: Planes,
+    /// Planes of `sh` are words of two halves.
+    half: bool,
 }
 
 impl Part {
@@ -154,6 +156,8 @@ pub struct Room {
     pub supplement: u32,
     /// Gaussians of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
+    /// Harmonics at half width: 140 bytes for a Gaussian of degree 3 instead of 236. For rendering alone; nothing can learn.
+    pub half: bool,
 }
 
 /// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
@@ -189,20 +193,35 @@ impl Model {
 
     /// In coordinates that count from `origin`, the views' own.
     pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
-        let none = Supplement::default();
-        let supplement = scene.supplement.as_ref().unwrap_or(&none);
+        let mut model = Self::allocate(context, origin, scene, room)?;
+        for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
+            for k in 0..part.pages.len() {
+                for (planes, values) in part.values(k, gaussians, lobes, origin) {
+                    planes.upload(0, &values)?;
+                }
+            }
+        }
+        model.segment_counts.upload(0, &model.known)?;
+        model.upload_pages()?;
+        Ok(model)
+    }
+
+    /// All that a scene needs on the device, without contents. Submits nothing.
+    fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let sh_degree = scene.base.sh_degree;
-        let counts = [scene.base.len(), supplement.gaussians.len()].map(|n| n as u32);
+        let counts = segments_of(scene, &Supplement::default()).map(|(gaussians, _)| gaussians.len() as u32);
         // A page's largest buffer holds two moments of every SH plane.
         let planes = 2 * layout::sh_planes(sh_degree).max(GEOMETRY_PLANES + 1);
         let fits = (context.info().max_storage_bytes / (4 * planes as u64)).min(u64::from(u32::MAX)) as u32;
         let page_limit = room.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1);
+        let sh_planes = layout::sh_planes(sh_degree);
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
             let mut part = Part {
                 pages: Vec::new(),
                 geometry: Planes::new(context, "geometry", GEOMETRY_PLANES, &[])?,
-                sh: Planes::new(context, "sh", layout::sh_planes(sh_degree), &[])?,
+                sh: Planes::new(context, "sh", if room.half { sh_planes.div_ceil(2) } else { sh_planes }, &[])?,
                 lobes: Planes::new(context, "lobes", if segment == Segment::Base { 0 } else { LOBE_PLANES }, &[])?,
+                half: room.half,
             };
             part.reserve(context, segment, capacity, page_limit)?;
             Ok(part)
@@ -211,28 +230,22 @@ impl Model {
         let base = part(Segment::Base, counts[0].saturating_add(room.base).max(1))?;
         let supplement_part = part(Segment::Supplement, counts[1].saturating_add(room.supplement))?;
         let parts = [base, supplement_part];
-        for (part, gaussians, lobes) in
-            [(&parts[0], &scene.base, None), (&parts[1], &supplement.gaussians, Some(&supplement.lobes))]
-        {
-            part.upload(gaussians, lobes, origin)?;
-        }
         let page_count = parts.iter().map(|p| p.pages.len()).sum();
-        let mut model = Model {
+        let words = |name, len| Buffer::new(context, name, len, Location::Device);
+        Ok(Model {
             parts,
             sh_degree,
             origin,
             page_limit,
             known: counts,
-            population: Buffer::zeroed(context, "population", Segment::ALL.len() + 1)?,
-            population_args: Buffer::new(context, "population_args", args_len(page_count), Location::Device)?,
-            segment_counts: Buffer::from_slice(context, "segment_counts", &counts)?,
+            population: words("population", Segment::ALL.len() + 1)?,
+            population_args: words("population_args", args_len(page_count))?,
+            segment_counts: words("segment_counts", counts.len())?,
             pages: Buffer::new(context, "pages", page_count, Location::Device)?,
             recount: recount::Stage::new(context, &recount::Spec { workgroup_size: 1 })?,
             unused: Unused::new(context)?,
             context: context.clone(),
-        };
-        model.upload_pages()?;
-        Ok(model)
+        })
     }
 
     /// The table of pages and what follows from it. Waits.
@@ -364,6 +377,11 @@ impl Model {
         layout::coefficients(self.sh_degree) as u32
     }
 
+    /// Harmonics are of half width, see [`Room::half`].
+    pub fn is_half(&self) -> bool {
+        self.parts[0].half
+    }
+
     /// Fails where `views` count from another origin.
     pub fn check_origin(&self, views: &Views) -> Result<()> {
         // guard: one origin for model and views
@@ -414,13 +432,18 @@ impl Part {
         Ok(())
     }
 
-    fn upload(&self, gaussians: &Gaussians, lobes: Option<&Lobes>, origin: DVec3) -> Result<(), GpuError> {
-        for (k, page) in self.pages.iter().enumerate() {
-            let (first, capacity) = (page.first as usize, page.capacity as usize);
-            let numbers = first..gaussians.len().min(first + capacity);
-            if numbers.is_empty() {
-                break;
-            }
+    /// The buffers of page `k` and what they hold of these Gaussians.
+    fn values(
+        &self,
+        k: usize,
+        gaussians: &Gaussians,
+        lobes: Option<&Lobes>,
+        origin: DVec3,
+    ) -> impl Iterator<Item = (&Buffer<f32>, Vec<f32>)> {
+        let page = self.pages[k];
+        let (first, capacity) = (page.first as usize, page.capacity as usize);
+        let numbers = first.min(gaussians.len())..gaussians.len().min(first + capacity);
+        let geometry = {
             let mut values = vec![0f32; GEOMETRY_PLANES * capacity];
             for i in numbers.clone() {
                 let mut planes = layout::geometry(gaussians, i);
@@ -430,22 +453,26 @@ impl Part {
                 }
                 planes.into_iter().enumerate().for_each(|(p, v)| values[p * capacity + i - first] = v);
             }
-            self.geometry.page(k).upload(0, &values)?;
-            let mut values = vec![0f32; self.sh.planes * capacity];
-            for p in 0..self.sh.planes {
-                numbers.clone().for_each(|i| values[p * capacity + i - first] = layout::sh(gaussians, i, p));
-            }
-            self.sh.page(k).upload(0, &values)?;
-            if let Some(lobes) = lobes {
-                let mut values = vec![0f32; LOBE_PLANES * capacity];
-                for j in numbers {
-                    let planes = layout::lobe(lobes, j).into_iter().enumerate();
-                    planes.for_each(|(p, v)| values[p * capacity + j - first] = v);
-                }
-                self.lobes.page(k).upload(0, &values)?;
-            }
+            values
+        };
+        let mut sh = vec![0f32; self.sh.planes * capacity];
+        for p in 0..self.sh.planes {
+            let value = |i| match self.half {
+                true => layout::pack_halves(layout::sh(gaussians, i, 2 * p), layout::sh(gaussians, i, 2 * p + 1)),
+                false => layout::sh(gaussians, i, p),
+            };
+            numbers.clone().for_each(|i| sh[p * capacity + i - first] = value(i));
         }
-        Ok(())
+        let lobes = lobes.map(|lobes| {
+            let mut values = vec![0f32; LOBE_PLANES * capacity];
+            for j in numbers.clone() {
+                let planes = layout::lobe(lobes, j).into_iter().enumerate();
+                planes.for_each(|(p, v)| values[p * capacity + j - first] = v);
+            }
+            (self.lobes.page(k), values)
+        });
+        let filled = !numbers.is_empty();
+        [(self.geometry.page(k), geometry), (self.sh.page(k), sh)].into_iter().chain(lobes).filter(move |_| filled)
     }
 
     fn download(&self, count: usize, sh_degree: u32, origin: DVec3) -> Result<(Gaussians, Lobes), GpuError> {
@@ -458,12 +485,73 @@ impl Part {
                 MEAN..3 => moved(geometry[p][i], origin[p]),
                 _ => geometry[p][i],
             };
-            layout::push(&mut gaussians, value, |p| sh[p][i]);
+            let harmonic = |p: usize| match self.half {
+                true => layout::halves(sh[p / 2][i])[p % 2],
+                false => sh[p][i],
+            };
+            layout::push(&mut gaussians, value, harmonic);
             if !lobes.is_empty() {
                 layout::push_lobe(&mut out, |p| lobes[p][i]);
             }
         }
         Ok((gaussians, out))
+    }
+}
+
+/// Base and supplement; of a scene without the latter, `none`.
+fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, Option<&'a Lobes>); 2] {
+    let supplement = scene.supplement.as_ref().unwrap_or(none);
+    [(&scene.base, None), (&supplement.gaussians, Some(&supplement.lobes))]
+}
+
+/// A scene on its way to the device, in the caller's own command buffer: nothing is submitted, nothing waited for. Any thread may
+/// prepare it while others draw.
+pub struct Upload {
+    model: Model,
+    /// Host memory, and what it goes to.
+    staged: Vec<(Buffer<f32>, Buffer<f32>)>,
+    status: Buffer<u32>,
+}
+
+impl Upload {
+    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's.
+    ///
+    /// # Errors
+    /// Where memory does not suffice.
+    pub fn prepare(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
+        let model = Model::allocate(context, origin, scene, room)?;
+        let mut staged = Vec::new();
+        for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
+            for k in 0..part.pages.len() {
+                for (planes, values) in part.values(k, gaussians, lobes, origin) {
+                    let staging = Buffer::new(context, "staging", values.len(), Location::Upload)?;
+                    staging.write_mapped(&values);
+                    staged.push((staging, planes.clone()));
+                }
+            }
+        }
+        let status = Buffer::new(context, "recount status", status::WORDS, Location::Device)?;
+        Ok(Upload { model, staged, status })
+    }
+
+    /// Records the copies, and the kernel that makes dispatches of the counts. The command buffer's queue takes compute.
+    pub fn record(&self, recorder: &mut Recorder) {
+        for (staging, planes) in &self.staged {
+            recorder.copy(staging, 0, planes, 0, staging.len());
+        }
+        let pages: Vec<Page> = self.model.parts.iter().flat_map(|part| part.pages.iter().copied()).collect();
+        recorder.update(&self.model.pages, 0, &pages);
+        recorder.update(&self.model.segment_counts, 0, &self.model.known);
+        recorder.fill(&self.status, 0);
+        self.model.record_recount(recorder, None, &self.status);
+        // Whatever comes next on the queue may read it.
+        recorder.barrier();
+    }
+
+    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. The host
+    /// memory is freed here, so not before the commands have run.
+    pub fn finish(self) -> Model {
+        self.model
     }
 }
 

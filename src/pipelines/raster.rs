@@ -125,6 +125,8 @@ pub struct RasterOptions {
     pub background_image: bool,
     /// Also find the Gaussian of median depth of each pixel.
     pub median: bool,
+    /// What lies behind `scene_depths` is not seen.
+    pub occluded: bool,
     /// Gradients will be asked for.
     pub backward: bool,
     pub policy: Policy,
@@ -177,6 +179,8 @@ buffers! {
         pub image_grad: f32 = 3 * o.only_if(o.backward, o.pixels),
         pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
         pub median_ids: u32 = o.only_if(o.median, o.pixels),
+        /// By pixel, as a depth buffer has them.
+        pub scene_depths: f32 = o.only_if(o.occluded, o.pixels),
         pub(crate) tile_ranges: [u32; 2] = o.tiles,
         pub(crate) count: u32 = 4,
         args: u32 = 12,
@@ -314,6 +318,7 @@ impl Raster {
             pixels: lane_pixels,
             background_image: options.background_image,
             median: options.median,
+            occluded: options.occluded,
         };
         let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
         let (backward, records) = match options.backward {
@@ -506,6 +511,19 @@ impl Raster {
         background: [f32; 3],
         median_threshold: f32,
     ) {
+        self.record_blend_occluded(recorder, grid, frames, background, median_threshold, [0.0, 1.0]);
+    }
+
+    /// The same, where a raster that was made `occluded` has depths of the form `depth_form` in `scene_depths`.
+    pub fn record_blend_occluded(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        background: [f32; 3],
+        median_threshold: f32,
+        depth_form: [f32; 2],
+    ) {
         let f = &self.buffers;
         self.blend.record(
             recorder,
@@ -519,6 +537,8 @@ impl Raster {
                 backdrop: &f.backdrop,
                 image: &f.image,
                 median_ids: &f.median_ids,
+                depth_keys: &f.depth_keys,
+                scene_depths: &f.scene_depths,
             },
             &blend::Push {
                 frame_first: grid.frame_first,
@@ -527,6 +547,7 @@ impl Raster {
                 tile_count: grid.tiles(),
                 background,
                 median_threshold,
+                depth_form,
             },
             grid.tiles(),
         );

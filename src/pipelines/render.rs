@@ -12,6 +12,7 @@ use crate::{
     stages::{
         WORKGROUP, median_depth, project,
         status::{self, Resource, Status},
+        types::View,
     },
 };
 
@@ -60,12 +61,19 @@ pub struct Needs {
     pub supplement: bool,
     /// Bands of harmonics that views are rendered with: a pipeline for each number.
     pub degrees: Vec<u32>,
+    /// Harmonics are of half width, see [`Model::is_half`].
+    pub half: bool,
 }
 
 impl Needs {
     /// For all of a model, at its own degree.
     pub fn of(model: &Model) -> Self {
-        Needs { gaussians: model.capacity(), supplement: model.has_supplement(), degrees: vec![model.sh_degree] }
+        Needs {
+            gaussians: model.capacity(),
+            supplement: model.has_supplement(),
+            degrees: vec![model.sh_degree],
+            half: model.is_half(),
+        }
     }
 }
 
@@ -87,14 +95,150 @@ impl Show {
     }
 }
 
-/// Pipelines and working buffers for scenes of up to a number of Gaussians in a set of views.
-pub struct Renderer {
-    pub raster: Raster,
-    options: RenderOptions,
+/// The stages that read models: projection, and the median depth where it is asked for.
+pub(super) struct ModelStages {
     needs: Needs,
     /// By segment, then by degree in the order of `needs`: a scene without supplement never pays for lobes.
     project: [Vec<project::Stage>; 2],
     median_depth: Option<median_depth::Stage>,
+}
+
+/// A model in a frame: where its Gaussians begin in the common index, and which of `views` it is seen through.
+#[derive(Clone, Copy)]
+pub(super) struct Placed<'a> {
+    pub model: &'a Model,
+    pub splat_first: u32,
+    pub views: &'a Buffer<View>,
+    pub view: u32,
+    /// The last segment that is shown.
+    pub upto: Segment,
+    /// Bands of harmonics.
+    pub degree: u32,
+}
+
+impl ModelStages {
+    pub fn new(context: &Context, needs: Needs, options: &RenderOptions) -> Result<Self, GpuError> {
+        let tile = options.policy.tile(context);
+        let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
+            let has_lobes = segment == Segment::Supplement;
+            let degrees = if has_lobes && !needs.supplement { &[] } else { &needs.degrees[..] };
+            let stage = |&sh_degree: &u32| {
+                let spec = project::Spec {
+                    workgroup_size: context.info().workgroup(WORKGROUP),
+                    tile_width: tile.width,
+                    tile_height: tile.height,
+                    compensate: options.policy.compensate,
+                    has_lobes,
+                    sh_degree,
+                    half_sh: needs.half,
+                };
+                project::Stage::new(context, &spec)
+            };
+            degrees.iter().map(stage).collect()
+        };
+        let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
+        Ok(ModelStages {
+            project: [project(Segment::Base)?, project(Segment::Supplement)?],
+            median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
+            needs,
+        })
+    }
+
+    /// Whether they were made for this.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where they were not.
+    pub fn check(&self, model: &Model, upto: Segment, degree: u32) -> Result<()> {
+        let wrong = if !self.needs.degrees.contains(&degree) {
+            format!("degrees {:?} of harmonics, not for {degree}", self.needs.degrees)
+        } else if model.has_supplement() && upto == Segment::Supplement && !self.needs.supplement {
+            "scenes without supplement".into()
+        } else if model.is_half() != self.needs.half {
+            format!("harmonics of {} width", if self.needs.half { "half" } else { "full" })
+        } else {
+            return Ok(());
+        };
+        Err(Error::Usage(format!("the renderer was made for {wrong}")))
+    }
+
+    /// Splats, colours, depth keys and tile counts of a model.
+    pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
+        let Placed { model, splat_first, views, view, upto, degree } = *placed;
+        let Some(pipeline) = self.needs.degrees.iter().position(|&d| d == degree) else { return };
+        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
+            let (part, stages) = (model.part(segment), &self.project[segment as usize]);
+            for (k, dispatch, page) in model.pages(segment) {
+                let Some(stage) = stages.get(pipeline) else { return };
+                stage.record_indirect(
+                    recorder,
+                    &project::Buffers {
+                        population: &model.population,
+                        views,
+                        geometry: part.geometry.page(k),
+                        sh: part.sh.page(k),
+                        lobes: part.lobes.page(k),
+                        splats: &raster.buffers.splats,
+                        splat_colours: &raster.buffers.splat_colours,
+                        depth_keys: &raster.buffers.depth_keys,
+                        tile_counts: &raster.buffers.tile_counts,
+                    },
+                    &project::Push {
+                        segment: segment.index(),
+                        page_first: page.first,
+                        stride: page.capacity,
+                        view,
+                        splat_first,
+                    },
+                    &model.population_args,
+                    dispatch,
+                );
+            }
+        }
+    }
+
+    /// The depths of those of the raster's `median_ids` that are a model's.
+    pub fn record_depths(
+        &self,
+        recorder: &mut Recorder,
+        raster: &Raster,
+        depths: &Buffer<f32>,
+        placed: &Placed<'_>,
+        pixels: u32,
+    ) {
+        let (Some(median_depth), Placed { model, splat_first, views, view, upto, .. }) = (&self.median_depth, *placed) else {
+            return;
+        };
+        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
+            for (k, _, page) in model.pages(segment) {
+                median_depth.record(
+                    recorder,
+                    &median_depth::Buffers {
+                        population: &model.population,
+                        views,
+                        geometry: model.part(segment).geometry.page(k),
+                        median_ids: &raster.buffers.median_ids,
+                        depths,
+                    },
+                    &median_depth::Push {
+                        segment: segment.index(),
+                        page_first: page.first,
+                        stride: page.capacity,
+                        view,
+                        depth_first: 0,
+                        splat_first,
+                    },
+                    pixels,
+                );
+            }
+        }
+    }
+}
+
+/// Pipelines and working buffers for scenes of up to a number of Gaussians in a set of views.
+pub struct Renderer {
+    pub raster: Raster,
+    options: RenderOptions,
+    stages: ModelStages,
     /// Camera z by pixel of the view rendered last, 0 where there is none.
     pub depths: Buffer<f32>,
     status: Buffer<u32>,
@@ -127,35 +271,17 @@ impl Renderer {
             batch: false,
             background_image: false,
             median: options.depth,
+            occluded: false,
             backward: options.backward,
             policy: options.policy,
         };
-        let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
-            let has_lobes = segment == Segment::Supplement;
-            let degrees = if has_lobes && !needs.supplement { &[] } else { &needs.degrees[..] };
-            let stage = |&sh_degree: &u32| {
-                let spec = project::Spec {
-                    workgroup_size: context.info().workgroup(WORKGROUP),
-                    tile_width: tile.width,
-                    tile_height: tile.height,
-                    compensate: options.policy.compensate,
-                    has_lobes,
-                    sh_degree,
-                };
-                project::Stage::new(context, &spec)
-            };
-            degrees.iter().map(stage).collect()
-        };
-        let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };
         Ok(Renderer {
             raster: Raster::new(context, raster_options)?,
-            project: [project(Segment::Base)?, project(Segment::Supplement)?],
-            median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
+            stages: ModelStages::new(context, needs, &options)?,
             depths: Buffer::new(context, "depths", depth_pixels, Location::Device)?,
             status: Buffer::zeroed(context, "render status", status::WORDS)?,
             options,
-            needs,
         })
     }
 
@@ -180,29 +306,9 @@ impl Renderer {
 
     /// The part after pixels, of a renderer made with depth: the depths of the Gaussians in the raster's `median_ids`.
     pub fn record_depths(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
-        let Some(median_depth) = &self.median_depth else { return };
-        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32) {
-            for (k, _, page) in model.pages(segment) {
-                median_depth.record(
-                    recorder,
-                    &median_depth::Buffers {
-                        population: &model.population,
-                        views: &views.views,
-                        geometry: model.part(segment).geometry.page(k),
-                        median_ids: &self.raster.buffers.median_ids,
-                        depths: &self.depths,
-                    },
-                    &median_depth::Push {
-                        segment: segment.index(),
-                        page_first: page.first,
-                        stride: page.capacity,
-                        view,
-                        depth_first: 0,
-                    },
-                    views.cameras[view as usize].pixels(),
-                );
-            }
-        }
+        let placed = placed(model, views, view, show);
+        let pixels = views.cameras[view as usize].pixels();
+        self.stages.record_depths(recorder, &self.raster, &self.depths, &placed, pixels);
     }
 
     /// The part before pixels: splats, and the ordered lists of their tiles.
@@ -215,43 +321,15 @@ impl Renderer {
         show: &Show,
         status: &Buffer<u32>,
     ) -> Result<Grid> {
-        let degree = show.degree.min(model.sh_degree);
-        let pipeline = self.needs.degrees.iter().position(|&d| d == degree);
-        let camera = views.cameras.get(view as usize);
-        let (Some(pipeline), Some(camera)) = (pipeline, camera) else {
-            return Err(Error::Usage(format!(
-                "the renderer was made for degrees {:?} and {} views, not for degree {degree} and view {view}",
-                self.needs.degrees,
-                views.cameras.len()
-            )));
+        let placed = placed(model, views, view, show);
+        self.stages.check(model, placed.upto, placed.degree)?;
+        let Some(camera) = views.cameras.get(view as usize) else {
+            let most = views.cameras.len();
+            return Err(Error::Usage(format!("there are {most} views, and number {view} was asked for")));
         };
-        let (raster, shown) = (&self.raster, |s: &Segment| *s as u32 <= show.upto as u32);
+        let raster = &self.raster;
         let grid = raster.grid(view, 1, camera.width, camera.height);
-        for segment in Segment::ALL.into_iter().filter(shown) {
-            let part = model.part(segment);
-            for (k, dispatch, page) in model.pages(segment) {
-                let Some(stage) = self.project[segment as usize].get(pipeline) else {
-                    return Err(Error::Usage("the renderer was made for scenes without supplement".into()));
-                };
-                stage.record_indirect(
-                    recorder,
-                    &project::Buffers {
-                        population: &model.population,
-                        views: &views.views,
-                        geometry: part.geometry.page(k),
-                        sh: part.sh.page(k),
-                        lobes: part.lobes.page(k),
-                        splats: &raster.buffers.splats,
-                        splat_colours: &raster.buffers.splat_colours,
-                        depth_keys: &raster.buffers.depth_keys,
-                        tile_counts: &raster.buffers.tile_counts,
-                    },
-                    &project::Push { segment: segment.index(), page_first: page.first, stride: page.capacity, view },
-                    &model.population_args,
-                    dispatch,
-                );
-            }
-        }
+        self.stages.record_project(recorder, raster, &placed);
         let splats = SplatCount {
             count: &model.population,
             index: show.upto.index() + 1,
@@ -301,4 +379,10 @@ impl Renderer {
             depth: if self.options.depth { self.depths.download_range(0, pixels)? } else { Vec::new() },
         })
     }
+}
+
+/// A model by itself.
+fn placed<'a>(model: &'a Model, views: &'a Views, view: u32, show: &Show) -> Placed<'a> {
+    let degree = show.degree.min(model.sh_degree);
+    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree }
 }

@@ -6,7 +6,10 @@ use crate::{
     error::Result,
     gpu::{Buffer, Context, GpuError, Location},
     scene::Camera,
-    stages::types::{Frame, View},
+    stages::{
+        constants::constants::NEAR,
+        types::{Frame, View},
+    },
 };
 
 /// 1.3 tan(fov/2) is where 3DGS clamps the Jacobian's x/z and y/z.
@@ -154,5 +157,6 @@ pub fn view(camera: &Camera, pixel_first: u32) -> View {
         width: camera.width,
         height: camera.height,
         pixel_first,
+        near: NEAR,
     }
 }

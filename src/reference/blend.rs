@@ -30,6 +30,8 @@ pub struct Margin {
     pub transmittance: f64,
     /// |o·exp(power) − 0.99| / 0.99. The image is continuous across it, the gradient is not.
     pub clamp: f64,
+    /// Gap of camera z between a contributor and what hides all beyond it, relative to the latter.
+    pub occluder: f64,
     /// |T' − median threshold| / median threshold.
     pub median: f64,
     /// Gap of camera z between two contributors that follow each other, relative to it. 0 where they are equal,
@@ -42,13 +44,14 @@ impl Margin {
         alpha: f64::INFINITY,
         transmittance: f64::INFINITY,
         clamp: f64::INFINITY,
+        occluder: f64::INFINITY,
         median: f64::INFINITY,
         order: f64::INFINITY,
     };
 
     /// Of the decisions that make the image jump.
     pub fn image(&self) -> f64 {
-        self.alpha.min(self.transmittance).min(self.order)
+        self.alpha.min(self.transmittance).min(self.order).min(self.occluder)
     }
 
     /// Of those and of the kink at 0.99.
@@ -77,12 +80,23 @@ pub(super) fn sample(splat: &Splat, column: u32, row: u32) -> Sample {
 }
 
 pub fn blend(splats: &[Splat], isects: &Intersections, background: Background, median_threshold: f64) -> Blended {
+    blend_before(splats, isects, background, median_threshold, |_| f64::INFINITY)
+}
+
+/// Of each pixel only what is not beyond camera z `farthest`.
+pub fn blend_before(
+    splats: &[Splat],
+    isects: &Intersections,
+    background: Background,
+    median_threshold: f64,
+    farthest: impl Fn(usize) -> f64 + Sync,
+) -> Blended {
     let tiling = isects.tiling;
     let pixels: Vec<Pixel> = (0..tiling.width as usize * tiling.height as usize)
         .into_par_iter()
         .map(|pixel| {
             let (column, row) = ((pixel % tiling.width as usize) as u32, (pixel / tiling.width as usize) as u32);
-            blend_pixel(splats, isects, column, row, background.at(pixel), median_threshold)
+            blend_pixel(splats, isects, [column, row], background.at(pixel), median_threshold, farthest(pixel))
         })
         .collect();
     Blended {
@@ -103,10 +117,10 @@ struct Pixel {
 fn blend_pixel(
     splats: &[Splat],
     isects: &Intersections,
-    column: u32,
-    row: u32,
+    [column, row]: [u32; 2],
     background: [f64; 3],
     median_threshold: f64,
+    farthest: f64,
 ) -> Pixel {
     let mut color = [0.0; 3];
     let mut transmittance = 1.0;
@@ -116,6 +130,12 @@ fn blend_pixel(
     let mut last_z = f64::NEG_INFINITY;
     for global in isects.of_pixel(column, row).map(|(_, global)| global) {
         let splat = &splats[global as usize];
+        if farthest.is_finite() {
+            margin.occluder = margin.occluder.min((splat.z / farthest - 1.0).abs());
+        }
+        if splat.z > farthest {
+            break;
+        }
         let s = sample(splat, column, row);
         margin.alpha = margin.alpha.min((s.alpha - ALPHA_MIN).abs() / ALPHA_MIN);
         if !(s.alpha >= ALPHA_MIN) {

@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use super::project::rotation;
-use super::{FLOAT_MAX, NEAR, NONE, Params, View};
+use super::{FLOAT_MAX, NONE, Params, View};
 
 /// Where on the median Gaussian the depth is taken (method, section 4, ⚖).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -
         depths[pixel] = view.to_camera(params.mean(i)).z;
         if at == DepthAt::MaximumResponse {
             let best = maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
-            if best > NEAR && best <= FLOAT_MAX {
+            if best > view.near && best <= FLOAT_MAX {
                 depths[pixel] = best;
             }
         }

@@ -55,6 +55,7 @@ pub mod radix_spine;
 pub mod radix_upsweep;
 pub mod recount;
 pub mod render;
+pub mod resolve;
 pub mod sample;
 pub mod scan_apply;
 pub mod scan_reduce;

@@ -5,7 +5,7 @@
 use glam::{DMat3, DVec3};
 
 use super::tiles::{Tiling, for_each_tile};
-use super::{ALPHA_MIN, DILATION, FLOAT_MAX, FLOAT_MIN, NEAR, Options, Params, Splat, View, harmonics, lobe, sigmoid};
+use super::{ALPHA_MIN, DILATION, FLOAT_MAX, FLOAT_MIN, Options, Params, Splat, View, harmonics, lobe, sigmoid};
 
 /// A view's Gaussians, all vectors by Gaussian index.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -102,7 +102,7 @@ pub(super) struct Footprint {
 /// None when the Gaussian is not in front of the near plane, has no rotation or no finite footprint.
 pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footprint> {
     let p = view.to_camera(params.mean(i));
-    if !(p.z > NEAR && p.z <= FLOAT_MAX) {
+    if !(p.z > view.near && p.z <= FLOAT_MAX) {
         return None;
     }
     let rotation = rotation(params.quat(i))?;
@@ -160,7 +160,7 @@ mod tests {
     use glam::DMat2;
 
     use super::*;
-    use crate::reference::{random_camera, random_scene};
+    use crate::reference::{NEAR, random_camera, random_scene};
 
     fn scene() -> (Params, View) {
         let params = Params::from_scene(&random_scene(11, 1500, 500, 3)).unwrap();

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3, DVec4};
 
+use super::NEAR;
 use crate::scene::Camera;
 
 /// World-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5.
@@ -23,6 +24,8 @@ pub struct View {
     /// Pixels.
     pub width: u32,
     pub height: u32,
+    /// Camera z; what is not beyond is culled.
+    pub near: f64,
 }
 
 impl View {
@@ -41,6 +44,7 @@ impl View {
             limit_y: 1.3 * camera.height as f64 / (2.0 * camera.fy),
             width: camera.width,
             height: camera.height,
+            near: NEAR,
         }
     }
 
@@ -60,6 +64,7 @@ impl View {
             cy: f(self.cy),
             limit_x: f(self.limit_x),
             limit_y: f(self.limit_y),
+            near: f(self.near),
             ..*self
         }
     }

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::{Gaussians, Lobes};
-use crate::stages::constants::model;
+use crate::{gpu::f16, stages::constants::model};
 
 pub const MEAN: usize = model::MEAN as usize;
 pub const LOG_SCALE: usize = model::LOG_SCALE as usize;
@@ -81,6 +81,24 @@ pub fn lobe(lobes: &Lobes, j: usize) -> [f32; LOBE_PLANES] {
 pub fn sh(gaussians: &Gaussians, i: usize, p: usize) -> f32 {
     let stored = gaussians.sh_coefficients();
     if p / 3 < stored { gaussians.sh[i * stored + p / 3][p % 3] } else { 0.0 }
+}
+
+/// Two halves in a word, of planes 2p (low) and 2p + 1 (high), as `HALF_SH` of the model's kernels reads them. What a half cannot
+/// hold becomes the largest that it can.
+pub fn pack_halves(low: f32, high: f32) -> f32 {
+    let half = |v: f32| f16::from_f32(v.clamp(-65504.0, 65504.0)).to_bits();
+    f32::from_bits(u32::from(half(low)) | u32::from(half(high)) << 16)
+}
+
+/// The two values of a word that [`pack_halves`] made, low half first.
+pub fn halves(word: f32) -> [f32; 2] {
+    [0, 16].map(|shift| f16::from_bits((word.to_bits() >> shift) as u16).to_f32())
+}
+
+/// All planes of such words, plane after plane of `stride` places.
+pub fn unpack_halves(words: &[f32], stride: usize) -> Vec<f32> {
+    let planes = words.chunks(stride.max(1));
+    planes.flat_map(|plane| [0, 1].map(|h| plane.iter().map(move |&w| halves(w)[h]))).flatten().collect()
 }
 
 /// Adds a Gaussian from its planes.

@@ -380,7 +380,7 @@ fn compare_lists(ordered: &Ordered, shift: f64) -> (usize, u64) {
 
 /// The decisions that an image hangs on, without that of the order, which the lists decide.
 pub(super) fn image_margin(margin: &Margin) -> f64 {
-    margin.alpha.min(margin.transmittance)
+    margin.alpha.min(margin.transmittance).min(margin.occluder)
 }
 
 /// Pixels against the twin's: numbers where no threshold is near, flips where one is.

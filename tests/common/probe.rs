@@ -106,7 +106,7 @@ impl<'a> Probe<'a> {
         let Setup { compensate, tile, reduction, degree, .. } = setup;
         let policy = Policy { reduction, compensate, tile };
         let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
-        let needs = Needs { gaussians, supplement: true, degrees: vec![degree] };
+        let needs = Needs { gaussians, supplement: true, degrees: vec![degree], half: false };
         Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
     }
 

@@ -119,6 +119,7 @@ impl Screen {
             batch: true,
             background_image: true,
             median: false,
+            occluded: false,
             backward: true,
             policy,
         }

@@ -116,6 +116,7 @@ fn view(v: &types::View) -> View {
         limit_y,
         width: v.width,
         height: v.height,
+        near: v.near.into(),
     }
 }
 

@@ -6,19 +6,22 @@ use crate::{
         self as twin, Background, Intersections, NONE, Options, Splat, blend_backward::Record, emit::Emitted,
         median_depth::DepthAt, tiles::Tiling,
     },
+    scene::layout,
     stages::{
         kernels,
         types::{self, Frame},
     },
 };
 
-twins!(blend, blend_backward, blend_backward_atomic, emit, median_depth, project, tile_ranges);
+twins!(blend, blend_backward, blend_backward_atomic, emit, median_depth, project, resolve, tile_ranges);
 
 pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
-    let kernels::project::Push { segment, page_first, stride, view: view_index } = h.push;
-    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, .. } = h.spec;
+    let kernels::project::Push { segment, page_first, stride, view: view_index, splat_first } = h.push;
+    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, half_sh, .. } = h.spec;
     let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
-    let params = params([h.geometry, h.sh, h.lobes], count, stride, has_lobes, sh_degree);
+    let first = first + splat_first as usize;
+    let whole = if half_sh { layout::unpack_halves(h.sh, stride as usize) } else { vec![] };
+    let params = params([h.geometry, if half_sh { &whole } else { h.sh }, h.lobes], count, stride, has_lobes, sh_degree);
     let options = Options { active_degree: sh_degree, compensate, tile_width, tile_height, ..Default::default() };
     let projected = twin::project::project(&params, &view(&h.views[view_index as usize]), &options);
     for (i, (splat, tiles)) in (first..).zip(projected.splats.iter().zip(projected.tile_counts)) {
@@ -116,9 +119,16 @@ fn wide_splats(splats: &[types::Splat], colours: &[[f32; 3]]) -> Vec<Splat> {
 }
 
 pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
-    let kernels::blend::Push { frame_first, tiles_x, tiles_per_frame, tile_count, background, median_threshold } =
-        h.push;
-    let kernels::blend::Spec { tile_width, tile_height, background_image, median, .. } = h.spec;
+    let kernels::blend::Push {
+        frame_first,
+        tiles_x,
+        tiles_per_frame,
+        tile_count,
+        background,
+        median_threshold,
+        depth_form: [a, b],
+    } = h.push;
+    let kernels::blend::Spec { tile_width, tile_height, background_image, median, occluded, .. } = h.spec;
     let lists = Lists {
         frames: h.frames,
         tile_ranges: h.tile_ranges,
@@ -130,9 +140,16 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         tiles_per_frame,
         tile_count,
     };
-    let splats = wide_splats(h.splats, h.splat_colours);
+    let mut splats = wide_splats(h.splats, h.splat_colours);
+    if occluded {
+        splats.iter_mut().zip(h.depth_keys).for_each(|(s, &key)| s.z = f32::from_bits(key).into());
+    }
     lists.for_each_frame(|frame, isects| {
         let pixels = pixels(frame);
+        let farthest = |pixel: usize| match occluded {
+            true => twin::resolve::camera_z(h.scene_depths[pixels.start + pixel].into(), [a, b].map(f64::from)),
+            false => f64::INFINITY,
+        };
         let backdrop: Vec<[f64; 3]> = match background_image {
             true => h.backdrop[pixels.clone()].iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect(),
             false => vec![],
@@ -141,7 +158,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
             true => Background::Image(&backdrop),
             false => Background::Color(background.map(f64::from)),
         };
-        let blended = twin::blend::blend(&splats, isects, behind, f64::from(median_threshold));
+        let blended = twin::blend::blend_before(&splats, isects, behind, f64::from(median_threshold), farthest);
         h.image[pixels.clone()].iter_mut().zip(&blended.image).for_each(|(to, rgbt)| *to = rgbt.map(|v| v as f32));
         if median {
             h.median_ids[pixels].copy_from_slice(&blended.median);
@@ -250,9 +267,11 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
 }
 
 pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
-    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first } = h.push;
+    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first } =
+        h.push;
     let view = view(&h.views[view_index as usize]);
     let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
+    let first = first + splat_first as usize;
     let pixels = h.workgroups.threads().min(view.width as usize * view.height as usize);
     // By place in the page; other pages take the other pixels.
     let here = |&i: &u32| i.checked_sub(first as u32).filter(|&place| i != NONE && (place as usize) < count);
@@ -262,10 +281,26 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     let depths = twin::median_depth::median_depth(&params, &view, &median, at);
     let to = &mut h.depths[depth_first as usize..][..pixels];
     for (pixel, depth) in depths.into_iter().enumerate() {
-        let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0;
+        let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0 && splat_first == 0;
         if median[pixel] != NONE || nobodys {
             to[pixel] = depth as f32;
         }
+    }
+    Ok(())
+}
+
+pub(super) fn resolve(h: kernels::resolve::Host<'_>) -> Outcome {
+    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form } = h.push;
+    let form = depth_form.map(f64::from);
+    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into() };
+    let words = twin::resolve::words(format);
+    for pixel in 0..h.workgroups.threads().min(pixels as usize) {
+        if depth != 0 {
+            h.depth_target[pixel] = twin::resolve::depth(h.depths[pixel].into(), form) as f32;
+        }
+        let target = &mut h.target[words * pixel..][..words];
+        let below = twin::resolve::unpack(format, target);
+        twin::resolve::pack(format, to.resolve(h.image[pixel].map(f64::from), below), target);
     }
     Ok(())
 }

@@ -1,0 +1,594 @@
+//! Compiles every `glsl/**/*.comp` to SPIR-V, reflects it and generates the typed interface of each kernel:
+//! `Push`, `Spec`, `Buffers` and the structs of its blocks. A kernel whose interface changes no longer fits the
+//! Rust code that records it, and that is a compile error.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt::Write as _,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use spirq::{
+    ReflectConfig,
+    ty::{AccessType, DescriptorType, ScalarType, StructType, Type},
+    var::Variable,
+};
+
+use spirv::{instructions, op, opcode};
+
+#[allow(dead_code, reason = "reading instructions is all that is wanted here")]
+#[path = "../src/gpu/spirv.rs"]
+mod spirv;
+
+/// All that is made of the kernels, by file name: `NAME.spv` of each, the interface `kernels.rs`, and `needs.rs`. `software`: with the
+/// kernels' second form, `NAME.software.spv`, see `glsl/shared/subgroup.glsl`.
+///
+/// # Errors
+/// What is wrong with the kernels, a line for each.
+pub fn files(software: bool) -> Result<BTreeMap<String, Vec<u8>>, String> {
+    let mut sources = Vec::new();
+    collect(Path::new("glsl"), &mut sources);
+    sources.sort();
+    let mut types = Types::new();
+    let (mut kernels, mut failed) = (Vec::new(), Vec::new());
+    for path in &sources {
+        match Kernel::build(path, software, &mut types) {
+            Ok(kernel) => kernels.push(kernel),
+            Err(e) => failed.push(e),
+        }
+    }
+    if !failed.is_empty() {
+        return Err(failed.join("\n"));
+    }
+    let bytes = |words: &[u32]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
+    let mut files = BTreeMap::new();
+    for kernel in &kernels {
+        files.insert(format!("{}.spv", kernel.name), bytes(&kernel.spirv));
+        files.extend(kernel.software.as_ref().map(|words| (format!("{}.software.spv", kernel.name), bytes(words))));
+    }
+    files.insert("kernels.rs".into(), (generate(&kernels, &types, software) + &constants()).into_bytes());
+    files.insert("needs.rs".into(), needs(&kernels).into_bytes());
+    Ok(files)
+}
+
+/// A kernel's modules and all that is generated from them.
+pub struct Kernel {
+    pub name: String,
+    pub file: String,
+    pub spirv: Vec<u32>,
+    /// With subgroup operations through shared memory, where there are any and the cargo feature wants it.
+    pub software: Option<Vec<u32>>,
+    pub interface: Interface,
+    pub demands: Demands,
+    pub unit: &'static str,
+}
+
+impl Kernel {
+    fn build(path: &Path, software: bool, types: &mut Types) -> Result<Self, String> {
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let file = path.to_str().unwrap().to_owned();
+        let source = fs::read_to_string(path).unwrap();
+        let in_kernel = |e: String| format!("{file}: {e}");
+        let spirv = compile(&source, &file, false)?;
+        let demands = Demands::of(&spirv).map_err(in_kernel)?;
+        let unit = unit(&spirv).map_err(in_kernel)?;
+        let software = match software && demands.subgroup_operations != 0 {
+            true => Some(compile(&source, &file, true)?),
+            false => None,
+        };
+        let interface = Interface::reflect(&spirv, types).map_err(in_kernel)?;
+        Ok(Kernel { name, file, spirv, software, interface, demands, unit })
+    }
+}
+
+/// SPIR-V of a GLSL kernel, or what the compiler says. `software`: its subgroups are those of `glsl/shared/subgroup.glsl`.
+pub fn compile(source: &str, file: &str, software: bool) -> Result<Vec<u32>, String> {
+    // Names that begin with gl_ can be neither defined nor declared.
+    let rename = move |text: String| match software {
+        true => text.replace("gl_Subgroup", "software_Subgroup").replace("gl_NumSubgroups", "software_NumSubgroups"),
+        false => text,
+    };
+    let compiler = shaderc::Compiler::new().map_err(|e| e.to_string())?;
+    let mut options = shaderc::CompileOptions::new().map_err(|e| e.to_string())?;
+    // 1.2 keeps LocalSizeId (and so maintenance4) out of what an embedding application must enable.
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+    options.set_target_spirv(shaderc::SpirvVersion::V1_5);
+    // Drivers optimise; unoptimised SPIR-V keeps the names that reflection, RenderDoc and Nsight read.
+    options.set_optimization_level(shaderc::OptimizationLevel::Zero);
+    options.set_warnings_as_errors();
+    if software {
+        options.add_macro_definition("SOFTWARE_SUBGROUPS", None);
+    }
+    options.set_include_callback(move |name, kind, from, _| {
+        let base = match kind {
+            shaderc::IncludeType::Relative => Path::new(from).parent().unwrap().to_owned(),
+            shaderc::IncludeType::Standard => PathBuf::from("glsl"),
+        };
+        let path = base.join(name);
+        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content: rename(content) })
+    });
+    let compute = shaderc::ShaderKind::Compute;
+    let spirv = compiler.compile_into_spirv(&rename(source.to_owned()), compute, file, "main", Some(&options));
+    spirv.map(|s| s.as_binary().to_vec()).map_err(|e| e.to_string())
+}
+
+/// SPIR-V capabilities, each with the subgroup operations (bits of VkSubgroupFeatureFlagBits) and the feature that it needs of a
+/// device. A kernel that declares another one is not built: it would need something that nobody asks a device for.
+const CAPABILITIES: [(u32, u32, Option<&str>); 13] = [
+    (1, 0, None),                                    // Shader
+    (61, 0x01, None),                                // GroupNonUniform
+    (62, 0x02, None),                                // GroupNonUniformVote
+    (63, 0x04, None),                                // GroupNonUniformArithmetic
+    (64, 0x08, None),                                // GroupNonUniformBallot
+    (65, 0x10, None),                                // GroupNonUniformShuffle
+    (66, 0x20, None),                                // GroupNonUniformShuffleRelative
+    (9, 0, Some("ShaderFloat16")),                   // Float16
+    (22, 0, Some("ShaderInt16")),                    // Int16
+    (39, 0, Some("ShaderInt8")),                     // Int8
+    (4433, 0, Some("StorageBuffer16BitAccess")),     // StorageBuffer16BitAccess
+    (4448, 0, Some("StorageBuffer8BitAccess")),      // StorageBuffer8BitAccess
+    (6033, 0, Some("ShaderBufferFloat32AtomicAdd")), // AtomicFloat32AddEXT
+];
+
+/// What a module needs of a device, beyond Vulkan 1.2.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Demands {
+    /// Bits of VkSubgroupFeatureFlagBits.
+    pub subgroup_operations: u32,
+    /// The threads of a workgroup meet at barriers.
+    pub barriers: bool,
+    /// Variants of `gpu::Feature`.
+    pub features: BTreeSet<&'static str>,
+}
+
+impl Demands {
+    pub fn of(module: &[u32]) -> Result<Self, String> {
+        // Scopes.
+        const WORKGROUP: u32 = 2;
+        const SUBGROUP: u32 = 3;
+        let mut demands = Demands::default();
+        let (mut constants, mut widths) = (BTreeMap::new(), BTreeMap::new());
+        for i in instructions(module)? {
+            match opcode(i) {
+                op::CAPABILITY => {
+                    let known = CAPABILITIES.iter().find(|(capability, ..)| *capability == i[1]);
+                    let (_, operations, feature) = known.ok_or_else(|| {
+                        format!("SPIR-V capability {} is not known: say in glsl/generate.rs what it needs of a device", i[1])
+                    })?;
+                    demands.subgroup_operations |= operations;
+                    demands.features.extend(feature);
+                }
+                op::TYPE_INT | op::TYPE_FLOAT => drop(widths.insert(i[1], i[2])),
+                op::TYPE_VECTOR => drop(widths.get(&i[2]).copied().map(|width| widths.insert(i[1], width))),
+                op::CONSTANT => drop(constants.insert(i[2], i[3])),
+                op::CONTROL_BARRIER => match constants.get(&i[1]) {
+                    Some(&WORKGROUP) => demands.barriers = true,
+                    // Declares no capability of its own.
+                    Some(&SUBGROUP) => demands.subgroup_operations |= 1,
+                    other => return Err(format!("a barrier of scope {other:?}, expected workgroup or subgroup")),
+                },
+                code @ op::GROUP_NON_UNIFORM_FIRST..=op::GROUP_NON_UNIFORM_LAST => {
+                    if code == op::GROUP_NON_UNIFORM_BROADCAST && !constants.contains_key(&i[5]) {
+                        demands.features.insert("SubgroupBroadcastDynamicId");
+                    }
+                    if widths.get(&i[1]).is_some_and(|&width| width != 32) {
+                        demands.features.insert("ShaderSubgroupExtendedTypes");
+                    }
+                }
+                _ => {}
+            }
+        }
+        if demands.subgroup_operations != 0 {
+            demands.features.extend(["SubgroupSizeControl", "ComputeFullSubgroups"]);
+        }
+        Ok(demands)
+    }
+}
+
+/// What takes one item of a kernel's work, a variant of `stages::Unit`: it calls the function of glsl/shared/common.glsl that numbers
+/// these, and neither of the other two.
+pub fn unit(module: &[u32]) -> Result<&'static str, String> {
+    const UNITS: [(&str, &str); 3] =
+        [("thread_index(", "Thread"), ("subgroup_index(", "Subgroup"), ("group_index(", "Workgroup")];
+    let (mut numbers, mut function, mut called) = (BTreeMap::new(), 0, BTreeSet::<&str>::new());
+    for i in instructions(module)? {
+        match opcode(i) {
+            op::NAME => {
+                let bytes: Vec<u8> = i[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
+                let name = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
+                numbers.extend(UNITS.iter().find(|unit| unit.0.as_bytes() == name).map(|unit| (i[1], unit.1)));
+            }
+            op::FUNCTION => function = i[2],
+            // They call one another.
+            op::FUNCTION_CALL if !numbers.contains_key(&function) => called.extend(numbers.get(&i[3]).copied()),
+            _ => {}
+        }
+    }
+    match called.iter().copied().collect::<Vec<_>>()[..] {
+        [unit] => Ok(unit),
+        _ => Err(format!(
+            "{called:?} take its items, expected one: call either thread_index(), subgroup_index() or group_index()"
+        )),
+    }
+}
+
+/// What all kernels together need of a device that any of them would run on.
+fn needs(kernels: &[Kernel]) -> String {
+    let operations = kernels.iter().fold(0, |all, k| all | k.demands.subgroup_operations);
+    let most = |of: fn(&Interface) -> usize| kernels.iter().map(|k| of(&k.interface)).max().unwrap_or(0);
+    format!(
+        "/// Bits of VkSubgroupFeatureFlagBits.\npub const SUBGROUP_OPERATIONS: u32 = {operations};\n\
+         /// Of the kernel that binds most.\npub const STORAGE_BUFFERS: u32 = {};\n\
+         /// Of the kernel that takes most.\npub const PUSH_BYTES: u32 = {};\n",
+        most(|i| i.bindings.len()),
+        most(Interface::push_bytes),
+    )
+}
+
+/// Every module of kernels.rs but the constants.
+fn generate(kernels: &[Kernel], types: &Types, software: bool) -> String {
+    let structs: String = types.values().map(|t| t.code.as_str()).collect();
+    let all: String = kernels.iter().map(|k| format!("    KernelInfo::of::<{}::Kernel>(),\n", k.name)).collect();
+    let names: Vec<_> = kernels.iter().map(|k| &k.name).collect();
+    format!(
+        "/// Structs that kernels share with the host, in scalar block layout.\npub mod types {{\n{structs}}}\n\
+         use crate::gpu::KernelInfo;\n/// Every kernel, by name.\npub const ALL: [KernelInfo; {}] = [\n{all}];\n\
+         /// The names of all stages.\npub const NAMES: &[&str] = &{names:?};\n",
+        kernels.len(),
+    ) + &kernels.iter().map(|k| k.generate(software)).collect::<String>()
+}
+
+/// Every `const uint|float NAME = number;` of glsl/shared/, a module for each file, so that the host writes none of them again.
+fn constants() -> String {
+    let mut files: Vec<_> = fs::read_dir("glsl/shared").unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let mut code = String::from("/// Plain constants of `glsl/shared/`, by file.\npub mod constants {\n");
+    for path in files {
+        let text = fs::read_to_string(&path).unwrap();
+        let list: Vec<_> = text.lines().filter_map(constant).collect();
+        if !list.is_empty() {
+            let module = path.file_stem().unwrap().to_str().unwrap();
+            writeln!(code, "pub mod {module} {{\n{}\n}}", list.join("\n")).unwrap();
+        }
+    }
+    code + "}\n"
+}
+
+fn constant(line: &str) -> Option<String> {
+    let (declaration, comment) = line.split_once(';')?;
+    let (left, value) = declaration.strip_prefix("const ")?.split_once(" = ")?;
+    let (ty, name) = left.split_once(' ')?;
+    let value = value.trim_end_matches('u');
+    let ty = match ty {
+        "uint" => "u32",
+        "float" => "f32",
+        _ => return None,
+    };
+    let plain = value.starts_with(|c: char| c.is_ascii_digit())
+        && value.chars().all(|c| c.is_ascii_hexdigit() || ".ex-+".contains(c));
+    let doc = comment.trim().trim_start_matches('/').trim();
+    plain.then(|| format!("#[doc = {doc:?}] pub const {name}: {ty} = {value};"))
+}
+
+fn collect(dir: &Path, into: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(dir).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            collect(&path, into);
+        } else if path.extension().is_some_and(|e| e == "comp") {
+            into.push(path);
+        }
+    }
+}
+
+/// Structs by name.
+pub type Types = BTreeMap<String, Struct>;
+
+/// A struct that kernels share with the host.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Struct {
+    pub code: String,
+    layout: Layout,
+}
+
+/// Bytes of a type and what they are a multiple of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    size: usize,
+    align: usize,
+}
+
+/// A member of a block or struct.
+#[derive(Debug)]
+pub struct Field {
+    pub name: String,
+    pub ty: String,
+    layout: Layout,
+}
+
+/// What the host must give to a kernel.
+#[derive(Debug)]
+pub struct Interface {
+    /// Per binding: field name, element type in Rust, access.
+    pub bindings: Vec<(String, String, AccessType)>,
+    /// Members of the push constants, in order.
+    pub push: Vec<Field>,
+    /// Id, name and type of each specialisation constant.
+    pub spec: Vec<(u32, String, &'static str)>,
+}
+
+impl Interface {
+    pub fn reflect(words: &[u32], types: &mut Types) -> Result<Self, String> {
+        let module = without_expressions(words)?;
+        let entries = ReflectConfig::new().spv(module).ref_all_rscs(true).reflect();
+        let entry = entries.map_err(|e| format!("reflection failed: {e}"))?.pop().ok_or("no entry point")?;
+        let mut bindings = BTreeMap::new();
+        let mut push = Vec::new();
+        let mut spec = BTreeMap::from([(0, ("workgroup_size".to_owned(), "u32"))]);
+        for var in entry.vars {
+            match var {
+                Variable::Descriptor { desc_bind, desc_ty: DescriptorType::StorageBuffer(access), ty, .. } => {
+                    if desc_bind.set() != 0 {
+                        return Err(format!("a buffer is in set {}, expected 0", desc_bind.set()));
+                    }
+                    let (name, element) = block_element(&ty, types)?;
+                    if bindings.insert(desc_bind.bind(), (name, element, access)).is_some() {
+                        return Err(format!("binding {} is used twice", desc_bind.bind()));
+                    }
+                }
+                Variable::PushConstant { ty: Type::Struct(block), .. } => push = members(&block, types)?,
+                Variable::SpecConstant { name, spec_id, ty } if spec_id != 0 => {
+                    let name = name.ok_or_else(|| format!("specialisation constant {spec_id} has no name"))?;
+                    let ty = match &ty {
+                        Type::Scalar(ScalarType::Boolean) => "bool",
+                        Type::Scalar(s) => match scalar(s)? {
+                            (ty @ ("f32" | "u32" | "i32"), _) => ty,
+                            (ty, _) => return Err(format!("specialisation constant {name} is {ty}, expected 32 bits")),
+                        },
+                        other => return Err(format!("specialisation constant {name} is {other:?}")),
+                    };
+                    spec.insert(spec_id, (name.to_lowercase(), ty));
+                }
+                Variable::Input { .. } | Variable::SpecConstant { .. } => {}
+                other => return Err(format!("{other:?} is not a storage buffer, push or specialisation constant")),
+            }
+        }
+        if !bindings.keys().copied().eq(0..bindings.len() as u32) {
+            let list: Vec<u32> = bindings.into_keys().collect();
+            return Err(format!("bindings are {list:?}, expected 0, 1, 2, …"));
+        }
+        let interface = Interface {
+            bindings: bindings.into_values().collect(),
+            push,
+            spec: spec.into_iter().map(|(id, (name, ty))| (id, name, ty)).collect(),
+        };
+        // vkCmdPushConstants takes words.
+        match interface.push_bytes() {
+            bytes if bytes.is_multiple_of(4) => Ok(interface),
+            bytes => Err(format!("push constants of {bytes} bytes, expected a multiple of 4")),
+        }
+    }
+
+    pub fn push_bytes(&self) -> usize {
+        self.push.iter().map(|f| f.layout.size).sum()
+    }
+}
+
+impl Kernel {
+    /// The module of the kernel's interface.
+    fn generate(&self, software: bool) -> String {
+        let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, unit, .. } = self;
+        let mut s = String::new();
+        writeln!(s, "/// `{file}`\npub mod {name} {{").unwrap();
+        writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
+        writeln!(s, "#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]").unwrap();
+        writeln!(s, "pub struct Push {{\n{}}}", fields(push.iter().map(|f| (&f.name, f.ty.as_str())))).unwrap();
+        writeln!(s, "#[derive(Clone, Copy, Debug)]").unwrap();
+        writeln!(s, "pub struct Spec {{\n{}}}", fields(spec.iter().map(|(_, n, t)| (n, *t)))).unwrap();
+        writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
+        for (n, t, a) in bindings {
+            writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
+        }
+        writeln!(s, "}}").unwrap();
+        s += &self.host();
+        writeln!(s, "pub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
+        writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
+        writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
+        writeln!(s, "    const LABEL: &'static std::ffi::CStr = c{name:?};").unwrap();
+        let module = |file: &str| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))");
+        writeln!(s, "    const SPIRV: &'static [u8] = {};", module(name)).unwrap();
+        if software {
+            let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
+            writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
+        }
+        let access: Vec<_> = bindings.iter().map(|(_, _, a)| access(a)).collect();
+        writeln!(s, "    const ACCESS: &'static [crate::gpu::Access] = &[{}];", access.join(", ")).unwrap();
+        writeln!(s, "    const SUBGROUPS: bool = {};", demands.subgroup_operations != 0).unwrap();
+        writeln!(s, "    const BARRIERS: bool = {};", demands.barriers).unwrap();
+        let features: Vec<_> = demands.features.iter().map(|f| format!("crate::gpu::Feature::{f}")).collect();
+        writeln!(s, "    const FEATURES: &'static [crate::gpu::Feature] = &[{}];", features.join(", ")).unwrap();
+        writeln!(s, "    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;").unwrap();
+        let words: Vec<_> = spec
+            .iter()
+            .map(|(id, n, t)| match *t {
+                "f32" => format!("({id}, spec.{n}.to_bits())"),
+                _ => format!("({id}, spec.{n} as u32)"),
+            })
+            .collect();
+        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> {{ vec![{}] }}", words.join(", ")).unwrap();
+        let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
+        writeln!(s, "    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {{").unwrap();
+        writeln!(s, "        with(&[{}])\n    }}", raw.join(", ")).unwrap();
+        writeln!(s, "}}\nimpl crate::stages::Stage for Kernel {{").unwrap();
+        writeln!(s, "    const UNIT: crate::stages::Unit = crate::stages::Unit::{unit};\n}}\n}}").unwrap();
+        s
+    }
+
+    /// What a function on the host that stands in for the kernel is given.
+    fn host(&self) -> String {
+        let Interface { bindings, spec, .. } = &self.interface;
+        let mut s = String::from("/// What a twin of the kernel is given; see [`crate::gpu::Twin`].\n");
+        writeln!(s, "pub struct Host<'a> {{\n    pub workgroups: crate::gpu::Workgroups,").unwrap();
+        writeln!(s, "    pub spec: Spec,\n    pub push: Push,").unwrap();
+        for (n, t, a) in bindings {
+            let exclusive = if matches!(a, AccessType::ReadOnly) { "" } else { "mut " };
+            writeln!(s, "    /// {a:?}\n    pub {n}: &'a {exclusive}[{t}],").unwrap();
+        }
+        let value = |id: u32, ty: &str| match ty {
+            "bool" => format!("call.constant({id}) != 0"),
+            "f32" => format!("f32::from_bits(call.constant({id}))"),
+            _ => format!("call.constant({id}) as {ty}"),
+        };
+        let spec: String = spec.iter().map(|(id, n, t)| format!("{n}: {}, ", value(*id, t))).collect();
+        let bound: String =
+            bindings.iter().map(|(n, ..)| format!("{n}: crate::gpu::next_binding(&mut bindings), ")).collect();
+        writeln!(s, "}}\nimpl<'a> Host<'a> {{\n    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {{").unwrap();
+        writeln!(s, "        let (spec, push) = (Spec {{ {spec}}}, bytemuck::pod_read_unaligned(&call.push));")
+            .unwrap();
+        writeln!(s, "        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());").unwrap();
+        writeln!(s, "        Host {{ workgroups, spec, push, {bound}}}\n    }}\n}}").unwrap();
+        s
+    }
+}
+
+fn access(access: &AccessType) -> &'static str {
+    match access {
+        AccessType::ReadOnly => "crate::gpu::Access::Read",
+        AccessType::WriteOnly => "crate::gpu::Access::Write",
+        AccessType::ReadWrite => "crate::gpu::Access::ReadWrite",
+    }
+}
+
+fn fields<'a>(list: impl Iterator<Item = (&'a String, &'a str)>) -> String {
+    list.fold(String::new(), |s, (n, t)| s + &format!("    pub {n}: {t},\n"))
+}
+
+/// Expressions of specialisation constants (`!A`, `gl_WorkGroupSize.x / 8`) are more than spirq 1.3 can evaluate, and the
+/// interface does not depend on them: for the reflection (only) they become the constants `false` or 1.
+fn without_expressions(words: &[u32]) -> Result<Vec<u32>, String> {
+    let list = instructions(words)?;
+    let header = words.len() - list.iter().map(|i| i.len()).sum::<usize>();
+    let mut out = words[..header].to_vec();
+    let mut scalar_types = BTreeMap::new();
+    for i in list {
+        if [op::TYPE_BOOL, op::TYPE_INT, op::TYPE_FLOAT].contains(&opcode(i)) {
+            scalar_types.insert(i[1], opcode(i));
+        }
+        match scalar_types.get(i.get(1).unwrap_or(&0)) {
+            Some(&op::TYPE_BOOL) if opcode(i) == op::SPEC_CONSTANT_OP => {
+                out.extend([3 << 16 | op::CONSTANT_FALSE, i[1], i[2]]);
+            }
+            Some(_) if opcode(i) == op::SPEC_CONSTANT_OP => out.extend([4 << 16 | op::CONSTANT, i[1], i[2], 1]),
+            _ => out.extend_from_slice(i),
+        }
+    }
+    Ok(out)
+}
+
+/// Field name and element type of a storage block: the array's element, or the block itself if it has no array.
+fn block_element(ty: &Type, types: &mut Types) -> Result<(String, String), String> {
+    let Type::Struct(block) = ty else { return Err("a buffer is not a block".into()) };
+    let block_name = block.name.clone().ok_or("a block has no name")?;
+    let field = snake(&block_name);
+    if let [member] = block.members.as_slice()
+        && let Type::Array(array) = &member.ty
+        && array.nelement.is_none()
+    {
+        let (element, layout) = rust_type(&array.element_ty, types)?;
+        if array.stride != Some(layout.size) {
+            return Err(format!("{block_name} has padding between elements of {element}"));
+        }
+        return Ok((field, element));
+    }
+    Ok((field, rust_type(ty, types)?.0))
+}
+
+/// Rust type and layout; a struct is generated on first sight and must be the same at every later one.
+fn rust_type(ty: &Type, types: &mut Types) -> Result<(String, Layout), String> {
+    match ty {
+        Type::Scalar(s) => scalar(s).map(|(name, size)| (name.to_owned(), Layout { size, align: size })),
+        Type::Vector(v) => {
+            let (name, size) = scalar(&v.scalar_ty)?;
+            let layout = Layout { size: size * v.nscalar as usize, align: size };
+            Ok((format!("[{name}; {}]", v.nscalar), layout))
+        }
+        Type::Array(a) => {
+            let (element, Layout { size, align }) = rust_type(&a.element_ty, types)?;
+            let n = a.nelement.ok_or("an unsized array inside a struct")? as usize;
+            if a.stride != Some(size) {
+                return Err(format!("an array has padding between elements of {element}"));
+            }
+            Ok((format!("[{element}; {n}]"), Layout { size: size * n, align }))
+        }
+        Type::Struct(st) => {
+            let name = st.name.clone().ok_or("a struct has no name")?;
+            let list = members(st, types)?;
+            let layout = Layout {
+                size: list.iter().map(|f| f.layout.size).sum(),
+                align: list.iter().map(|f| f.layout.align).max().unwrap_or(1),
+            };
+            if !layout.size.is_multiple_of(layout.align) {
+                return Err(format!("struct {name} of {} bytes ends in padding to {}", layout.size, layout.align));
+            }
+            let code = format!(
+                "#[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]\n\
+                 pub struct {name} {{\n{}}}\n",
+                fields(list.iter().map(|f| (&f.name, f.ty.as_str())))
+            );
+            let new = Struct { code, layout };
+            match types.get(&name) {
+                Some(known) if *known != new => Err(format!("struct {name} differs from another kernel's")),
+                _ => {
+                    types.insert(name.clone(), new);
+                    Ok((name, layout))
+                }
+            }
+        }
+        other => Err(format!("{other:?} has no counterpart on the host")),
+    }
+}
+
+fn members(st: &StructType, types: &mut Types) -> Result<Vec<Field>, String> {
+    let mut at = 0;
+    let field = |m: &spirq::ty::StructMember| {
+        let name = m.name.clone().ok_or("a member has no name")?;
+        let (ty, layout) = rust_type(&m.ty, types)?;
+        if m.offset != Some(at) {
+            let offset = m.offset.map_or("nowhere".to_owned(), |o| o.to_string());
+            return Err(format!(
+                "{name} lies at {offset}, expected {at}: order or pad the members, with layout(scalar)"
+            ));
+        }
+        at += layout.size;
+        Ok(Field { name, ty, layout })
+    };
+    st.members.iter().map(field).collect()
+}
+
+/// Name in Rust and bytes.
+fn scalar(ty: &ScalarType) -> Result<(&'static str, usize), String> {
+    Ok(match ty {
+        ScalarType::Float { bits: 32 } => ("f32", 4),
+        ScalarType::Float { bits: 16 } => ("crate::gpu::f16", 2),
+        ScalarType::Integer { bits: 32, is_signed: false } => ("u32", 4),
+        ScalarType::Integer { bits: 32, is_signed: true } => ("i32", 4),
+        ScalarType::Integer { bits: 16, is_signed: false } => ("u16", 2),
+        ScalarType::Integer { bits: 16, is_signed: true } => ("i16", 2),
+        ScalarType::Integer { bits: 8, is_signed: false } => ("u8", 1),
+        ScalarType::Integer { bits: 8, is_signed: true } => ("i8", 1),
+        other => return Err(format!("{other:?} is not a scalar of 8, 16 or 32 bits")),
+    })
+}
+
+fn snake(name: &str) -> String {
+    let mut s = String::new();
+    for c in name.chars() {
+        if c.is_uppercase() && !s.is_empty() {
+            s.push('_');
+        }
+        s.extend(c.to_lowercase());
+    }
+    s
+}

@@ -1,0 +1,80 @@
+#version 460
+// Turns a rendered view into the texels of a caller's image.
+//
+// One thread takes one pixel.
+// image, depths, target (what the caller's image holds, for OVER) -> target, depth_target
+// Gaussians are trained and blended in sRGB-encoded values (Kerbl 2023); what is over something is put over it there, and only then
+// made linear, as a linear target asks for. sRGB: IEC 61966-2-1, its curve going on above 1.
+#extension GL_GOOGLE_include_directive : require
+#include "../shared/common.glsl"
+#include "../shared/resolve.glsl"
+
+layout(push_constant, scalar) uniform Push {
+    uint pixels;
+    uint format;     // RGBA8, ...
+    uint blend;      // OPAQUE, ...
+    uint linear;     // 1: the target holds linear light, 0: sRGB-encoded values
+    uint depth;      // 1: depth_target is wanted
+    float exposure;  // factor of the Gaussians' linear light
+    vec2 depth_form; // a camera z goes to depth x + y / z
+} push;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 2, scalar) buffer Target { uint target[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer DepthTarget { float depth_target[]; };
+
+vec3 to_linear(vec3 c) {
+    return mix(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, lessThanEqual(c, vec3(0.04045)));
+}
+vec3 to_encoded(vec3 c) {
+    return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, c * 12.92, lessThanEqual(c, vec3(0.0031308)));
+}
+
+vec4 load(uint pixel) {
+    switch (push.format) {
+        case RGBA8: return unpackUnorm4x8(target[pixel]);
+        case BGRA8: return unpackUnorm4x8(target[pixel]).bgra;
+        case RGBA16F: return vec4(unpackHalf2x16(target[2 * pixel]), unpackHalf2x16(target[2 * pixel + 1]));
+    }
+    uint at = 4 * pixel;
+    return uintBitsToFloat(uvec4(target[at], target[at + 1], target[at + 2], target[at + 3]));
+}
+
+void store(uint pixel, vec4 c) {
+    if (push.format == RGBA8) target[pixel] = packUnorm4x8(c);
+    if (push.format == BGRA8) target[pixel] = packUnorm4x8(c.bgra);
+    if (push.format == RGBA16F) {
+        c = min(c, HALF_MAX);
+        target[2 * pixel] = packHalf2x16(c.rg);
+        target[2 * pixel + 1] = packHalf2x16(c.ba);
+    }
+    if (push.format == RGBA32F) {
+        uvec4 words = floatBitsToUint(c);
+        for (uint k = 0; k < 4; ++k) target[4 * pixel + k] = words[k];
+    }
+}
+
+void main() {
+    uint pixel = thread_index();
+    if (pixel >= push.pixels) return;
+    if (push.depth != 0) {
+        float z = depths[pixel];
+        depth_target[pixel] = push.depth_form.x + (z > 0.0 ? push.depth_form.y / z : 0.0);
+    }
+    vec4 rendered = image[pixel]; // rgb over the background, which is black unless OPAQUE; transmittance
+    float T = rendered.a, alpha = push.blend == OPAQUE ? 1.0 : 1.0 - T;
+    // The colour as it is, not yet weighed by alpha.
+    vec3 straight = alpha > 0.0 ? rendered.rgb / alpha : vec3(0.0);
+    if (push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
+    vec4 result;
+    if (push.blend == OVER) {
+        vec4 below = load(pixel);
+        vec3 encoded = push.linear != 0 ? to_encoded(max(below.rgb, vec3(0.0))) : below.rgb;
+        vec3 both = alpha * straight + T * encoded;
+        result = vec4(push.linear != 0 ? to_linear(both) : both, alpha + T * below.a);
+    } else {
+        result = vec4(alpha * (push.linear != 0 ? to_linear(straight) : straight), alpha);
+    }
+    store(pixel, result);
+}

@@ -1,0 +1,149 @@
+//! What a recorder does beside kernels in a caller's command buffer: small updates, and copies between buffers of ours and the
+//! caller's images and buffers.
+
+use ash::vk;
+use bytemuck::Pod;
+
+use super::{Access, Buffer, Recorder};
+
+/// Bytes that vkCmdUpdateBuffer takes at once.
+const UPDATE_BYTES: usize = 65_536;
+
+/// A rectangle of one layer of a caller's image.
+#[derive(Debug, Clone, Copy)]
+pub struct ImageRegion {
+    /// Made with `TRANSFER_DST` where it is written, `TRANSFER_SRC` where it is read.
+    pub image: vk::Image,
+    /// That it has at the time: `GENERAL`, or `TRANSFER_DST_OPTIMAL` and `TRANSFER_SRC_OPTIMAL`.
+    pub layout: vk::ImageLayout,
+    /// `COLOR` or `DEPTH`; a queue without graphics copies colour only.
+    pub aspect: vk::ImageAspectFlags,
+    /// Level of detail.
+    pub level: u32,
+    /// Array layer: an eye, a face of a cube.
+    pub layer: u32,
+    /// Pixels, of the upper left corner.
+    pub offset: [i32; 2],
+}
+
+impl ImageRegion {
+    /// The upper left of the first layer of a colour image.
+    pub fn of(image: vk::Image, layout: vk::ImageLayout) -> Self {
+        ImageRegion { image, layout, aspect: vk::ImageAspectFlags::COLOR, level: 0, layer: 0, offset: [0, 0] }
+    }
+
+    /// Of the rows of a buffer that follow each other without padding.
+    fn copy(&self, [width, height]: [u32; 2]) -> vk::BufferImageCopy {
+        vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: self.aspect,
+                mip_level: self.level,
+                base_array_layer: self.layer,
+                layer_count: 1,
+            },
+            image_offset: vk::Offset3D { x: self.offset[0], y: self.offset[1], z: 0 },
+            image_extent: vk::Extent3D { width, height, depth: 1 },
+            ..Default::default()
+        }
+    }
+}
+
+/// A part of a caller's buffer.
+#[derive(Debug, Clone, Copy)]
+pub struct BufferRange {
+    /// Made with `TRANSFER_DST` where it is written, `TRANSFER_SRC` where it is read.
+    pub buffer: vk::Buffer,
+    /// Bytes, a multiple of 4.
+    pub offset: u64,
+}
+
+/// Where a caller's pixels lie, in a buffer with rows that follow each other.
+#[derive(Debug, Clone, Copy)]
+pub enum Pixels {
+    Image(ImageRegion),
+    Buffer(BufferRange),
+}
+
+impl Recorder {
+    /// Puts a few elements into a buffer, from `first` on, as part of the commands: `data` is copied now.
+    pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, first: usize, data: &[T]) {
+        let data = &data[..data.len().min(buffer.len().saturating_sub(first))];
+        if data.is_empty() {
+            return;
+        }
+        self.access([(&**buffer.raw(), Access::Write)].into_iter());
+        self.keep_buffer(buffer);
+        let (bytes, start) = (bytemuck::cast_slice::<T, u8>(data), (first * size_of::<T>()) as u64);
+        for (piece, offset) in bytes.chunks(UPDATE_BYTES).zip((start..).step_by(UPDATE_BYTES)) {
+            // SAFETY: the piece lies within the buffer and is of whole words, as all elements are.
+            unsafe { self.device().cmd_update_buffer(self.commands, buffer.raw().handle, offset, piece) };
+        }
+        self.close("update");
+    }
+
+    /// Brings a caller's pixels, of `words` words each, to the beginning of a buffer.
+    ///
+    /// # Safety
+    /// The pixels lie in a live image or buffer of the context's device, an image in the layout that is said; nobody else uses them
+    /// meanwhile.
+    pub unsafe fn bring<T: Pod>(&mut self, from: &Pixels, to: &Buffer<T>, [width, height]: [u32; 2], words: u32) {
+        self.access([(&**to.raw(), Access::Write)].into_iter());
+        self.keep_buffer(to);
+        let (device, handle) = (self.device(), to.raw().handle);
+        // SAFETY: by the contract above.
+        unsafe {
+            match from {
+                Pixels::Image(from) => {
+                    let region = [from.copy([width, height])];
+                    device.cmd_copy_image_to_buffer(self.commands, from.image, from.layout, handle, &region);
+                }
+                Pixels::Buffer(from) => {
+                    let size = bytes([width, height], words);
+                    let region = [vk::BufferCopy { src_offset: from.offset, dst_offset: 0, size }];
+                    device.cmd_copy_buffer(self.commands, from.buffer, handle, &region);
+                }
+            }
+        }
+        self.close("copy");
+    }
+
+    /// Hands the beginning of a buffer, `words` words for each pixel, to a caller's pixels.
+    ///
+    /// # Safety
+    /// As for [`Recorder::bring`].
+    pub unsafe fn hand<T: Pod>(&mut self, from: &Buffer<T>, to: &Pixels, [width, height]: [u32; 2], words: u32) {
+        self.access([(&**from.raw(), Access::Read)].into_iter());
+        self.keep_buffer(from);
+        let (device, handle) = (self.device(), from.raw().handle);
+        // SAFETY: by the contract above.
+        unsafe {
+            match to {
+                Pixels::Image(to) => {
+                    let region = [to.copy([width, height])];
+                    device.cmd_copy_buffer_to_image(self.commands, handle, to.image, to.layout, &region);
+                }
+                Pixels::Buffer(to) => {
+                    let size = bytes([width, height], words);
+                    let region = [vk::BufferCopy { src_offset: 0, dst_offset: to.offset, size }];
+                    device.cmd_copy_buffer(self.commands, handle, to.buffer, &region);
+                }
+            }
+        }
+        self.close("copy");
+    }
+
+    /// What was written is there for the host once the commands have run.
+    pub fn host_barrier(&self) {
+        let written = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(vk::AccessFlags::HOST_READ)];
+        let stages = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+        let (host, none) = (vk::PipelineStageFlags::HOST, vk::DependencyFlags::empty());
+        // SAFETY: the command buffer is recording.
+        unsafe { self.device().cmd_pipeline_barrier(self.commands, stages, host, none, &written, &[], &[]) };
+    }
+}
+
+fn bytes([width, height]: [u32; 2], words: u32) -> u64 {
+    4 * u64::from(words) * u64::from(width) * u64::from(height)
+}

@@ -1,0 +1,159 @@
+//! Turns a rendered pixel into a texel of a caller's image.
+
+use crate::{
+    gpu::f16,
+    stages::constants::resolve::{BGRA8, HALF_MAX, OPAQUE, OVER, RGBA8, RGBA16F},
+};
+
+/// What is asked of a pixel, see `glsl/raster/resolve.comp`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct To {
+    /// [`OPAQUE`] and so on.
+    pub blend: u32,
+    /// The target holds linear light.
+    pub linear: bool,
+    /// Factor of the Gaussians' linear light.
+    pub exposure: f64,
+}
+
+impl To {
+    /// RGBA of the target; `rendered` is RGB over its background and transmittance, `below` what the target holds.
+    pub fn resolve(&self, rendered: [f64; 4], below: [f64; 4]) -> [f64; 4] {
+        let transmittance = rendered[3];
+        let alpha = if self.blend == OPAQUE { 1.0 } else { 1.0 - transmittance };
+        let colour = |c: usize| {
+            let straight = if alpha > 0.0 { rendered[c] / alpha } else { 0.0 };
+            let straight =
+                if self.exposure == 1.0 { straight } else { to_encoded(self.exposure * to_linear(straight)) };
+            match (self.blend == OVER, self.linear) {
+                (true, true) => {
+                    to_linear(alpha * straight + transmittance * to_encoded(below[c].max(0.0)))
+                }
+                (true, false) => alpha * straight + transmittance * below[c],
+                (false, true) => alpha * to_linear(straight),
+                (false, false) => alpha * straight,
+            }
+        };
+        let covered = if self.blend == OVER { alpha + transmittance * below[3] } else { alpha };
+        [colour(0), colour(1), colour(2), covered]
+    }
+}
+
+/// IEC 61966-2-1, going on above 1.
+pub fn to_linear(c: f64) -> f64 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The inverse of [`to_linear`].
+pub fn to_encoded(c: f64) -> f64 {
+    if c <= 0.0031308 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The depth a + b / z of camera z; of no Gaussian, 0, that of the farthest point.
+pub fn depth(z: f64, [a, b]: [f64; 2]) -> f64 {
+    if z > 0.0 { a + b / z } else { a }
+}
+
+/// The camera z of a depth; ∞ where it is that of nothing.
+pub fn camera_z(depth: f64, [a, b]: [f64; 2]) -> f64 {
+    let z = b / (depth - a);
+    if z > 0.0 { z } else { f64::INFINITY }
+}
+
+/// Words of a texel.
+pub fn words(format: u32) -> usize {
+    match format {
+        RGBA8 | BGRA8 => 1,
+        RGBA16F => 2,
+        _ => 4,
+    }
+}
+
+/// RGBA of a texel.
+pub fn unpack(format: u32, texel: &[u32]) -> [f64; 4] {
+    let bytes: Vec<u8> = texel.iter().flat_map(|word| word.to_le_bytes()).collect();
+    match format {
+        RGBA8 => [0, 1, 2, 3].map(|c| f64::from(bytes[c]) / 255.0),
+        BGRA8 => [2, 1, 0, 3].map(|c| f64::from(bytes[c]) / 255.0),
+        RGBA16F => [0, 2, 4, 6].map(|at| f16::from_le_bytes([bytes[at], bytes[at + 1]]).to_f64()),
+        _ => [0, 1, 2, 3].map(|c| f32::from_bits(texel[c]).into()),
+    }
+}
+
+/// The texel of RGBA.
+pub fn pack(format: u32, c: [f64; 4], texel: &mut [u32]) {
+    let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let half = |c: f64| f16::from_f64(c.min(f64::from(HALF_MAX))).to_bits();
+    match format {
+        RGBA8 => texel[0] = u32::from_le_bytes(c.map(byte)),
+        BGRA8 => texel[0] = u32::from_le_bytes([c[2], c[1], c[0], c[3]].map(byte)),
+        RGBA16F => {
+            let pair = |a, b| u32::from(half(a)) | u32::from(half(b)) << 16;
+            texel.copy_from_slice(&[pair(c[0], c[1]), pair(c[2], c[3])]);
+        }
+        _ => texel.copy_from_slice(&c.map(|c| (c as f32).to_bits())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stages::constants::resolve::{PREMULTIPLIED, RGBA32F};
+
+    #[test]
+    fn a_curve_and_its_inverse_meet() {
+        for i in 0..=400 {
+            let c = f64::from(i) / 100.0;
+            assert!((to_encoded(to_linear(c)) - c).abs() < 1e-6, "{c}");
+        }
+        // Middle grey, as tables have it.
+        assert!((to_linear(0.5) - 0.214041).abs() < 1e-6);
+    }
+
+    #[test]
+    fn texels_come_back_within_half_a_step() {
+        let c = [0.25, 0.5, 0.998, 0.1];
+        for (format, step) in [(RGBA8, 0.5 / 255.0), (BGRA8, 0.5 / 255.0), (RGBA16F, 2f64.powi(-12)), (RGBA32F, 1e-7)] {
+            let mut texel = vec![0; words(format)];
+            pack(format, c, &mut texel);
+            let back = unpack(format, &texel);
+            assert!(c.iter().zip(back).all(|(a, b)| (a - b).abs() <= step), "{format}: {back:?}");
+        }
+        let mut texel = [0];
+        pack(BGRA8, [1.0, 0.0, 0.0, 1.0], &mut texel);
+        assert_eq!(texel, [0xFFFF_0000]);
+    }
+
+    #[test]
+    fn over_an_opaque_texel_is_what_a_background_of_its_colour_gives() {
+        let below = [0.3, 0.6, 0.9, 1.0];
+        let (colour, t) = ([0.2, 0.1, 0.4], 0.25);
+        let over = To { blend: OVER, linear: false, exposure: 1.0 };
+        let result = over.resolve([colour[0], colour[1], colour[2], t], below);
+        for c in 0..3 {
+            assert!((result[c] - (colour[c] + t * below[c])).abs() < 1e-12);
+        }
+        assert_eq!(result[3], 1.0);
+        // The same in light: what is below is encoded first.
+        let light = To { linear: true, ..over }.resolve([0.2, 0.1, 0.4, t], below.map(to_linear));
+        for c in 0..3 {
+            assert!((to_encoded(light[c]) - result[c]).abs() < 1e-6);
+        }
+        // Twice the light of a colour is not twice its value.
+        let brighter = To { blend: PREMULTIPLIED, linear: true, exposure: 2.0 }.resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
+        assert!((brighter[0] - 0.5 * 2.0 * to_linear(0.6)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn depths_come_back_in_every_form() {
+        let (near, far) = (0.1, 50.0);
+        let forms = [[far / (far - near), -far * near / (far - near)], [0.0, near], [1.0, -near]];
+        for form in forms {
+            for z in [0.2, 1.0, 30.0] {
+                assert!((camera_z(depth(z, form), form) / z - 1.0).abs() < 1e-9, "{form:?} {z}");
+            }
+        }
+        // Nothing there: the far end of a reversed depth that goes on for ever.
+        assert_eq!((depth(0.0, [0.0, near]), camera_z(0.0, [0.0, near])), (0.0, f64::INFINITY));
+    }
+}

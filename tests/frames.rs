@@ -1,0 +1,728 @@
+//! Frames in somebody else's renderer: images, depths, instances, slots, and what is refused.
+
+mod common;
+#[path = "common/engine.rs"]
+mod engine;
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    cell::Cell,
+};
+
+use ash::vk;
+use common::Gpu;
+use engine::Engine;
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use glint::{
+    Error,
+    gpu::{Buffer, BufferRange, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder, f16},
+    pipelines::{
+        frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
+        model::{self, Model, Upload},
+        render::{Needs, RenderOptions, Renderer},
+        views::Views,
+    },
+    reference::{
+        self, Background, Intersections, Options, Params, View,
+        blend::blend_before,
+        median_depth::{DepthAt, median_depth},
+        project::project,
+        random_camera, random_scene,
+        resolve::{To, to_linear},
+        tiles::Tiling,
+    },
+    scene::{Camera, Gaussians, Lobes, Scene, Supplement, layout},
+    stages::constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
+};
+
+/// Counts what this thread takes from the heap.
+struct Counting;
+
+thread_local! {
+    static TAKEN: Cell<u64> = const { Cell::new(0) };
+}
+
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let _ = TAKEN.try_with(|taken| taken.set(taken.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static HEAP: Counting = Counting;
+
+const GREY: [f32; 3] = [0.5, 0.25, 0.75];
+
+/// A target that takes a frame's float32 colours.
+struct Float(Buffer<u32>);
+
+impl Float {
+    fn new(gpu: &Gpu, pixels: u32) -> Self {
+        Float(Buffer::new(gpu, "float", 4 * pixels as usize, Location::Device).unwrap())
+    }
+
+    fn target(&self, blend: Blend) -> Target {
+        let range = BufferRange { buffer: self.0.raw().handle(), offset: 0 };
+        Target { blend, ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) }
+    }
+
+    fn pixels(&self) -> Vec<[f32; 4]> {
+        let words: Vec<f32> = self.0.download().unwrap().into_iter().map(f32::from_bits).collect();
+        words.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect()
+    }
+}
+
+fn wide(limits: Limits) -> Limits {
+    Limits { texel: Texel::Rgba32F, ..limits }
+}
+
+/// What the renderer of the command line makes of it: RGB over grey, and transmittance.
+fn rendered(gpu: &Gpu, scene: &Scene, camera: &Camera) -> Vec<[f32; 4]> {
+    let views = Views::upload(gpu, &[*camera], &[]).unwrap();
+    let model = Model::upload(gpu, scene, 0).unwrap();
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    let image = renderer.render(&model, &views, 0, GREY).unwrap();
+    image.color.chunks_exact(3).zip(image.transmittance).map(|(c, t)| [c[0], c[1], c[2], t]).collect()
+}
+
+fn largest_difference(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn images_of_every_format_have_what_glint_renders() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(7, 600, 150, 3), random_camera(61, 47));
+    let want = rendered(&gpu, &scene, &camera);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 80, 60))).unwrap();
+    let mut engine = Engine::new(&gpu, 1);
+    // Larger than the view: the rest must stay as it was.
+    let (width, height, offset) = (80, 60, [7, 5]);
+    let formats = [
+        vk::Format::R32G32B32A32_SFLOAT,
+        vk::Format::R16G16B16A16_SFLOAT,
+        vk::Format::R8G8B8A8_UNORM,
+        vk::Format::B8G8R8A8_UNORM,
+        vk::Format::B8G8R8A8_SRGB,
+    ];
+    for format in formats {
+        let texel = Texel::of(format).unwrap();
+        let words = texel.words() as usize;
+        let mut whole = engine.image(format, width, height);
+        engine.write(&whole, [width, height], &vec![0x3C00_3C00; words * (width * height) as usize]);
+        let place = ImageRegion { offset, ..whole };
+        let color = Some(Target { blend: Blend::Opaque(GREY), ..Target::new(Pixels::Image(place), texel) });
+        let view = FrameView { color, ..FrameView::new(camera) };
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+        assert_eq!(frames.report(0).unwrap().needed, None);
+        let got = engine.read(&mut whole, [width, height], texel.words());
+        let mut inside = 0;
+        for (at, word) in got.chunks_exact(words).enumerate() {
+            let (x, y) = (at as i32 % width as i32 - offset[0], at as i32 / width as i32 - offset[1]);
+            if !((0..61).contains(&x) && (0..47).contains(&y)) {
+                assert!(word.iter().all(|w| *w == 0x3C00_3C00), "{format:?} {x} {y}");
+                continue;
+            }
+            inside += 1;
+            let bytes: Vec<u8> = word.iter().flat_map(|w| w.to_le_bytes()).collect();
+            let want = want[(y * 61 + x) as usize];
+            for c in 0..3 {
+                match texel {
+                    Texel::Rgba32F => assert_eq!(f32::from_bits(word[c]), want[c]),
+                    // The nearest half, or where the rounding of a kernel is another's, the next.
+                    Texel::Rgba16F => {
+                        let got = u16::from_le_bytes([bytes[2 * c], bytes[2 * c + 1]]);
+                        assert!(got.abs_diff(f16::from_f32(want[c]).to_bits()) <= 1, "{got} {}", want[c]);
+                    }
+                    Texel::Rgba8 | Texel::Bgra8 => {
+                        let got = bytes[if texel == Texel::Bgra8 { 2 - c } else { c }];
+                        // Half a step, and the rounding of 255 times a float32.
+                        let off = f32::from(got) / 255.0 - want[c].clamp(0.0, 1.0);
+                        assert!(off.abs() <= 0.5 / 255.0 + 1e-6, "{got} {}", want[c]);
+                    }
+                }
+            }
+        }
+        assert_eq!(inside, 61 * 47);
+    }
+    assert_eq!(Texel::of(vk::Format::R8_UNORM), None);
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_records_nothing() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(7, 100, 20, 1), random_camera(32, 24));
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, 32 * 24);
+    let view = FrameView::new(camera);
+    let own = Instance::of(&model);
+    let nothing = engine.begin(0);
+    let mut refused = |slot, instances: &[Instance<'_>], view: FrameView, words: &str| {
+        let frame = Frame { slot, instances, views: &[view] };
+        match unsafe { frames.record(nothing, &frame) } {
+            Err(Error::Usage(message)) => assert!(message.contains(words), "{message} lacks {words}"),
+            other => panic!("{other:?}, expected a refusal that says {words}"),
+        }
+        assert!(frames.report(0).is_err());
+    };
+    let sized = |width, height| FrameView { camera: Camera { width, height, ..camera }, ..view };
+    refused(0, &[own], sized(2048, 2048), "2048 pixels in a row, made for 32");
+    refused(0, &[own], sized(32, 25), "25 rows");
+    refused(0, &[own], sized(0, 24), "above 0");
+    refused(2, &[own], view, "3 slots, made for 2");
+    refused(0, &[own, own], view, "2 instances");
+    refused(0, &[Instance { degree: 2, ..own }], view, "degrees [1]");
+    let large = Model::upload(&gpu, &random_scene(7, 400, 0, 1), 0).unwrap();
+    refused(0, &[Instance::of(&large)], view, "400 Gaussians, made for 120");
+    let half = model::Room { half: true, ..Default::default() };
+    let half = Model::upload_around(&gpu, DVec3::ZERO, &scene, half).unwrap();
+    refused(0, &[Instance::of(&half)], view, "full width");
+    let transform = |transform| Instance { transform, ..own };
+    refused(0, &[transform(Transform { scale: 0.0, ..Transform::IDENTITY })], view, "scale above 0");
+    refused(0, &[transform(Transform { scale: f64::NAN, ..Transform::IDENTITY })], view, "finite");
+    let long = DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0);
+    refused(0, &[transform(Transform { rotation: long, ..Transform::IDENTITY })], view, "unit length");
+    refused(0, &[own], FrameView { near: 0.0, ..view }, "near plane");
+    refused(0, &[own], FrameView { near: f64::INFINITY, ..view }, "finite");
+    refused(0, &[own], FrameView { camera: Camera { fx: -1.0, ..camera }, ..view }, "focal");
+    let target = float.target(Blend::Premultiplied);
+    refused(0, &[own], FrameView { color: Some(target), ..view }, "4 words for a texel, made for 2");
+    let pixels = Some(target.pixels);
+    refused(0, &[own], FrameView { depth_in: pixels, ..view }, "without depth_in");
+    refused(0, &[own], FrameView { depth_out: pixels, ..view }, "without depth_out");
+    refused(0, &[own], FrameView { ids: pixels, ..view }, "without depth_out");
+    let small = Target { texel: Texel::Rgba8, exposure: f32::NAN, ..target };
+    refused(0, &[own], FrameView { color: Some(small), ..view }, "exposure");
+    let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
+    let odd = Target { pixels: Pixels::Buffer(odd), exposure: 1.0, ..small };
+    refused(0, &[own], FrameView { color: Some(odd), ..view }, "multiple of 4");
+    let other = Gpu::new();
+    let foreign = Model::upload(&other, &scene, 0).unwrap();
+    refused(0, &[Instance::of(&foreign)], view, "another context");
+    engine.submit(0);
+    for limits in [
+        Limits { width: 0, ..Limits::of(&model, 32, 24) },
+        Limits { in_flight: 0, ..Limits::of(&model, 32, 24) },
+        Limits { degrees: vec![], ..Limits::of(&model, 32, 24) },
+    ] {
+        assert!(matches!(Frames::new(&gpu, limits), Err(Error::Usage(_))));
+    }
+}
+
+/// The twin's image of what is before `farthest`, and the margin of each pixel's decisions.
+fn twin(scene: &Scene, view: &View, farthest: impl Fn(usize) -> f64 + Sync) -> Vec<([f64; 4], f64)> {
+    twin_of(&Params::from_scene(scene).unwrap(), view, farthest)
+}
+
+fn twin_of(params: &Params, view: &View, farthest: impl Fn(usize) -> f64 + Sync) -> Vec<([f64; 4], f64)> {
+    let options = Options { active_degree: params.sh_degree, ..Default::default() };
+    let projected = project(params, view, &options);
+    let isects = Intersections::new(&projected, Tiling::new(view.width, view.height, &options));
+    let black = Background::Color([0.0; 3]);
+    let blended = blend_before(&projected.splats, &isects, black, 0.5, farthest);
+    blended.image.into_iter().zip(&blended.margins).map(|(p, m)| (p, m.image())).collect()
+}
+
+/// A decision within this of its threshold may fall otherwise in float32: a thousand times its rounding, as sums of a hundred terms and
+/// differences of coordinates take away two or three digits.
+const NEAR: f64 = 1e-4;
+
+#[test]
+fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(9, 700, 150, 2), random_camera(53, 41));
+    let pixels = camera.pixels() as usize;
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let limits = Limits { depth_in: true, ..wide(Limits::of(&model, 53, 41)) };
+    let mut frames = Frames::new(&gpu, limits).unwrap();
+    let mut engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let view = View::from_camera(&camera).rounded();
+    // A tilted quad from 1 to 6 units, in the left two thirds; behind the rest is nothing.
+    let quad = |pixel: usize| match pixel % 53 < 35 {
+        true => Some(1.0 + 5.0 * (pixel / 53) as f64 / 41.0),
+        false => None,
+    };
+    for (form, projection) in [
+        (DepthForm::reversed_infinite(0.2), "reversed, infinite"),
+        (DepthForm::standard(0.2, 100.0), "standard"),
+        (DepthForm { a: -0.002, b: 0.2004 }, "reversed, finite"),
+    ] {
+        let depth = |pixel: usize| (form.a + quad(pixel).map_or(0.0, |z| form.b / z)) as f32;
+        let depths: Vec<u32> = (0..pixels).map(|p| depth(p).to_bits()).collect();
+        // What float32 leaves of the quad.
+        let farthest = |pixel: usize| match quad(pixel) {
+            Some(_) => form.b as f32 as f64 / (f64::from(depth(pixel)) - f64::from(form.a as f32)),
+            None => f64::INFINITY,
+        };
+        let want = twin(&scene, &view, farthest);
+        for as_image in [false, true] {
+            let buffer = Buffer::from_slice(&gpu, "mesh", &depths).unwrap();
+            let depth_in = if as_image {
+                let mut image = engine.image(vk::Format::D32_SFLOAT, 53, 41);
+                engine.write(&image, [53, 41], &depths);
+                engine.turn(&mut image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+                Pixels::Image(image)
+            } else {
+                Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 })
+            };
+            let seen = FrameView {
+                depth_form: form,
+                depth_in: Some(depth_in),
+                color: Some(float.target(Blend::Premultiplied)),
+                ..FrameView::new(camera)
+            };
+            let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[seen] };
+            engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+            let (mut calm, mut hidden) = (0, 0);
+            for (pixel, (got, (want, margin))) in float.pixels().iter().zip(&want).enumerate() {
+                // A depth near the far end has fewer digits than a camera z.
+                if *margin > 10.0 * NEAR {
+                    calm += 1;
+                    hidden += usize::from(quad(pixel).is_some());
+                    for c in 0..3 {
+                        assert!((f64::from(got[c]) - want[c]).abs() < 1e-5, "{projection} {pixel} {got:?} {want:?}");
+                    }
+                    assert!((f64::from(got[3]) - (1.0 - want[3])).abs() < 1e-5, "{projection} {pixel}");
+                }
+            }
+            assert!(calm > pixels * 8 / 10 && hidden > pixels / 2, "{calm} {hidden}");
+        }
+    }
+    // The quad hides something, or all this would show nothing.
+    let (all, some) = (twin(&scene, &view, |_| f64::INFINITY), twin(&scene, &view, |p| quad(p).unwrap_or(1e9)));
+    assert!(all.iter().zip(&some).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > pixels / 4);
+    // Made for depths, and none are there: as if nothing hid anything.
+    let seen = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[seen] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let plain = rendered(&gpu, &scene, &camera);
+    let got: Vec<[f32; 4]> = float.pixels().iter().zip(&plain).map(|(p, w)| [p[0], p[1], p[2], w[3]]).collect();
+    assert_eq!(got, plain);
+}
+
+#[test]
+fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(9, 700, 150, 2), random_camera(53, 41));
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let limits = Limits { depth_out: true, ..wide(Limits::of(&model, 53, 41)) };
+    let mut frames = Frames::new(&gpu, limits).unwrap();
+    let mut engine = Engine::new(&gpu, 1);
+    let ids = Buffer::<u32>::zeroed(&gpu, "ids", camera.pixels() as usize).unwrap();
+    let mut depth = engine.image(vk::Format::D32_SFLOAT, 53, 41);
+    let form = DepthForm::reversed_infinite(0.2);
+    let view = FrameView {
+        depth_form: form,
+        depth_out: Some(Pixels::Image(depth)),
+        ids: Some(Pixels::Buffer(BufferRange { buffer: ids.raw().handle(), offset: 0 })),
+        ..FrameView::new(camera)
+    };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let ids = ids.download().unwrap();
+    let params = Params::from_scene(&scene).unwrap();
+    let want = median_depth(&params, &View::from_camera(&camera).rounded(), &ids, DepthAt::MaximumResponse);
+    let got = engine.read(&mut depth, [53, 41], 1);
+    let mut seen = 0;
+    for ((&got, z), id) in got.iter().zip(want).zip(&ids) {
+        let got = f64::from(f32::from_bits(got));
+        if *id == u32::MAX {
+            assert_eq!(got, 0.0);
+        } else {
+            seen += 1;
+            // As for depths in `verify`: a flat Gaussian's ray has few digits.
+            assert!((got - 0.2 / z).abs() < 1e-3 * got, "{got} {}", 0.2 / z);
+        }
+    }
+    assert!(seen > 500, "{seen}");
+}
+
+/// Moves all Gaussians of a scene of degree 0: rotating harmonics is more than a test should do.
+fn move_all(params: &mut Params, t: &Transform) {
+    let stride = params.stride;
+    for i in 0..params.count {
+        let mean = t.translation + t.scale * (t.rotation * params.mean(i));
+        (0..3).for_each(|c| params.geometry[(layout::MEAN + c) * stride + i] = mean[c]);
+        (0..3).for_each(|c| params.geometry[(layout::LOG_SCALE + c) * stride + i] += t.scale.ln());
+        let [w, x, y, z] = params.quat(i);
+        let q = t.rotation * DQuat::from_xyzw(x, y, z, w).normalize();
+        [q.w, q.x, q.y, q.z].into_iter().enumerate().for_each(|(c, v)| params.geometry[(layout::QUAT + c) * stride + i] = v);
+        if let Some((direction, ..)) = params.lobe(i) {
+            let (direction, j) = (t.rotation * direction, i - params.lobe_first);
+            (0..3).for_each(|c| params.lobes[(layout::LOBE_DIRECTION + c) * params.lobe_stride + j] = direction[c]);
+        }
+    }
+}
+
+/// The first or the second half of the base, and of the supplement.
+fn half_of(scene: &Scene, second: bool) -> Scene {
+    let pick = |n: usize| if second { n / 2..n } else { 0..n / 2 };
+    let gaussians = |g: &Gaussians| {
+        let (r, k) = (pick(g.len()), g.sh_coefficients());
+        Gaussians {
+            means: g.means[r.clone()].to_vec(),
+            log_scales: g.log_scales[r.clone()].to_vec(),
+            quats: g.quats[r.clone()].to_vec(),
+            opacities: g.opacities[r.clone()].to_vec(),
+            sh: g.sh[r.start * k..r.end * k].to_vec(),
+            sh_degree: g.sh_degree,
+        }
+    };
+    let supplement = scene.supplement.as_ref().map(|s| {
+        let r = pick(s.gaussians.len());
+        let lobes = Lobes {
+            directions: s.lobes.directions[r.clone()].to_vec(),
+            widths: s.lobes.widths[r.clone()].to_vec(),
+            sharpness: s.lobes.sharpness[r].to_vec(),
+        };
+        Supplement { gaussians: gaussians(&s.gaussians), lobes }
+    });
+    Scene { base: gaussians(&scene.base), supplement }
+}
+
+#[test]
+fn two_halves_of_a_scene_that_stand_where_it_stands_are_the_scene() {
+    let gpu = Gpu::new();
+    let camera = random_camera(61, 47);
+    let scene = random_scene(12, 900, 300, 0);
+    let transform = Transform {
+        rotation: DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 1.1),
+        scale: 1.7,
+        translation: DVec3::new(0.4, -0.3, 0.2),
+    };
+    // The camera goes with it, so that the same is seen.
+    let r = DMat3::from_quat(transform.rotation);
+    let rotation = camera.rotation * r.transpose();
+    let moved_camera = Camera {
+        rotation,
+        translation: transform.scale * camera.translation - rotation * transform.translation,
+        ..camera
+    };
+    let mut world = Params::from_scene(&scene).unwrap();
+    move_all(&mut world, &transform);
+    let near = 0.2 * transform.scale;
+    let want = twin_of(&world, &View { near, ..View::from_camera(&moved_camera) }.rounded(), |_| f64::INFINITY);
+    let halves = [false, true].map(|second| {
+        // Models that count from elsewhere stand where they stand all the same.
+        let origin = if second { DVec3::new(3.0, 1.0, -2.0) } else { DVec3::ZERO };
+        Model::upload_around(&gpu, origin, &half_of(&scene, second), model::Room::default()).unwrap()
+    });
+    let limits = Limits {
+        instances: 2,
+        gaussians: halves.iter().map(Model::capacity).sum(),
+        depth_out: true,
+        ..wide(Limits::of(&halves[0], 61, 47))
+    };
+    let mut frames = Frames::new(&gpu, limits).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let ids = Buffer::<u32>::zeroed(&gpu, "ids", camera.pixels() as usize).unwrap();
+    let view = FrameView {
+        near,
+        color: Some(float.target(Blend::Premultiplied)),
+        ids: Some(Pixels::Buffer(BufferRange { buffer: ids.raw().handle(), offset: 0 })),
+        ..FrameView::new(moved_camera)
+    };
+    let instances = [0, 1].map(|k| Instance { transform, ..Instance::of(&halves[k]) });
+    engine.run(|commands| unsafe { frames.record(commands, &Frame { slot: 0, instances: &instances, views: &[view] }) }.unwrap());
+    let (mut calm, mut off) = (0, 0f64);
+    for (got, (want, margin)) in float.pixels().iter().zip(&want) {
+        if *margin > NEAR {
+            calm += 1;
+            for c in 0..3 {
+                off = off.max((f64::from(got[c]) - want[c]).abs());
+            }
+        }
+    }
+    println!("{off:e}");
+    assert!(calm > 2000, "{calm}");
+    let ids = ids.download().unwrap();
+    let of = |k: usize| ids.iter().filter(|&&id| id != u32::MAX && (id >= halves[0].capacity()) == (k == 1)).count();
+    assert!(of(0) > 100 && of(1) > 100 && ids.iter().all(|&id| id == u32::MAX || id < 1200), "{} {}", of(0), of(1));
+    // Without any there is the background alone.
+    let empty = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..view };
+    engine.run(|commands| unsafe { frames.record(commands, &Frame { slot: 0, instances: &[], views: &[empty] }) }.unwrap());
+    assert!(float.pixels().iter().all(|p| *p == [GREY[0], GREY[1], GREY[2], 1.0]));
+    assert!(ids.len() == 61 * 47);
+}
+
+#[test]
+fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(3, 500, 100, 1), random_camera(40, 30));
+    let plain = {
+        // Over black, as the frames' own.
+        let model = Model::upload(&gpu, &scene, 0).unwrap();
+        let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+        let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+        renderer.render(&model, &views, 0, [0.0; 3]).unwrap()
+    };
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 40, 30))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let below = |p: usize| [0.1 + 0.0005 * p as f32, 0.9 - 0.0005 * p as f32, 1.5, 0.5];
+    for (blend, number) in
+        [(Blend::Opaque([0.0; 3]), OPAQUE), (Blend::Premultiplied, PREMULTIPLIED), (Blend::Over, OVER)]
+    {
+        for linear in [false, true] {
+            for exposure in [1.0, 2.5] {
+                let words: Vec<u32> = (0..1200).flat_map(|p| below(p).map(f32::to_bits)).collect();
+                float.0.upload(0, &words).unwrap();
+                let light = if linear { Light::Linear } else { Light::Encoded };
+                let color = Some(Target { light, exposure, ..float.target(blend) });
+                let view = FrameView { color, ..FrameView::new(camera) };
+                let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+                engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+                let to = To { blend: number, linear, exposure: exposure.into() };
+                for (p, got) in float.pixels().iter().enumerate() {
+                    let c = &plain.color[3 * p..3 * p + 3];
+                    let rendered = [c[0], c[1], c[2], plain.transmittance[p]].map(f64::from);
+                    let want = to.resolve(rendered, below(p).map(f64::from));
+                    for k in 0..4 {
+                        // A power in float32 is good to 1e-5 of its value, which exposure and light make up to 6.
+                        let off = (f64::from(got[k]) - want[k]).abs();
+                        assert!(off < 2e-5 * want[k].max(1.0), "{blend:?} {linear} {exposure} {p}: {got:?} {want:?}");
+                    }
+                }
+            }
+        }
+    }
+    assert!((to_linear(1.0) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_model_of_half_width_takes_140_bytes_and_looks_the_same() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(5, 800, 200, 3), random_camera(61, 47));
+    let want = rendered(&gpu, &scene, &camera);
+    let half = model::Room { half: true, ..Default::default() };
+    let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, half).unwrap();
+    let bytes = |part: &model::Part| 4 * (part.geometry.planes() + part.sh.planes() + part.lobes.planes());
+    assert_eq!(bytes(model.part(model::Segment::Base)), 140);
+    assert_eq!(bytes(model.part(model::Segment::Supplement)), 160);
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let view = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let got: Vec<[f32; 4]> = float.pixels().iter().zip(&want).map(|(p, w)| [p[0], p[1], p[2], w[3]]).collect();
+    let off = largest_difference(&got, &want);
+    // A coefficient of 2 is off by 2^-11 of itself at most: a colour by half a step of 8 bits, at most.
+    assert!(off > 0.0 && off < 0.5 / 255.0, "{off}");
+    // What comes back is what a half can hold.
+    let back = model.download().unwrap();
+    let close = |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= b.abs() / 2048.0 + 1e-7);
+    assert!(back.base.sh.iter().zip(&scene.base.sh).all(|(a, b)| close(a, b)));
+    assert_eq!((&back.base.means, &back.base.opacities), (&scene.base.means, &scene.base.opacities));
+}
+
+#[test]
+fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
+    let gpu = Gpu::new();
+    let scene = random_scene(21, 300, 80, 2);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let limits = Limits { in_flight: 3, views: 2, ..wide(Limits::of(&model, 48, 40)) };
+    let mut frames = Frames::new(&gpu, limits).unwrap();
+    let engine = Engine::new(&gpu, 3);
+    let targets = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
+    let camera = |n: u32| {
+        let mut camera = random_camera(16 + n % 33, 16 + n * 7 % 25);
+        camera.translation.z += f64::from(n % 17) * 0.05;
+        camera.rotation = DMat3::from_rotation_y(f64::from(n % 29) * 0.01) * camera.rotation;
+        camera
+    };
+    let mut checked = 0;
+    let (mut before, mut heap) = (gpu.counters(), 0);
+    for n in 0..1000 {
+        let slot = n % 3;
+        let commands = engine.begin(slot);
+        let eyes = [camera(n), camera(n + 500)];
+        // The slot's last frame has run: some of them are looked at.
+        if n >= 3 && n % 167 == 4 {
+            for eye in 0..2 {
+                let camera = camera(n - 3 + 500 * eye as u32);
+                let want = rendered(&gpu, &scene, &camera);
+                let got = targets[slot as usize][eye].pixels();
+                assert!(got.iter().zip(&want).all(|(g, w)| g[..3] == w[..3]), "frame {n}, eye {eye}");
+                checked += 1;
+            }
+            assert_eq!(frames.report(slot).unwrap().needed, None);
+            before = gpu.counters();
+        }
+        let view = |eye: usize| FrameView {
+            color: Some(targets[slot as usize][eye].target(Blend::Opaque(GREY))),
+            ..FrameView::new(eyes[eye])
+        };
+        let (instances, views) = ([Instance::of(&model)], [view(0), view(1)]);
+        let taken = TAKEN.get();
+        unsafe { frames.record(commands, &Frame { slot, instances: &instances, views: &views }) }.unwrap();
+        // The lists of a slot grow in its first frame.
+        heap += if n < 3 { 0 } else { TAKEN.get() - taken };
+        assert_eq!(gpu.counters(), before);
+        engine.submit(slot);
+    }
+    engine.finish();
+    assert_eq!((heap, checked), (0, 12));
+}
+
+#[test]
+fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(4, 800, 0, 0), random_camera(64, 48));
+    let want = rendered(&gpu, &scene, &camera);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let limits = Limits { intersections: Room::Intersections(300), in_flight: 2, ..wide(Limits::of(&model, 64, 48)) };
+    let mut frames = Frames::new(&gpu, limits.clone()).unwrap();
+    assert_eq!(frames.capacity(), 300);
+    let engine = Engine::new(&gpu, 2);
+    let targets = [0, 1].map(|_| Float::new(&gpu, 64 * 48));
+    let record = |frames: &mut Frames, slot: u32| {
+        let color = Some(targets[slot as usize].target(Blend::Opaque(GREY)));
+        let view = FrameView { color, ..FrameView::new(camera) };
+        let commands = engine.begin(slot);
+        let frame = Frame { slot, instances: &[Instance::of(&model)], views: &[view] };
+        unsafe { frames.record(commands, &frame) }.unwrap();
+        engine.submit(slot);
+    };
+    record(&mut frames, 0);
+    engine.finish();
+    let report = frames.report(0).unwrap();
+    let needed = report.needed.expect("300 intersections are too few");
+    assert!(needed > 1000 && report.intersections == 300 && report.visible > 100, "{report:?}");
+    // Nothing is drawn that is not there: a pixel is the background or has some of what it should have.
+    assert!(targets[0].pixels().iter().flatten().all(|v| v.is_finite()));
+    assert_ne!(targets[0].pixels()[..].iter().map(|p| p[0]).collect::<Vec<_>>(), want.iter().map(|p| p[0]).collect::<Vec<_>>());
+    // The frame in slot 0 is still on its way when room is made for that in slot 1.
+    record(&mut frames, 0);
+    frames.reserve(needed).unwrap();
+    assert!(frames.capacity() >= needed);
+    record(&mut frames, 1);
+    engine.finish();
+    assert_eq!((frames.report(0).unwrap().needed, frames.report(1).unwrap().needed), (Some(needed), None));
+    assert!(targets[1].pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
+    let plan = limits.plan(&gpu).bytes();
+    let more = Limits { intersections: Room::Bytes(1 << 20), ..limits }.plan(&gpu).bytes();
+    assert!(more > plan + (900 << 10) && more < plan + (1200 << 10), "{plan} {more}");
+}
+
+#[test]
+fn a_second_renderer_makes_no_pipelines() {
+    let gpu = Gpu::new();
+    let model = Model::upload(&gpu, &random_scene(1, 50, 10, 1), 0).unwrap();
+    let limits = Limits::of(&model, 32, 24);
+    let first = Frames::new(&gpu, limits.clone()).unwrap();
+    let made = gpu.counters().pipelines;
+    assert!(made > 10);
+    let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
+    assert_eq!(gpu.counters().pipelines, made);
+    // Of other degrees there is one more for each segment.
+    let _third = Frames::new(&gpu, Limits { degrees: vec![0], ..limits.clone() }).unwrap();
+    assert_eq!(gpu.counters().pipelines, made + 2);
+    drop((first, second));
+}
+
+#[test]
+fn a_scene_loads_in_the_callers_commands_and_submits_nothing() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(7, 600, 150, 3), random_camera(61, 47));
+    let want = rendered(&gpu, &scene, &camera);
+    let engine = Engine::new(&gpu, 1);
+    let before = gpu.counters().submissions;
+    // Prepared on another thread.
+    let upload = std::thread::scope(|s| {
+        let prepare = || Upload::prepare(&gpu, DVec3::ZERO, &scene, model::Room { page: Some(97), ..Default::default() });
+        s.spawn(prepare).join().unwrap().unwrap()
+    });
+    let mut kept = Kept::default();
+    engine.run(|commands| {
+        let mut recorder = unsafe { Recorder::borrow(&gpu, commands, Kept::default()) };
+        upload.record(&mut recorder);
+        kept = recorder.finish();
+    });
+    assert!(!kept.is_empty());
+    assert_eq!(gpu.counters().submissions, before);
+    let model = upload.finish();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
+    let float = Float::new(&gpu, camera.pixels());
+    let view = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    assert!(float.pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
+    let back = model.download().unwrap();
+    assert_eq!((back.base.means, back.base.sh), (scene.base.means, scene.base.sh));
+}
+
+#[test]
+fn matrices_of_renderers_are_the_cameras_they_stand_for() {
+    let camera = random_camera(640, 480);
+    let (w, h) = (640.0, 480.0);
+    // Vulkan's own way (y down, z forward) and OpenGL's view space (y up, z backward), each with its projection.
+    let rows = |x: DVec3, y: DVec3, z: DVec3, t: DVec3| {
+        DMat4::from_cols(
+            DVec4::new(x.x, y.x, z.x, 0.0),
+            DVec4::new(x.y, y.y, z.y, 0.0),
+            DVec4::new(x.z, y.z, z.z, 0.0),
+            t.extend(1.0),
+        )
+    };
+    let (r, t) = (camera.rotation, camera.translation);
+    let near = 0.1;
+    for flip in [1.0, -1.0] {
+        let view = rows(r.row(0), flip * r.row(1), flip * r.row(2), DVec3::new(t.x, flip * t.y, flip * t.z));
+        let projection = DMat4::from_cols(
+            DVec4::new(2.0 * camera.fx / w, 0.0, 0.0, 0.0),
+            DVec4::new(0.0, flip * 2.0 * camera.fy / h, 0.0, 0.0),
+            DVec4::new(flip * (2.0 * camera.cx / w - 1.0), flip * (2.0 * camera.cy / h - 1.0), 0.0, flip),
+            DVec4::new(0.0, 0.0, near, 0.0),
+        );
+        let seen = FrameView::from_matrices(view, projection, 640, 480).unwrap();
+        let point = DVec3::new(0.3, -0.7, 4.0);
+        let (a, b) = (seen.camera.project(point), camera.project(point));
+        assert!((a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9 && (a.2 - b.2).abs() < 1e-9, "{a:?} {b:?}");
+        // And it is where the matrices put it.
+        let clip = projection * view * point.extend(1.0);
+        assert!(((clip.x / clip.w + 1.0) * w / 2.0 - a.0).abs() < 1e-9);
+        assert!(((clip.y / clip.w + 1.0) * h / 2.0 - a.1).abs() < 1e-9);
+        assert!((clip.z / clip.w - (seen.depth_form.a + seen.depth_form.b / a.2)).abs() < 1e-12);
+        assert_eq!(seen.depth_form, DepthForm::reversed_infinite(near));
+        let skewed = DMat4 { y_axis: DVec4::new(0.1, projection.y_axis.y, 0.0, 0.0), ..projection };
+        assert!(FrameView::from_matrices(view, skewed, 640, 480).is_err());
+        assert!(FrameView::from_matrices(2.0 * view, projection, 640, 480).is_err());
+        assert!(FrameView::from_matrices(view, DMat4::IDENTITY, 640, 480).is_err());
+        assert!(FrameView::from_matrices(DMat4::NAN, projection, 640, 480).is_err());
+    }
+    let form = DepthForm::standard(0.5, 20.0);
+    assert!((form.a + form.b / 0.5).abs() < 1e-12 && (form.a + form.b / 20.0 - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_near_plane_is_the_views_own() {
+    let gpu = Gpu::with(ContextOptions::from_env());
+    let (scene, camera) = (random_scene(7, 600, 0, 0), random_camera(61, 47));
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let view = FrameView { near: 2.0, color: Some(float.target(Blend::Premultiplied)), ..FrameView::new(camera) };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let want = twin(&scene, &View { near: 2.0, ..View::from_camera(&camera) }.rounded(), |_| f64::INFINITY);
+    let all = twin(&scene, &View::from_camera(&camera).rounded(), |_| f64::INFINITY);
+    let calm = want.iter().zip(float.pixels()).filter(|((_, margin), _)| *margin > NEAR);
+    assert!(calm.clone().all(|((w, _), g)| (0..3).all(|c| (w[c] - f64::from(g[c])).abs() < 1e-5)));
+    assert!(calm.count() > 2000 && all.iter().zip(&want).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > 300);
+    let _ = reference::NEAR;
+}
