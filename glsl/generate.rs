@@ -155,7 +155,10 @@ impl Demands {
                 op::CAPABILITY => {
                     let known = CAPABILITIES.iter().find(|(capability, ..)| *capability == i[1]);
                     let (_, operations, feature) = known.ok_or_else(|| {
-                        format!("SPIR-V capability {} is not known: say in glsl/generate.rs what it needs of a device", i[1])
+                        format!(
+                            "SPIR-V capability {} is not known: say in glsl/generate.rs what it needs of a device",
+                            i[1]
+                        )
                     })?;
                     demands.subgroup_operations |= operations;
                     demands.features.extend(feature);

@@ -6,10 +6,13 @@ pub mod data;
 mod error;
 pub mod gpu;
 pub mod pipelines;
+#[cfg(feature = "train")]
 pub mod reference;
+#[cfg(feature = "train")]
 pub mod report;
 pub mod scene;
 pub mod stages;
+#[cfg(feature = "train")]
 pub mod verify;
 
 #[cfg(feature = "cli")]

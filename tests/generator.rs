@@ -225,14 +225,15 @@ fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() 
         fs::create_dir_all(folder).unwrap();
         files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
     }
-    let there: BTreeSet<String> = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let there: BTreeSet<String> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     assert_eq!(there, files.keys().cloned().collect(), "run tools/kernels");
     // The compiler's number is in each module: glslang of another release may well make other bytes of the same source.
     for (name, bytes) in &files {
         let kept = fs::read(folder.join(name)).unwrap();
-        assert!(kept == *bytes, "glsl/spirv/{name} is not what its source gives: run tools/kernels and commit glsl/spirv");
+        assert!(
+            kept == *bytes,
+            "glsl/spirv/{name} is not what its source gives: run tools/kernels and commit glsl/spirv"
+        );
     }
 }

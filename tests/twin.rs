@@ -10,11 +10,12 @@ mod wall;
 use std::collections::BTreeSet;
 
 use common::{Gpu, session};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use glint::{
-    gpu::{Buffer, ContextOptions, GpuError, Twin},
+    gpu::{Buffer, BufferRange, ContextOptions, GpuError, Pixels, Twin},
     pipelines::{
         density::{DensityOptions, Strategy},
+        frames::{Blend, Frame, FrameView, Frames, Instance, Light, Limits, Target, Texel, Transform},
         learn::Lesson,
         lift::{LiftOptions, LiftPhase},
         model::{Model, Rearrange, Room, Segment, Sources},
@@ -72,6 +73,14 @@ const VIEW: Stages = &[
     ("median_depth", Near::Within(1e-4)),
     ("blend_backward", Near::Within(1e-4)),
     ("project_backward", Near::Within(1e-4)),
+];
+
+/// A turned instance of half width behind a mesh's depths, over what was there.
+const FRAMES: Stages = &[
+    ("project", Near::Within(1e-4)),
+    ("blend", Near::Within(1e-4)),
+    ("median_depth", Near::Within(1e-4)),
+    ("resolve", Near::Within(1e-5)),
 ];
 
 const ATOMICS: Stages = &[("blend_backward_atomic", Near::Within(1e-4)), ("project_backward", Near::Within(1e-4))];
@@ -144,7 +153,7 @@ const PURSUIT: Stages = &[
 
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
+    let lists = [VIEW, FRAMES, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
     let tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
     assert_eq!(tried, twins().iter().map(|twin| twin.stage).collect());
 }
@@ -215,6 +224,56 @@ fn the_stages_of_a_view_have_twins() {
     let compensated = [("project", Near::Within(1e-4)), ("project_backward", Near::Within(1e-4))];
     stand_in(|gpu| shot(gpu, Setup { compensate: true, ..Default::default() }), &compensated);
     stand_in(|gpu| shot(gpu, Setup { opacity_only: true, ..Default::default() }), &compensated[1..]);
+}
+
+#[test]
+fn the_stages_of_a_frame_have_twins() {
+    let pipeline = |gpu: &Gpu| {
+        let (scene, camera) = (random_scene(48, 700, 300, 2), random_camera(80, 60));
+        let pixels = camera.pixels() as usize;
+        let room = Room { half: true, page: Some(97), ..Default::default() };
+        let models = [0, 1].map(|_| Model::upload_around(gpu, DVec3::new(0.1, 0.2, -0.1), &scene, room).unwrap());
+        let limits = Limits {
+            gaussians: 2000,
+            instances: 2,
+            depth_in: true,
+            depth_out: true,
+            texel: Texel::Rgba32F,
+            ..Limits::of(&models[0], 80, 60)
+        };
+        let mut frames = Frames::new(gpu, limits).unwrap();
+        frames.reserve(60_000).unwrap();
+        let mesh: Vec<f32> =
+            (0..pixels).map(|p| if p % 80 < 40 { 0.2 / (1.0 + p as f32 / 1000.0) } else { 0.0 }).collect();
+        let mesh = Buffer::from_slice(gpu, "mesh", &mesh).unwrap();
+        let target = Buffer::from_slice(gpu, "target", &vec![[0.2f32, 0.4, 0.6, 1.0]; pixels]).unwrap();
+        let depths = Buffer::<f32>::zeroed(gpu, "depths", pixels).unwrap();
+        let place = |buffer| Pixels::Buffer(BufferRange { buffer, offset: 0 });
+        let color = Target {
+            blend: Blend::Over,
+            light: Light::Linear,
+            exposure: 1.5,
+            ..Target::new(place(target.raw().handle()), Texel::Rgba32F)
+        };
+        let view = FrameView {
+            color: Some(color),
+            depth_in: Some(place(mesh.raw().handle())),
+            depth_out: Some(place(depths.raw().handle())),
+            ..FrameView::new(camera)
+        };
+        let turned =
+            Transform { rotation: DQuat::from_rotation_y(0.2), scale: 1.2, translation: DVec3::new(0.3, 0.0, 0.1) };
+        let instances = [0, 1].map(|k| {
+            let transform = if k == 0 { Transform::IDENTITY } else { turned };
+            Instance { transform, ..Instance::of(&models[k]) }
+        });
+        let mut recorder = gpu.recorder("frame").unwrap();
+        let frame = Frame { slot: 0, instances: &instances, views: &[view] };
+        unsafe { frames.record_into(&mut recorder, &frame) }.unwrap();
+        recorder.submit().unwrap().wait().unwrap();
+        vec![("image", target.download().unwrap().concat()), ("depths", depths.download().unwrap())]
+    };
+    stand_in(pipeline, FRAMES);
 }
 
 #[test]

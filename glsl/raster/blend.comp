@@ -40,7 +40,7 @@ layout(set = 0, binding = 10, scalar) readonly buffer SceneDepths { float scene_
 // Camera z of what a mesh left in the depth buffer; the farthest where it left nothing (or nonsense).
 float occluder(uint at) {
     float z = push.depth_form.y / (scene_depths[at] - push.depth_form.x);
-    return z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX;
+    return z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX; // guard: occluders of nothing
 }
 
 void main() {

@@ -234,13 +234,8 @@ impl Context {
             labels: debug,
             memory_budget: options.memory_budget,
         };
-        let own = Own {
-            messages,
-            messenger,
-            owned: true,
-            twins: options.twins.clone(),
-            lost_after: options.lost_after,
-        };
+        let own =
+            Own { messages, messenger, owned: true, twins: options.twins.clone(), lost_after: options.lost_after };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
@@ -265,7 +260,10 @@ impl Context {
         };
         if push.is_none() {
             let feature = "extension VK_KHR_push_descriptor, enabled".into();
-            return Err(GpuError::Missing { device: physical.info(Some(subgroups), &BTreeSet::new(), 0).name, feature });
+            return Err(GpuError::Missing {
+                device: physical.info(Some(subgroups), &BTreeSet::new(), 0).name,
+                feature,
+            });
         }
         Self::assemble(device, &physical, subgroups, Own::default())
     }

@@ -30,7 +30,7 @@ use crate::{
     scene::Camera,
     stages::{
         WORKGROUP,
-        blocks::items_per_group,
+        blocks::{groups_for, items_per_group},
         constants::{
             constants::{NEAR, NONE},
             resolve as numbers,
@@ -313,7 +313,10 @@ impl FrameView {
         let rotation = DMat3::from_mat4(view);
         let unit = rotation.transpose() * rotation;
         if !(0..3).all(|c| (unit.col(c) - DMat3::IDENTITY.col(c)).length() < off) {
-            return Err(Error::Usage(format!("expected a view of rotation and translation: {:?}", view.to_cols_array())));
+            return Err(Error::Usage(format!(
+                "expected a view of rotation and translation: {:?}",
+                view.to_cols_array()
+            )));
         }
         // Camera axes: x right, y down in the image, z forward. A view space of another handedness or with y up is mirrored here.
         let signs = DVec3::new(p.x_axis.x.signum(), p.y_axis.y.signum(), forward.signum());
@@ -481,24 +484,35 @@ impl Frames {
         let kept = std::mem::take(&mut self.slots[frame.slot as usize].kept);
         // SAFETY: by the contract above.
         let mut recorder = unsafe { Recorder::borrow(&self.context, commands, kept) };
-        // The frame before may still read and write the buffers that all share.
-        recorder.barrier();
-        recorder.fill(&self.buffers.status, 0);
-        let total: u32 = frame.instances.iter().map(|i| i.model.capacity()).sum();
-        let groups = total.div_ceil(items_per_group(self.context.info()));
-        recorder.update(&self.buffers.splat_total, 0, &[total]);
-        // As the recorder folds a dispatch of many workgroups.
-        let x = groups.clamp(1, 65_535);
-        recorder.update(&self.buffers.splat_args, 0, &[x, groups.div_ceil(x), 1]);
-        for (v, view) in (0..).zip(frame.views) {
-            // SAFETY: by the contract above.
-            unsafe { self.record_view(&mut recorder, frame.instances, v, view) };
-        }
+        // SAFETY: by the contract above.
+        unsafe { self.record_into(&mut recorder, frame) }?;
         let report = &self.slots[frame.slot as usize].report;
         recorder.copy(&self.buffers.status, 0, report, 0, status::WORDS);
         recorder.copy(&self.raster.buffers.count, 0, report, status::WORDS, COUNTS);
         recorder.host_barrier();
         self.slots[frame.slot as usize].kept = recorder.finish();
+        Ok(())
+    }
+
+    /// What [`Frames::record`] records, into a recorder of glint's own or of the caller's, without a report and in no slot.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Safety
+    /// As there.
+    pub unsafe fn record_into(&self, recorder: &mut Recorder, frame: &Frame<'_>) -> Result<()> {
+        self.check(frame)?;
+        // The frame before may still read and write the buffers that all share.
+        recorder.barrier();
+        recorder.fill(&self.buffers.status, 0);
+        let total: u32 = frame.instances.iter().map(|i| i.model.capacity()).sum();
+        recorder.update(&self.buffers.splat_total, 0, &[total]);
+        recorder.update(&self.buffers.splat_args, 0, &groups_for(total, items_per_group(self.context.info())));
+        for (v, view) in (0..).zip(frame.views) {
+            // SAFETY: by the contract above.
+            unsafe { self.record_view(recorder, frame.instances, v, view) };
+        }
         Ok(())
     }
 
@@ -528,7 +542,11 @@ impl Frames {
         within("slots", u64::from(frame.slot) + 1, limits.in_flight.into())?;
         within("instances", frame.instances.len() as u64, limits.instances.into())?;
         within("views", frame.views.len() as u64, limits.views.into())?;
-        within("Gaussians", frame.instances.iter().map(|i| u64::from(i.model.capacity())).sum(), limits.gaussians.into())?;
+        within(
+            "Gaussians",
+            frame.instances.iter().map(|i| u64::from(i.model.capacity())).sum(),
+            limits.gaussians.into(),
+        )?;
         for instance in frame.instances {
             let Instance { model, transform: t, upto, degree } = *instance;
             self.stages.check(model, upto, degree)?;
@@ -575,7 +593,9 @@ impl Frames {
                 if let Pixels::Buffer(BufferRange { offset, .. }) = range
                     && offset % 4 != 0
                 {
-                    return Err(Error::Usage(format!("a buffer's part begins at byte {offset}, expected a multiple of 4")));
+                    return Err(Error::Usage(format!(
+                        "a buffer's part begins at byte {offset}, expected a multiple of 4"
+                    )));
                 }
             }
         }
@@ -589,7 +609,8 @@ impl Frames {
         let (size, pixels) = ([camera.width, camera.height], camera.pixels());
         let frame = types::Frame { image_first: 0, target_first: 0, width: size[0], height: size[1] };
         recorder.update(&b.frames, v as usize, &[frame]);
-        // A model has room for more than it shows, and what it does not show was left by others.
+        // A model may have room for more than it shows, and what it does not show was left by others.
+        // guard: what other instances left
         recorder.fill(&raster.buffers.depth_keys, NONE);
         let place = |i: usize, splat_first: u32| {
             let Instance { model, upto, degree, .. } = instances[i];
@@ -656,7 +677,9 @@ impl Frames {
         let target = view.color.unwrap_or(Target::new(Pixels::Buffer(nobodys), Texel::Rgba8));
         if target.blend == Blend::Over {
             // SAFETY: by the contract above.
-            unsafe { recorder.bring(&target.pixels, &b.target, [view.camera.width, view.camera.height], target.texel.words()) };
+            unsafe {
+                recorder.bring(&target.pixels, &b.target, [view.camera.width, view.camera.height], target.texel.words())
+            };
         }
         let push = resolve::Push {
             pixels: view.camera.pixels(),

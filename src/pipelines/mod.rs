@@ -1,24 +1,37 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
+#[cfg(feature = "train")]
 pub mod checkpoint;
+#[cfg(feature = "train")]
 pub mod density;
+#[cfg(feature = "train")]
 pub mod enhance;
 pub mod frames;
+#[cfg(feature = "train")]
 pub mod join;
 pub mod layers;
+#[cfg(feature = "train")]
 pub mod learn;
+#[cfg(feature = "train")]
 pub mod lift;
+#[cfg(feature = "train")]
 pub mod loss;
 pub mod model;
 pub mod plan;
+#[cfg(feature = "train")]
 pub mod pursuit;
 pub mod raster;
 pub mod render;
+#[cfg(feature = "train")]
 pub mod screen;
 pub mod session;
 pub mod sort;
+#[cfg(feature = "train")]
 pub mod start;
+#[cfg(feature = "train")]
 pub mod steps;
+#[cfg(feature = "train")]
 pub mod train;
 pub mod views;
+#[cfg(feature = "train")]
 pub mod work;

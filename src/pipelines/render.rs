@@ -205,7 +205,8 @@ impl ModelStages {
         placed: &Placed<'_>,
         pixels: u32,
     ) {
-        let (Some(median_depth), Placed { model, splat_first, views, view, upto, .. }) = (&self.median_depth, *placed) else {
+        let (Some(median_depth), Placed { model, splat_first, views, view, upto, .. }) = (&self.median_depth, *placed)
+        else {
             return;
         };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {

@@ -26,9 +26,7 @@ impl To {
             let straight =
                 if self.exposure == 1.0 { straight } else { to_encoded(self.exposure * to_linear(straight)) };
             match (self.blend == OVER, self.linear) {
-                (true, true) => {
-                    to_linear(alpha * straight + transmittance * to_encoded(below[c].max(0.0)))
-                }
+                (true, true) => to_linear(alpha * straight + transmittance * to_encoded(below[c].max(0.0))),
                 (true, false) => alpha * straight + transmittance * below[c],
                 (false, true) => alpha * to_linear(straight),
                 (false, false) => alpha * straight,

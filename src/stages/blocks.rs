@@ -1,5 +1,6 @@
 //! Sizes of scans and radix sorts, whose subgroups take blocks of items.
 
+use super::constants::dispatch::GROUPS_PER_DIMENSION;
 use crate::gpu::DeviceInfo;
 
 /// Items that one subgroup takes. Large enough that a block's 256 digit counters are a quarter of what its keys and values
@@ -22,6 +23,13 @@ pub fn blocks_for(items: u32) -> u32 {
 /// Items that one workgroup takes: what dispatches over blocks are made with.
 pub fn items_per_group(device: &DeviceInfo) -> u32 {
     device.workgroup(WORKGROUP) / device.subgroup_size * BLOCK
+}
+
+/// Workgroups for so many items, as `groups_for` of `glsl/shared/dispatch.glsl`: at least one, folded into two dimensions.
+pub fn groups_for(items: u32, per_group: u32) -> [u32; 3] {
+    let groups = items.div_ceil(per_group.max(1)).max(1);
+    let rows = groups.div_ceil(GROUPS_PER_DIMENSION);
+    [groups.div_ceil(rows), rows, 1]
 }
 
 /// Elements of `block_sums` for at most `items` items: one for each block and the total.
@@ -57,6 +65,8 @@ mod tests {
         assert_eq!([0, 1024, 1025].map(block_sums_len), [1, 2, 3]);
         assert_eq!([0, 1024, 1025].map(|keys| block_counts_len(keys, 8)), [256, 256, 512]);
         assert_eq!([1, 8].map(digit_totals_len), [2, 256]);
+        let folded = [[1, 1, 1], [2, 1, 1], [32769, 2, 1]];
+        assert_eq!([groups_for(0, 64), groups_for(65, 64), groups_for(65_537, 1)], folded);
     }
 
     #[test]

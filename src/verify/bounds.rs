@@ -40,7 +40,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
-pub const BOUNDS: [Bound; 54] = [
+pub const BOUNDS: [Bound; 56] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -145,6 +145,21 @@ pub const BOUNDS: [Bound; 54] = [
         reason: "Projection's error of 1e-6 of some hundred pixels moves the edge of a needle of half a pixel by 1e-3 of its \
                  slope: single pixels below the 1e-3 that counts as a flip. On the whole a tenth of an 8-bit step in the \
                  mean square is far away.",
+        ..EXACT
+    },
+    Bound {
+        stage: "(frame)",
+        max: 1e-3,
+        relative_l2: 1e-4,
+        flips: 2e-3,
+        reason: "The whole chain as in (render), and what a mesh hides is one decision more for each Gaussian and pixel.",
+        ..EXACT
+    },
+    Bound {
+        stage: "resolve",
+        max: 2e-5,
+        relative_l2: 5e-6,
+        reason: "sRGB's powers are exp2 of 2.4 log2: Vulkan allows log2 an error of 3 units in the last place of a number of up to 10,                  1e-6, and the power 2.4 times that; two of them where something is exposed or blended.",
         ..EXACT
     },
     Bound {

@@ -4,6 +4,7 @@
 mod bounds;
 mod density;
 mod floor;
+mod frames;
 mod judge;
 pub mod lift;
 pub mod loss;
@@ -67,6 +68,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     lift::cases(&mut bench, options.quick)?;
     density::cases(&mut bench, options.quick)?;
     pursuit::cases(&mut bench, options.quick)?;
+    frames::cases(&mut bench, options.quick)?;
     let Bench { rates, rows, .. } = bench;
     let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
     for row in &mut report.rows {

@@ -29,7 +29,7 @@ use crate::{
     stages::{status, types},
 };
 
-const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
+pub(super) const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
 pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (2500, 800, 97, 71) } else { (30_000, 10_000, 403, 301) };

@@ -21,7 +21,8 @@ pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
     let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
     let first = first + splat_first as usize;
     let whole = if half_sh { layout::unpack_halves(h.sh, stride as usize) } else { vec![] };
-    let params = params([h.geometry, if half_sh { &whole } else { h.sh }, h.lobes], count, stride, has_lobes, sh_degree);
+    let params =
+        params([h.geometry, if half_sh { &whole } else { h.sh }, h.lobes], count, stride, has_lobes, sh_degree);
     let options = Options { active_degree: sh_degree, compensate, tile_width, tile_height, ..Default::default() };
     let projected = twin::project::project(&params, &view(&h.views[view_index as usize]), &options);
     for (i, (splat, tiles)) in (first..).zip(projected.splats.iter().zip(projected.tile_counts)) {
