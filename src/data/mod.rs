@@ -6,6 +6,8 @@ pub mod builtin;
 mod check;
 mod colmap;
 mod dataset;
+#[cfg(feature = "formats")]
+mod formats;
 mod images;
 mod kind;
 mod lens;
@@ -16,6 +18,7 @@ pub mod ply;
 mod ply_format;
 mod reduce;
 mod region;
+mod scene_file;
 mod sector;
 mod shot;
 mod sound;
@@ -32,9 +35,13 @@ pub use dataset::{
 pub use images::Image;
 pub use kind::Kind;
 pub use lens::{Distortion, Frame, Lens, Polynomial};
-pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_augmented, write_scene};
+pub use ply::{PointCloud, read_points, scene_bytes, write_augmented, write_scene};
 pub use reduce::Reduce;
 pub use region::{Focus, NEAR};
+pub use scene_file::{
+    SceneFile, SceneFormat, is_scene_folder, read_scene, read_scene_file, read_scene_file_leniently,
+    read_scene_leniently, write_scene_file,
+};
 pub use sound::Dropped;
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
 pub use write::{

@@ -17,7 +17,8 @@ use std::path::Path;
 
 use super::atomic::write_whole;
 use super::ply_format::{Element, Ply};
-use super::sound::{self, Dropped};
+use super::scene_file::SceneFile;
+use super::sound;
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -41,31 +42,13 @@ pub(super) const FIXED: [&str; 14] = [
     "rot_3",
 ];
 
-/// Reads a 3DGS scene, with its supplement if it has one. Properties may have any order and any numeric type; those that are
-/// not known, and unknown elements, are skipped. Numbers must be finite in 32 bits and rotations not zero.
-pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    parse_scene(&bytes, path)
-}
-
-/// Reads what is sound of a 3DGS scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
-/// [`read_scene`] refuses; here they are dropped and counted.
-pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let mut scene = parse_rows(&bytes, path)?;
-    let dropped = sound::drop_faults(&mut scene);
-    Ok((scene, dropped))
-}
-
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     write_augmented(path, &scene.base, scene)
 }
 
-/// Writes `scene`, whose base begins with what became of `original`: other viewers show `original`, [`read_scene`] gives `scene`.
+/// Writes `scene`, whose base begins with what became of `original`: other viewers show `original`, [`super::read_scene`] gives `scene`.
 ///
 /// # Errors
 /// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.
@@ -367,15 +350,9 @@ impl LearnedColumns {
     }
 }
 
-/// `path` is only named in errors.
-pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
-    let scene = parse_rows(bytes, path)?;
-    sound::check(&scene).map_err(|what| Error::input(path, what))?;
-    Ok(scene)
-}
-
-/// The scene, whatever its numbers are.
-fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
+/// A 3DGS scene, with its supplement if it has one, whatever its numbers are. Properties may have any order and any numeric type;
+/// those that are not known, and unknown elements, are skipped. `path` is only named in errors.
+pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     if let Some(kind) = describe_non_splats(&ply) {
@@ -406,10 +383,13 @@ fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
         }
         Ok(())
     })?;
+    let mut shown = None;
     if let Some(columns) = learned_columns {
+        shown = Some(base.clone());
         columns.apply(&learned, &mut base).map_err(fail)?;
     }
-    Ok(Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) })
+    let scene = Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) };
+    Ok(SceneFile { scene, shown })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -430,6 +410,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::data::{
+        Dropped,
+        scene_file::{parse_ply, read_scene, read_scene_leniently},
+    };
 
     /// Numbers that no order or channel swap can confuse.
     fn gaussians(n: usize, sh_degree: u32, seed: f32) -> Gaussians {
@@ -475,7 +459,7 @@ mod tests {
     }
 
     fn error(bytes: &[u8]) -> String {
-        parse_scene(bytes, Path::new("scene.ply")).unwrap_err().to_string()
+        parse_ply(bytes, Path::new("scene.ply")).unwrap_err().to_string()
     }
 
     #[track_caller]
@@ -571,7 +555,7 @@ mod tests {
             let bytes = fs::read(&path).unwrap();
             // A reader that does not know the comment.
             let strange = header_with(&bytes, "comment glint element learned", "comment glint element unknown");
-            assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
+            assert_eq!(parse_ply(&strange, &path).unwrap().base, original.base);
             bytes.len()
         };
         let same = bytes(&original);
@@ -635,15 +619,15 @@ mod tests {
         let (whole, path) = (scene(1, true), Path::new("a.ply"));
         let bytes = written(&whole);
         let declared = header_with(&bytes, "comment glint ", "");
-        assert_eq!(parse_scene(&declared, path).unwrap(), whole);
+        assert_eq!(parse_ply(&declared, path).unwrap(), whole);
         let gone = &bytes[..bytes.len() - scene_bytes(0, 2, 1) as usize];
-        assert_eq!(parse_scene(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
+        assert_eq!(parse_ply(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
         // A tool has put the comments first.
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
         let (comments, others): (Vec<&str>, Vec<&str>) = header.lines().partition(|line| line.starts_with("comment"));
         let lines = [&others[..2], &comments, &others[2..]].concat().join("\n") + "\n";
-        assert_eq!(parse_scene(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
+        assert_eq!(parse_ply(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
         // Part of it is no block, and other comments are comments.
         expect(&bytes[..bytes.len() - 1], &["`augmented`", "1 bytes too few"]);
         let head = "ply\nformat ascii 1.0\ncomment glint\ncomment glint was here\n";
@@ -654,7 +638,7 @@ mod tests {
         let text = String::from_utf8(text).unwrap();
         let more = "comment glint element augmented 3\ncomment glint property float x\nend_header\n";
         let gone = text.replace("end_header\n", more);
-        assert_eq!(parse_scene(gone.as_bytes(), path).unwrap(), expected);
+        assert_eq!(parse_ply(gone.as_bytes(), path).unwrap(), expected);
     }
 
     #[test]
@@ -687,7 +671,7 @@ mod tests {
     fn any_order_type_and_encoding_is_read_and_strangers_are_skipped() {
         for big_endian in [false, true] {
             let (bytes, expected) = ascii(big_endian);
-            assert_eq!(parse_scene(&bytes, Path::new("a.ply")).unwrap(), expected);
+            assert_eq!(parse_ply(&bytes, Path::new("a.ply")).unwrap(), expected);
         }
     }
 
@@ -910,7 +894,7 @@ mod tests {
             if cut < 0.5 {
                 bytes.truncate((cut * 2.0 * bytes.len() as f64) as usize);
             }
-            let _ = parse_scene(&bytes, Path::new("a.ply"));
+            let _ = parse_ply(&bytes, Path::new("a.ply"));
             let _ = parse_points(&bytes, Path::new("a.ply"));
         }
     }
