@@ -5,12 +5,15 @@
 //! believed only as far as the file's own size allows.
 
 mod axes;
+mod inflate;
 mod quantise;
 mod splat;
+mod spz;
 
 use std::path::Path;
 
 pub(super) use splat::{parse as parse_splat, write as write_splat};
+pub(super) use spz::{parse as parse_spz, write as write_spz};
 
 use crate::scene::Gaussians;
 

@@ -389,7 +389,7 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
         columns.apply(&learned, &mut base).map_err(fail)?;
     }
     let scene = Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) };
-    Ok(SceneFile { scene, shown })
+    Ok(SceneFile { shown, ..scene.into() })
 }
 
 /// What a PLY without a single splat property seems to be.

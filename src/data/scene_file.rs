@@ -26,18 +26,21 @@ pub struct SceneFile {
     pub scene: Scene,
     /// The base for other viewers, where it is not that of the scene.
     pub shown: Option<Gaussians>,
+    /// Whether the file says that Gaussians smaller than a pixel are to be faded (see `Policy::compensate`).
+    pub antialiased: bool,
 }
 
 impl From<Scene> for SceneFile {
     fn from(scene: Scene) -> Self {
-        SceneFile { scene, shown: None }
+        SceneFile { scene, shown: None, antialiased: false }
     }
 }
 
 impl SceneFile {
     /// Without the supplement: what other viewers show.
     pub fn into_base(self) -> SceneFile {
-        Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None }.into()
+        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None };
+        SceneFile { antialiased: self.antialiased, ..scene.into() }
     }
 }
 
@@ -46,13 +49,16 @@ impl SceneFile {
 pub enum SceneFormat {
     /// All there is, bit for bit.
     Ply,
+    /// Niantic's: all in few bits, compressed; 8 for what is not a position.
+    Spz,
     /// `.splat`: the constant harmonic alone, bytes for all but positions and scales.
     Splat,
 }
 
 impl SceneFormat {
     /// All, with the endings of their names.
-    pub const ALL: [(&str, SceneFormat); 2] = [("ply", SceneFormat::Ply), ("splat", SceneFormat::Splat)];
+    pub const ALL: [(&str, SceneFormat); 3] =
+        [("ply", SceneFormat::Ply), ("splat", SceneFormat::Splat), ("spz", SceneFormat::Spz)];
 
     /// What `path` is called.
     pub fn of(path: &Path) -> Option<SceneFormat> {
@@ -105,6 +111,7 @@ fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()>
     let bytes = match format {
         SceneFormat::Ply => return ply::write_scene(path, &file.scene),
         SceneFormat::Splat => formats::write_splat(base),
+        SceneFormat::Spz => formats::write_spz(base, file.antialiased, path)?,
     };
     write_whole(path, |out| out.write_all(&bytes))
 }
@@ -183,9 +190,14 @@ fn open(path: &Path) -> Result<(SceneFile, bool)> {
 #[cfg(feature = "formats")]
 fn parse_other(kind: Kind, bytes: &[u8], path: &Path) -> Result<Option<SceneFile>> {
     use super::formats;
-    let plain = |base| Some(Scene { base, supplement: None }.into());
-    Ok(match kind {
+    let plain = |base| Scene { base, supplement: None }.into();
+    Ok(Some(match kind {
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
-        _ => None,
-    })
+        // Version 3 and before are gzip data.
+        Kind::Spz | Kind::Gzip => {
+            let (base, antialiased) = formats::parse_spz(bytes, path)?;
+            SceneFile { antialiased, ..plain(base) }
+        }
+        _ => return Ok(None),
+    }))
 }

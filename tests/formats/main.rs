@@ -1,6 +1,9 @@
 //! Scene files other than PLY: what comes back, bytes written by hand, damage, and how renders of real scenes fare.
 
+#[path = "../common/shared.rs"]
+mod shared;
 mod splat;
+mod spz;
 
 use std::{fs, path::Path};
 
@@ -9,6 +12,7 @@ use glint::{
     reference::sample::random_scene,
     scene::{Gaussians, Scene},
 };
+use shared::shared;
 
 /// Gaussians like those of a trained scene, without a supplement.
 fn sample(seed: u64, count: usize, sh_degree: u32) -> Scene {
