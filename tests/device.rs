@@ -112,6 +112,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
             pixels: 64 / gpu.info().subgroup_size,
             background_image: false,
             median: false,
+            occluded: false,
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())
     };

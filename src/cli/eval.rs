@@ -42,7 +42,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// PLY scene
+    /// Scene
     scene: PathBuf,
     /// Folder or JSON file of the dataset
     dataset: PathBuf,

@@ -5,14 +5,14 @@ use serde::Serialize;
 use super::{Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
-    data::{DatasetOptions, Kind},
+    data::{DatasetOptions, Kind, is_scene_folder},
     report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
 };
 
 /// Show what a scene or a dataset holds
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// PLY scene, or folder or JSON file of a dataset: told apart by its contents
+    /// Scene, or folder or JSON file of a dataset: told apart by its contents
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
     #[command(flatten)]
@@ -34,14 +34,18 @@ enum Found {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let path = &self.path;
-        let kind = if path.is_dir() { None } else { Some(Kind::of_file(path)?) };
+        let kind = match path.is_dir() {
+            true if is_scene_folder(path) => Some(Kind::Sog),
+            true => None,
+            false => Some(Kind::of_file(path)?),
+        };
         let found = match kind {
             None | Some(Kind::Json) => {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
-            Some(Kind::Ply) => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
+            Some(kind) if kind.may_be_scene() => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
             Some(other) => {
-                let what = format!("is {other}; expected a PLY file, a transforms.json or a folder with a dataset");
+                let what = format!("is {other}; expected a scene, a transforms.json or a folder with a dataset");
                 return Err(Error::input(path, what).into());
             }
         };

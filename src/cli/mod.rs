@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
+mod convert;
 mod dataset;
 mod demo;
 mod devices;
@@ -33,7 +34,7 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dropped, Split},
+    data::{self, Dropped, SceneFile, Split},
     gpu::{Context, ContextOptions, GpuError, Twin},
     pipelines::session::{Policy, Reduction, Session},
     reference,
@@ -50,6 +51,7 @@ Examples:
   glint eval augmented.ply garden          PSNR and SSIM of its test views
   glint render augmented.ply garden -o views
   glint info augmented.ply                 what is in the file
+  glint convert base.ply base.spz          to what other programs read
   glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
@@ -82,6 +84,7 @@ enum Command {
     Render(render::Args),
     Eval(eval::Args),
     Info(info::Args),
+    Convert(convert::Args),
     Report(report::Args),
     Synth(synth::Args),
     Devices(devices::Args),
@@ -121,6 +124,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => args.run(),
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
+        Command::Convert(args) => args.run(),
         Command::Report(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Devices(args) => args.run(),
@@ -288,27 +292,32 @@ struct SceneArgs {
 impl SceneArgs {
     /// Reads a scene.
     fn open(&self, path: &Path) -> Result<Scene> {
+        Ok(self.open_file(path)?.scene)
+    }
+
+    /// Reads a scene with what other viewers show.
+    fn open_file(&self, path: &Path) -> Result<SceneFile> {
         // Reading a folder would blame the machine.
-        if path.is_dir() {
-            let what = "is a folder, expected a PLY scene (the scene comes before the dataset)";
+        if path.is_dir() && !data::is_scene_folder(path) {
+            let what = "is a folder, expected a scene (the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
         if !self.lenient {
-            return data::read_scene(path).map_err(|error| match error {
+            return data::read_scene_file(path).map_err(|error| match error {
                 Error::Input { path, what } if what.starts_with("row ") => {
                     Error::input(path, format!("{what} (--lenient drops such Gaussians)"))
                 }
                 error => error,
             });
         }
-        let (scene, Dropped { base, supplementary, first }) = data::read_scene_leniently(path)?;
+        let (file, Dropped { base, supplementary, first }) = data::read_scene_file_leniently(path)?;
         if let Some(first) = first {
-            let all = scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
+            let all = file.scene.base.len() + file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
             let dropped = base + supplementary;
             let path = path.display();
             note(format!("{path}: {dropped} of {} Gaussians dropped, the first for this: {first}", all + dropped));
         }
-        Ok(scene)
+        Ok(file)
     }
 }
 

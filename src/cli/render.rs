@@ -49,7 +49,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// PLY scene
+    /// Scene
     scene: PathBuf,
     /// Folder or JSON file of the dataset whose cameras are used
     dataset: PathBuf,

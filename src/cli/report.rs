@@ -56,7 +56,7 @@ fn parse_named(text: &str) -> Result<Named, String> {
         Some((name, path)) if !name.is_empty() && !path.is_empty() => {
             Ok(Named { name: name.into(), path: path.into() })
         }
-        _ => Err("expected a name and a PLY scene, such as base=base.ply".into()),
+        _ => Err("expected a name and a scene, such as base=base.ply".into()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{colmap, images, ply, tensors, transforms};
+use super::{colmap, images, ply, scene_file, tensors, transforms};
 use crate::{Error, Result};
 
 /// A kind of file that glint reads.
@@ -47,7 +47,7 @@ impl FileKind {
             poses.iter().try_for_each(|pose| pose.rotation().map(drop)).map_err(|what| Error::input(path, what))
         };
         match self {
-            FileKind::PlyScene => ply::parse_scene(bytes, path).map(drop),
+            FileKind::PlyScene => scene_file::parse_ply(bytes, path).map(drop),
             FileKind::PlyPoints => ply::parse_points(bytes, path).map(drop),
             FileKind::ColmapCamerasBin => colmap::cameras_binary(bytes, path).map(drop),
             FileKind::ColmapCamerasTxt => colmap::cameras_text(bytes, path).map(drop),

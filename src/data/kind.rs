@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::scene_file::SOG_META;
 use crate::{Error, Result};
 
 /// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
@@ -13,12 +14,19 @@ pub enum Kind {
     Ply,
     /// Something in braces: a transforms.json, perhaps.
     Json,
+    /// An SPZ scene.
     Spz,
     /// The name says so too: the rows have no mark.
     Splat,
+    /// A scene of mkkellogg's viewer; the name says so.
     Ksplat,
+    /// The `meta.json` of an SOG scene in a folder; the name says so.
+    Sog,
+    /// An archive: of an SOG scene, perhaps.
     Zip,
+    /// A compressed stream: an SPZ scene under another name, perhaps.
     Gzip,
+    /// Binary, or in JSON if the name says so.
     Gltf,
     Safetensors,
     Exr,
@@ -54,6 +62,8 @@ impl Kind {
             | [b'M', b'M', 0, 42, ..]
             | [b'B', b'M', ..] => Kind::Image,
             [_, _, _, _, _, _, 0, 0, b'{', ..] => Kind::Safetensors,
+            _ if text.starts_with(b"{") && ending("gltf") => Kind::Gltf,
+            _ if text.starts_with(b"{") && path.file_name().is_some_and(|name| name == SOG_META) => Kind::Sog,
             _ if text.starts_with(b"{") => Kind::Json,
             _ if ending("splat") => Kind::Splat,
             _ if ending("ksplat") => Kind::Ksplat,
@@ -70,17 +80,37 @@ impl Kind {
     }
 }
 
+impl Kind {
+    /// Whether a scene can be in such a file, and this build reads it.
+    pub fn may_be_scene(self) -> bool {
+        let other = matches!(self, Kind::Spz | Kind::Splat | Kind::Sog | Kind::Zip | Kind::Gzip | Kind::Gltf);
+        self == Kind::Ply || (other && cfg!(feature = "formats"))
+    }
+
+    /// What to say after that it is not read, if anything.
+    pub(super) fn advice(self) -> &'static str {
+        match self {
+            Kind::Ksplat => "; export it as PLY",
+            Kind::Spz | Kind::Splat | Kind::Sog | Kind::Zip | Kind::Gzip | Kind::Gltf if !self.may_be_scene() => {
+                "; this build of glint reads PLY scenes only"
+            }
+            _ => "",
+        }
+    }
+}
+
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Kind::Ply => "a PLY file",
             Kind::Json => "a JSON file",
-            Kind::Spz => "an SPZ scene, which is not read (export it as PLY)",
-            Kind::Splat => "a .splat scene, which is not read (export it as PLY)",
-            Kind::Ksplat => "a .ksplat scene, which is not read (export it as PLY)",
-            Kind::Zip => "a ZIP archive (an SOG scene is one), which is not read",
-            Kind::Gzip => "gzip data (an SPZ scene is), which is not read",
-            Kind::Gltf => "a glTF model, which is not read",
+            Kind::Spz => "an SPZ scene",
+            Kind::Splat => "a .splat scene",
+            Kind::Ksplat => "a .ksplat scene",
+            Kind::Sog => "the description of an SOG scene",
+            Kind::Zip => "a ZIP archive",
+            Kind::Gzip => "gzip data",
+            Kind::Gltf => "a glTF model",
             Kind::Safetensors => "a safetensors file",
             Kind::Exr => "an EXR image",
             Kind::Image => "an image",
@@ -107,6 +137,8 @@ mod tests {
         is(b"\x1f\x8b\x08", "a.tgz", Kind::Gzip);
         is(b"PK\x03\x04", "a.sog", Kind::Zip);
         is(b"glTF", "a.glb", Kind::Gltf);
+        is(b" {\"asset\"", "a.gltf", Kind::Gltf);
+        is(b"{\"version\"", "folder/meta.json", Kind::Sog);
         is(b"\x76\x2f\x31\x01", "a", Kind::Exr);
         for image in [&b"\x89PNG"[..], b"\xff\xd8\xff\xe0", b"RIFF\0\0\0\0WEBP", b"II*\0", b"MM\0*", b"BM6"] {
             is(image, "a", Kind::Image);

@@ -1,42 +1,82 @@
 //! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
 
+#[cfg(feature = "train")]
 mod assemble;
+#[cfg(feature = "train")]
 mod atomic;
+#[cfg(feature = "train")]
 pub mod builtin;
+#[cfg(feature = "train")]
 mod check;
+#[cfg(feature = "train")]
 mod colmap;
+#[cfg(feature = "train")]
 mod dataset;
+#[cfg(feature = "formats")]
+mod formats;
+#[cfg(feature = "train")]
 mod images;
 mod kind;
+#[cfg(feature = "train")]
 mod lens;
+#[cfg(feature = "train")]
 mod lists;
+#[cfg(feature = "train")]
 mod names;
+#[cfg(feature = "train")]
 mod places;
 pub mod ply;
 mod ply_format;
+#[cfg(feature = "train")]
+mod ply_write;
+#[cfg(feature = "train")]
 mod reduce;
+#[cfg(feature = "train")]
 mod region;
+mod scene_file;
+#[cfg(feature = "train")]
 mod sector;
+#[cfg(feature = "train")]
 mod shot;
 mod sound;
+#[cfg(feature = "train")]
 pub mod tensors;
+#[cfg(feature = "train")]
 mod transforms;
+#[cfg(feature = "train")]
 mod write;
 
+#[cfg(feature = "train")]
 pub use atomic::sweep;
+#[cfg(feature = "train")]
 pub use check::FileKind;
+#[cfg(feature = "train")]
 pub use dataset::{
     Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split,
     load_photos,
 };
+#[cfg(feature = "train")]
 pub use images::Image;
 pub use kind::Kind;
+#[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
-pub use ply::{PointCloud, read_points, read_scene, read_scene_leniently, scene_bytes, write_augmented, write_scene};
+pub use ply::{PointCloud, read_points};
+#[cfg(feature = "train")]
+pub use ply_write::{scene_bytes, write_augmented, write_scene};
+#[cfg(feature = "train")]
 pub use reduce::Reduce;
+#[cfg(feature = "train")]
 pub use region::{Focus, NEAR};
+#[cfg(feature = "train")]
+pub use scene_file::write_scene_file;
+pub use scene_file::{
+    SceneFile, SceneFormat, is_scene_folder, read_scene, read_scene_file, read_scene_file_leniently,
+    read_scene_leniently,
+};
 pub use sound::Dropped;
+#[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
+#[cfg(feature = "train")]
 pub use write::{
     to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,
 };

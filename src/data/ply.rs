@@ -12,12 +12,10 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 
-use super::atomic::write_whole;
 use super::ply_format::{Element, Ply};
-use super::sound::{self, Dropped};
+use super::scene_file::SceneFile;
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -32,7 +30,8 @@ pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
 pub(super) const LEARNED: &str = "learned";
 /// Before the lines of a header that other readers need not know.
-const ANNOUNCED: &str = "comment glint ";
+#[cfg(feature = "train")]
+pub(super) const ANNOUNCED: &str = "comment glint ";
 pub(super) const LOBE: [&str; 5] = ["lobe_x", "lobe_y", "lobe_z", "lobe_width", "lobe_sharpness"];
 
 /// Everything but f_rest, in the order of [`Columns::fixed`].
@@ -41,155 +40,9 @@ pub(super) const FIXED: [&str; 14] = [
     "rot_3",
 ];
 
-/// Reads a 3DGS scene, with its supplement if it has one. Properties may have any order and any numeric type; those that are
-/// not known, and unknown elements, are skipped. Numbers must be finite in 32 bits and rotations not zero.
-pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    parse_scene(&bytes, path)
-}
-
-/// Reads what is sound of a 3DGS scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
-/// [`read_scene`] refuses; here they are dropped and counted.
-pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let mut scene = parse_rows(&bytes, path)?;
-    let dropped = sound::drop_faults(&mut scene);
-    Ok((scene, dropped))
-}
-
-/// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
-/// Every float comes back bit for bit. The file appears whole or not at all.
-pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
-    write_augmented(path, &scene.base, scene)
-}
-
-/// Writes `scene`, whose base begins with what became of `original`: other viewers show `original`, [`read_scene`] gives `scene`.
-///
-/// # Errors
-/// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.
-pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Scene) -> Result<()> {
-    let path = path.as_ref();
-    let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
-    sound::check(scene).map_err(refuse)?;
-    if scene.supplement.as_ref().is_some_and(|s| s.gaussians.sh_degree != scene.base.sh_degree) {
-        return Err(refuse("the supplement has another SH degree than the base".into()));
-    }
-    if original.len() > scene.base.len() || original.sh_degree != scene.base.sh_degree {
-        return Err(refuse("it does not begin with the Gaussians of the original".into()));
-    }
-    let vertex = Rows::whole(original, None);
-    let learned = Rows::changed(original, &scene.base);
-    let supplement = scene.supplement.as_ref().map(|s| Rows::whole(&s.gaussians, Some(&s.lobes)));
-    let elements = [(BASE, Some(vertex)), (SUPPLEMENT, supplement), (LEARNED, learned)];
-    write_whole(path, |file| {
-        writeln!(file, "ply\nformat binary_little_endian 1.0")?;
-        for (name, rows) in &elements {
-            let prefix = if *name == BASE { "" } else { ANNOUNCED };
-            rows.iter().try_for_each(|rows| rows.write_header(file, prefix, name))?;
-        }
-        writeln!(file, "end_header")?;
-        elements.iter().filter_map(|(_, rows)| rows.as_ref()).try_for_each(|rows| rows.write(file))
-    })
-}
-
-/// Bytes of the file that [`write_scene`] makes of so many base and supplementary Gaussians, but for its header of 2 KB.
-pub fn scene_bytes(base: u64, supplementary: u64, sh_degree: u32) -> u64 {
-    // Normals are written too; the constant band is among the fixed.
-    let row = FIXED.len() as u64 + 3 + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1);
-    4 * (base * row + supplementary * (row + LOBE.len() as u64))
-}
-
-/// An element that is to be written.
-struct Rows<'a> {
-    gaussians: &'a Gaussians,
-    lobes: Option<&'a Lobes>,
-    /// Which of [`FIXED`].
-    fixed: Vec<usize>,
-    /// f_rest_*, channel-major.
-    rest: bool,
-    /// nx ny nz, all 0, as the reference trainer writes them.
-    normals: bool,
-}
-
-impl<'a> Rows<'a> {
-    fn whole(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>) -> Self {
-        Rows { gaussians, lobes, fixed: (0..FIXED.len()).collect(), rest: true, normals: true }
-    }
-
-    /// What `now` has that `before` has not; `None` where they are the same.
-    fn changed(before: &Gaussians, now: &'a Gaussians) -> Option<Self> {
-        let (kept, more) = (before.len(), now.len() > before.len());
-        let differs = |p: usize| (0..kept).any(|i| fixed(before, i)[p].to_bits() != fixed(now, i)[p].to_bits());
-        let bits = |g: &Gaussians, i: usize| bands(g, i).iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
-        let rest = (0..kept).any(|i| bits(before, i) != bits(now, i))
-            || (kept..now.len()).any(|i| bits(now, i).iter().any(|&bits| bits != 0));
-        let fixed: Vec<usize> = (0..FIXED.len()).filter(|&p| more || differs(p)).collect();
-        (rest || !fixed.is_empty()).then_some(Rows { gaussians: now, lobes: None, fixed, rest, normals: false })
-    }
-
-    fn write_header(&self, file: &mut impl Write, prefix: &str, name: &str) -> std::io::Result<()> {
-        writeln!(file, "{prefix}element {name} {}", self.gaussians.len())?;
-        let mut property = |name: &str| writeln!(file, "{prefix}property float {name}");
-        let (head, tail): (Vec<usize>, Vec<usize>) = self.fixed.iter().partition(|&&p| p < DC);
-        head.into_iter().try_for_each(|p| property(FIXED[p]))?;
-        if self.normals {
-            ["nx", "ny", "nz"].into_iter().try_for_each(&mut property)?;
-        }
-        tail.iter().filter(|&&p| p < SHAPE).try_for_each(|&p| property(FIXED[p]))?;
-        if self.rest {
-            (0..3 * (self.gaussians.sh_coefficients() - 1)).try_for_each(|i| property(&format!("f_rest_{i}")))?;
-        }
-        tail.iter().filter(|&&p| p >= SHAPE).try_for_each(|&p| property(FIXED[p]))?;
-        self.lobes.map_or(Ok(()), |_| LOBE.into_iter().try_for_each(&mut property))
-    }
-
-    fn write(&self, file: &mut impl Write) -> std::io::Result<()> {
-        let mut row: Vec<f32> = Vec::new();
-        let mut bytes: Vec<u8> = Vec::new();
-        for i in 0..self.gaussians.len() {
-            let values = fixed(self.gaussians, i);
-            row.clear();
-            row.extend(self.fixed.iter().filter(|&&p| p < DC).map(|&p| values[p]));
-            if self.normals {
-                row.extend([0.0; 3]);
-            }
-            row.extend(self.fixed.iter().filter(|&&p| (DC..SHAPE).contains(&p)).map(|&p| values[p]));
-            if self.rest {
-                for channel in 0..3 {
-                    row.extend(bands(self.gaussians, i).iter().map(|rgb| rgb[channel]));
-                }
-            }
-            row.extend(self.fixed.iter().filter(|&&p| p >= SHAPE).map(|&p| values[p]));
-            if let Some(lobes) = self.lobes {
-                row.extend(lobes.directions[i]);
-                row.extend([lobes.widths[i], lobes.sharpness[i]]);
-            }
-            bytes.clear();
-            bytes.extend(row.iter().flat_map(|value| value.to_le_bytes()));
-            file.write_all(&bytes)?;
-        }
-        Ok(())
-    }
-}
-
 /// Where f_dc_* and where opacity, scales and rotation begin in [`FIXED`].
-const DC: usize = 3;
-const SHAPE: usize = 6;
-
-/// The values of [`FIXED`].
-fn fixed(gaussians: &Gaussians, i: usize) -> [f32; FIXED.len()] {
-    let ([x, y, z], [r, g, b]) = (gaussians.means[i], gaussians.sh[i * gaussians.sh_coefficients()]);
-    let ([sx, sy, sz], [qw, qx, qy, qz]) = (gaussians.log_scales[i], gaussians.quats[i]);
-    [x, y, z, r, g, b, gaussians.opacities[i], sx, sy, sz, qw, qx, qy, qz]
-}
-
-/// The coefficients above the constant one.
-fn bands(gaussians: &Gaussians, i: usize) -> &[[f32; 3]] {
-    let k = gaussians.sh_coefficients();
-    &gaussians.sh[i * k + 1..(i + 1) * k]
-}
+pub(super) const DC: usize = 3;
+pub(super) const SHAPE: usize = 6;
 
 /// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
 /// if none is larger. Points without colour are mid grey.
@@ -367,15 +220,9 @@ impl LearnedColumns {
     }
 }
 
-/// `path` is only named in errors.
-pub(super) fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
-    let scene = parse_rows(bytes, path)?;
-    sound::check(&scene).map_err(|what| Error::input(path, what))?;
-    Ok(scene)
-}
-
-/// The scene, whatever its numbers are.
-fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
+/// A 3DGS scene, with its supplement if it has one, whatever its numbers are. Properties may have any order and any numeric type;
+/// those that are not known, and unknown elements, are skipped. `path` is only named in errors.
+pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     if let Some(kind) = describe_non_splats(&ply) {
@@ -406,10 +253,13 @@ fn parse_rows(bytes: &[u8], path: &Path) -> Result<Scene> {
         }
         Ok(())
     })?;
+    let mut shown = None;
     if let Some(columns) = learned_columns {
+        shown = Some(base.clone());
         columns.apply(&learned, &mut base).map_err(fail)?;
     }
-    Ok(Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) })
+    let scene = Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) };
+    Ok(SceneFile { shown, ..scene.into() })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -425,11 +275,17 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
     Some(if ply.element("face").is_some() { "a mesh" } else { "a point cloud" })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "train"))]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::data::ply_write::*;
+    use crate::data::sound;
+    use crate::data::{
+        Dropped,
+        scene_file::{parse_ply, read_scene, read_scene_leniently},
+    };
 
     /// Numbers that no order or channel swap can confuse.
     fn gaussians(n: usize, sh_degree: u32, seed: f32) -> Gaussians {
@@ -475,7 +331,7 @@ mod tests {
     }
 
     fn error(bytes: &[u8]) -> String {
-        parse_scene(bytes, Path::new("scene.ply")).unwrap_err().to_string()
+        parse_ply(bytes, Path::new("scene.ply")).unwrap_err().to_string()
     }
 
     #[track_caller]
@@ -571,7 +427,7 @@ mod tests {
             let bytes = fs::read(&path).unwrap();
             // A reader that does not know the comment.
             let strange = header_with(&bytes, "comment glint element learned", "comment glint element unknown");
-            assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
+            assert_eq!(parse_ply(&strange, &path).unwrap().base, original.base);
             bytes.len()
         };
         let same = bytes(&original);
@@ -635,15 +491,15 @@ mod tests {
         let (whole, path) = (scene(1, true), Path::new("a.ply"));
         let bytes = written(&whole);
         let declared = header_with(&bytes, "comment glint ", "");
-        assert_eq!(parse_scene(&declared, path).unwrap(), whole);
+        assert_eq!(parse_ply(&declared, path).unwrap(), whole);
         let gone = &bytes[..bytes.len() - scene_bytes(0, 2, 1) as usize];
-        assert_eq!(parse_scene(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
+        assert_eq!(parse_ply(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
         // A tool has put the comments first.
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
         let (comments, others): (Vec<&str>, Vec<&str>) = header.lines().partition(|line| line.starts_with("comment"));
         let lines = [&others[..2], &comments, &others[2..]].concat().join("\n") + "\n";
-        assert_eq!(parse_scene(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
+        assert_eq!(parse_ply(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
         // Part of it is no block, and other comments are comments.
         expect(&bytes[..bytes.len() - 1], &["`augmented`", "1 bytes too few"]);
         let head = "ply\nformat ascii 1.0\ncomment glint\ncomment glint was here\n";
@@ -654,7 +510,7 @@ mod tests {
         let text = String::from_utf8(text).unwrap();
         let more = "comment glint element augmented 3\ncomment glint property float x\nend_header\n";
         let gone = text.replace("end_header\n", more);
-        assert_eq!(parse_scene(gone.as_bytes(), path).unwrap(), expected);
+        assert_eq!(parse_ply(gone.as_bytes(), path).unwrap(), expected);
     }
 
     #[test]
@@ -687,7 +543,7 @@ mod tests {
     fn any_order_type_and_encoding_is_read_and_strangers_are_skipped() {
         for big_endian in [false, true] {
             let (bytes, expected) = ascii(big_endian);
-            assert_eq!(parse_scene(&bytes, Path::new("a.ply")).unwrap(), expected);
+            assert_eq!(parse_ply(&bytes, Path::new("a.ply")).unwrap(), expected);
         }
     }
 
@@ -910,7 +766,7 @@ mod tests {
             if cut < 0.5 {
                 bytes.truncate((cut * 2.0 * bytes.len() as f64) as usize);
             }
-            let _ = parse_scene(&bytes, Path::new("a.ply"));
+            let _ = parse_ply(&bytes, Path::new("a.ply"));
             let _ = parse_points(&bytes, Path::new("a.ply"));
         }
     }

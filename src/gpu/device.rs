@@ -18,8 +18,8 @@ const LANES: [u32; 2] = [8, 64];
 pub(super) const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
 
 /// What makes the lanes of a subgroup meet again after a branch that parted them: subgroup operations rely on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "train", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Reconvergence {
     /// `VK_KHR_shader_maximal_reconvergence`.
     Maximal,
@@ -32,7 +32,8 @@ pub enum Reconvergence {
 }
 
 /// What is known of a physical device, and how kernels run on it.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "train", derive(serde::Serialize))]
 pub struct DeviceInfo {
     /// As the driver has it.
     pub name: String,

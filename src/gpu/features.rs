@@ -6,8 +6,8 @@ use std::{collections::BTreeSet, ffi::CStr};
 use ash::{ext, khr, vk};
 
 /// A device feature, named as Vulkan names it. glsl/generate.rs finds which a kernel needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "train", derive(serde::Serialize), serde(rename_all = "camelCase"))]
 pub enum Feature {
     ScalarBlockLayout,
     HostQueryReset,

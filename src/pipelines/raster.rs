@@ -616,12 +616,14 @@ impl Raster {
         }
     }
 
+    #[cfg(feature = "train")]
     /// Gaussian index by depth rank.
     pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
         [&self.buffers.global_from_rank, &self.buffers.global_from_rank_1][self.depth_sort.last_pair()]
     }
 
     /// Tiles of the sorted intersections.
+    #[cfg(feature = "train")]
     pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
         [&self.isects.isect_keys, &self.isects.isect_tiles][self.tile_sort.last_pair()]
     }
@@ -630,6 +632,7 @@ impl Raster {
         [&self.isects.isect_slots, &self.isects.isect_slots_1][self.tile_sort.last_pair()]
     }
 
+    #[cfg(feature = "train")]
     pub(crate) fn global_from_slot(&self) -> &Buffer<u32> {
         &self.isects.global_from_slot
     }

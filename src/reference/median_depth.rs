@@ -55,7 +55,7 @@ fn maximum_response(params: &Params, view: &View, i: usize, u: f64, v: f64) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::{Background, Options, random_camera, random_scene, render};
+    use crate::reference::{Background, NEAR, Options, random_camera, random_scene, render};
 
     /// Samples the 3D Gaussian along the ray and looks for its maximum by ternary search: log density is a parabola.
     #[test]

@@ -1,0 +1,316 @@
+//! SPZ of Niantic: attributes one after the other, as bytes, compressed.
+//!
+//! Source: nianticlabs/spz, README.md, extensions/README.md and load-spz.cc. Versions 1 to 3 are one gzip stream: a header of 16 bytes,
+//! the attributes, records of extensions. Version 4 has a header of 32 bytes, records of extensions, a table of the streams' sizes and a
+//! zstd stream for each attribute. Per Gaussian, little-endian:
+//!
+//! - position, 9 bytes: three signed 24-bit numbers over 2^(bits of the header); in version 1 three float16
+//! - opacity, 1 byte: 255 σ(logit)
+//! - colour, 3 bytes: 255 (0.15 coefficient + 0.5), so wider than 0 to 1
+//! - scale, 3 bytes: 16 (logarithm + 10)
+//! - rotation, up to version 2, 3 bytes: x, y, z as 127.5 (q + 1), w ≥ 0 follows from them; since version 3, 4 bytes: which of x, y, z, w
+//!   is the largest (2 bits), and of each other a sign and 511 √2 |q|, the last in the low bits
+//! - harmonics above the constant one, 3 bytes a coefficient (RGB): 128 coefficient + 128
+//!
+//! The frame is x right, y up, z back, unless an extension says otherwise.
+
+use std::path::Path;
+
+use super::axes::{self, Signs, Y_UP_Z_BACK};
+use super::{inflate, name, quantise, room};
+use crate::scene::Gaussians;
+use crate::{Error, Result};
+
+const MAGIC: [u8; 4] = *b"NGSP";
+/// The version that is written.
+const VERSION: u32 = 4;
+/// Header of versions up to 3, and of 4.
+const LEGACY_HEADER: usize = 16;
+const HEADER: usize = 32;
+/// Of the table of streams: two 64-bit numbers.
+const TABLE_ROW: usize = 16;
+const ANTIALIASED: u8 = 1;
+const HAS_EXTENSIONS: u8 = 2;
+/// Adobe's extension that names the frame: 1 to 8, less 1 the bits x right, y up, z front.
+const FRAME_EXTENSION: u32 = 0xADBE_0003;
+/// What the colour's coefficient is multiplied by, so that colours beyond 0 to 1 have room.
+const COLOUR: f64 = 0.15;
+/// Range of a position's number.
+const FIXED: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
+/// No more bits than these after the point, however small the scene is: an application shifts a 32-bit 1 by them.
+const MOST_FRACTION_BITS: u8 = 24;
+/// What zstd is told: the usual level of an archive that is written once and read often.
+const LEVEL: i32 = 12;
+
+/// Attributes in the order of the file.
+const NAMES: [&str; 6] = ["positions", "opacities", "colours", "scales", "rotations", "harmonics"];
+
+#[derive(Debug, Clone, Copy)]
+struct Header {
+    version: u32,
+    count: u32,
+    sh_degree: u8,
+    fraction_bits: u8,
+    flags: u8,
+}
+
+impl Header {
+    /// What both headers begin with; `bytes` has 16.
+    fn parse(bytes: &[u8]) -> Result<Header, String> {
+        if bytes[..4] != MAGIC {
+            return Err("is not an SPZ scene: it does not begin with `NGSP`".into());
+        }
+        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        let header = Header {
+            version: word(4),
+            count: word(8),
+            sh_degree: bytes[12],
+            fraction_bits: bytes[13],
+            flags: bytes[14],
+        };
+        if header.sh_degree > 3 {
+            return Err(format!("has SH degree {}; 0 to 3 are known", header.sh_degree));
+        }
+        if header.fraction_bits > 31 {
+            return Err(format!("has positions of {} fractional bits, expected 0 to 31", header.fraction_bits));
+        }
+        Ok(header)
+    }
+
+    fn has(&self, flag: u8) -> bool {
+        self.flags & flag != 0
+    }
+
+    /// Bytes of each attribute of a Gaussian.
+    fn widths(&self) -> [u64; 6] {
+        let harmonics = 3 * ((u64::from(self.sh_degree) + 1).pow(2) - 1);
+        [if self.version == 1 { 6 } else { 9 }, 1, 3, 3, if self.version < 3 { 3 } else { 4 }, harmonics]
+    }
+
+    /// Bytes of each attribute of all, if a file of `have` bytes can hold as many.
+    fn sizes(&self, have: usize) -> Result<[usize; 6], String> {
+        let sizes = self.widths().map(|width| width * u64::from(self.count));
+        inflate::check_promise(have, sizes.iter().sum(), &format!("{} Gaussians", self.count))?;
+        Ok(sizes.map(|size| size as usize))
+    }
+}
+
+/// The Gaussians, and whether they were trained with antialiasing. `path` is only named in errors.
+pub(in crate::data) fn parse(bytes: &[u8], path: &Path) -> Result<(Gaussians, bool)> {
+    let parsed = if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) };
+    parsed.map_err(|what| Error::input(path, what))
+}
+
+/// Versions 1 to 3.
+fn parse_legacy(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
+    let (start, _) = inflate::gzip(bytes, LEGACY_HEADER as u64)?;
+    if start.len() < LEGACY_HEADER {
+        return Err(format!(
+            "is gzip data of {} bytes, expected an SPZ scene's header of {LEGACY_HEADER}",
+            start.len()
+        ));
+    }
+    let header = Header::parse(&start)?;
+    if !(1..=3).contains(&header.version) {
+        return Err(format!("is SPZ version {} in a gzip stream, expected 1 to 3", header.version));
+    }
+    let sizes = header.sizes(bytes.len())?;
+    let expected = LEGACY_HEADER + sizes.iter().sum::<usize>();
+    let (all, more) = inflate::gzip(bytes, expected as u64)?;
+    if all.len() < expected {
+        let (have, count) = (all.len(), header.count);
+        return Err(format!("has {have} bytes once inflated, expected {expected} of the header's {count} Gaussians"));
+    }
+    if more && !header.has(HAS_EXTENSIONS) {
+        return Err(format!("has more than the {expected} bytes of the header's {} Gaussians", header.count));
+    }
+    let mut rest = &all[LEGACY_HEADER..];
+    let attributes = sizes.map(|size| {
+        let (taken, left) = rest.split_at(size);
+        rest = left;
+        taken
+    });
+    Ok((decode(header, attributes, Y_UP_Z_BACK), header.has(ANTIALIASED)))
+}
+
+/// Version 4.
+fn parse_streams(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
+    if bytes.len() < HEADER {
+        return Err(format!("is an SPZ scene of {} bytes, expected a header of {HEADER}", bytes.len()));
+    }
+    let header = Header::parse(bytes)?;
+    if header.version != 4 {
+        return Err(format!("is SPZ version {}; 1 to 3 (in gzip streams) and 4 are known", header.version));
+    }
+    let sizes = header.sizes(bytes.len())?;
+    let wanted: Vec<usize> = (0..NAMES.len()).filter(|&i| sizes[i] > 0).collect();
+    let streams = usize::from(bytes[15]);
+    if streams != wanted.len() {
+        let degree = header.sh_degree;
+        return Err(format!("has {streams} streams, expected {} of SH degree {degree}", wanted.len()));
+    }
+    let table = u32::from_le_bytes([bytes[16], bytes[17], bytes[18], bytes[19]]) as usize;
+    let end = table.saturating_add(TABLE_ROW * streams);
+    if table < HEADER || end > bytes.len() {
+        return Err(format!("has its table of streams at byte {table}, expected {HEADER} or more and within the file"));
+    }
+    let frame = if header.has(HAS_EXTENSIONS) { frame(&bytes[HEADER..table])? } else { Y_UP_Z_BACK };
+    let mut attributes: [Vec<u8>; 6] = Default::default();
+    let mut rest = &bytes[end..];
+    for (&i, row) in wanted.iter().zip(bytes[table..end].chunks_exact(TABLE_ROW)) {
+        let number = |at: usize| row[at..at + 8].iter().rev().fold(0u64, |n, &b| n << 8 | u64::from(b));
+        let (packed, whole) = (number(0), number(8));
+        if whole != sizes[i] as u64 {
+            let (name, count) = (NAMES[i], header.count);
+            return Err(format!("has {whole} bytes of {name}, expected {} of {count} Gaussians", sizes[i]));
+        }
+        let split = usize::try_from(packed).ok().and_then(|packed| rest.split_at_checked(packed));
+        let Some((taken, left)) = split else {
+            return Err(format!("ends in its stream of {}, which has {packed} bytes, not {}", NAMES[i], rest.len()));
+        };
+        rest = left;
+        attributes[i] = inflate::zstd(taken, sizes[i], NAMES[i])?;
+    }
+    if !rest.is_empty() {
+        return Err(format!("has {} bytes behind its last stream", rest.len()));
+    }
+    Ok((decode(header, attributes.each_ref().map(Vec::as_slice), frame), header.has(ANTIALIASED)))
+}
+
+/// What the axes are to be multiplied by, as the extensions say.
+fn frame(mut records: &[u8]) -> Result<Signs, String> {
+    let mut found = Y_UP_Z_BACK;
+    while let Some((head, rest)) = records.split_first_chunk::<8>() {
+        let [a, b, c, d, e, f, g, h] = *head;
+        let (kind, length) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
+        let Some((payload, rest)) = rest.split_at_checked(length as usize) else {
+            return Err(format!("has an extension {kind:#x} of {length} bytes, but {} are left for it", rest.len()));
+        };
+        records = rest;
+        if kind == FRAME_EXTENSION {
+            let value = payload.first_chunk().map(|&bytes| u32::from_le_bytes(bytes));
+            found = match value {
+                Some(0) => Y_UP_Z_BACK,
+                Some(system @ 1..=8) => {
+                    let bit = |i: u32| (system - 1) >> i & 1 == 1;
+                    [(0, true), (1, false), (2, true)].map(|(i, same)| if bit(i) == same { 1.0 } else { -1.0 })
+                }
+                value => return Err(format!("has a frame {value:?} in extension {kind:#x}, expected 0 to 8")),
+            };
+        }
+    }
+    Ok(found)
+}
+
+/// Attributes have the header's sizes.
+fn decode(
+    header: Header,
+    [positions, opacities, colours, scales, rotations, harmonics]: [&[u8]; 6],
+    frame: Signs,
+) -> Gaussians {
+    let mut out = room(header.count as usize, u32::from(header.sh_degree));
+    let step = (-f64::from(header.fraction_bits)).exp2();
+    out.means.extend(positions.chunks_exact(header.widths()[0] as usize).map(|bytes| match bytes {
+        &[a, b, c, d, e, f] => [[a, b], [c, d], [e, f]].map(|half| half::f16::from_le_bytes(half).to_f32()),
+        bytes => [0, 3, 6].map(|at| {
+            // The sign is in the top of three bytes; one below makes it a 32-bit number's.
+            let fixed = i32::from_le_bytes([0, bytes[at], bytes[at + 1], bytes[at + 2]]) >> 8;
+            (f64::from(fixed) * step) as f32
+        }),
+    }));
+    out.opacities.extend(opacities.iter().map(|&b| quantise::opacity_logit(b)));
+    out.log_scales.extend(scales.as_chunks::<3>().0.iter().map(|rgb| rgb.map(|b| f32::from(b) / 16.0 - 10.0)));
+    out.quats.extend(rotations.chunks_exact(header.widths()[4] as usize).map(|bytes| match bytes {
+        &[x, y, z] => {
+            let [x, y, z] = [x, y, z].map(|b| f64::from(b) / 127.5 - 1.0);
+            let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+            [w, x, y, z].map(|v| v as f32)
+        }
+        bytes => rotation(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])),
+    }));
+    let higher = out.sh_coefficients() - 1;
+    for (i, rgb) in colours.as_chunks::<3>().0.iter().enumerate() {
+        out.sh.push(rgb.map(|b| ((f64::from(b) / 255.0 - 0.5) / COLOUR) as f32));
+        let rest = &harmonics.as_chunks::<3>().0[i * higher..(i + 1) * higher];
+        out.sh.extend(rest.iter().map(|rgb| rgb.map(|b| (f32::from(b) - 128.0) / 128.0)));
+    }
+    axes::flip(&mut out, frame);
+    out
+}
+
+/// Greatest magnitude of a component that is not the largest.
+const MAGNITUDE: f64 = 511.0 * std::f64::consts::SQRT_2;
+
+fn rotation(packed: u32) -> [f32; 4] {
+    // The last component is in the low bits.
+    let three = [20, 10, 0].map(|shift| {
+        let value = f64::from(packed >> shift & 511) / MAGNITUDE;
+        if packed >> shift & 512 == 0 { value } else { -value }
+    });
+    let [x, y, z, w] = quantise::from_smallest_three((packed >> 30) as usize, three);
+    [w, x, y, z]
+}
+
+fn pack_rotation([w, x, y, z]: [f32; 4]) -> u32 {
+    let (largest, three) = quantise::smallest_three([x, y, z, w]);
+    three.into_iter().fold(largest as u32, |packed, v| {
+        let magnitude = (MAGNITUDE * v.abs()).round().min(511.0) as u32;
+        packed << 10 | u32::from(v < 0.0) << 9 | magnitude
+    })
+}
+
+/// The file's bytes, in version 4.
+///
+/// # Errors
+/// [`Error::Usage`] where a position is beyond what 24 bits hold.
+pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
+    let mut turned = gaussians.clone();
+    axes::flip(&mut turned, Y_UP_Z_BACK);
+    let fraction_bits = fraction_bits(gaussians).map_err(|what| Error::Usage(format!("{}: {what}", name(path))))?;
+    let count = u32::try_from(gaussians.len())
+        .map_err(|_| Error::Usage(format!("{}: SPZ holds no more than {} Gaussians", name(path), u32::MAX)))?;
+    let streams = encode(&turned, fraction_bits);
+    let streams: Vec<&[u8]> = streams.iter().map(Vec::as_slice).filter(|stream| !stream.is_empty()).collect();
+    let fail = |error| Error::io(path, error);
+    let packed: Vec<Vec<u8>> =
+        streams.iter().map(|stream| zstd::bulk::compress(stream, LEVEL)).collect::<Result<_, _>>().map_err(fail)?;
+    let mut out = Vec::from(MAGIC);
+    out.extend([VERSION, count].into_iter().flat_map(u32::to_le_bytes));
+    let flags = if antialiased { ANTIALIASED } else { 0 };
+    out.extend([gaussians.sh_degree as u8, fraction_bits, flags, streams.len() as u8]);
+    out.extend((HEADER as u32).to_le_bytes());
+    out.resize(HEADER, 0);
+    for (stream, packed) in streams.iter().zip(&packed) {
+        out.extend([packed.len() as u64, stream.len() as u64].into_iter().flat_map(u64::to_le_bytes));
+    }
+    packed.iter().for_each(|packed| out.extend(packed));
+    Ok(out)
+}
+
+/// As many bits after the point as leave room for the farthest position.
+fn fraction_bits(gaussians: &Gaussians) -> Result<u8, String> {
+    let farthest = gaussians.means.iter().flatten().fold(0.0f64, |most, &v| most.max(f64::from(v).abs()));
+    let fits = |bits: &u8| (farthest * f64::from(*bits).exp2()).round() <= *FIXED.end();
+    (0..=MOST_FRACTION_BITS).rev().find(fits).ok_or_else(|| {
+        format!("a position of {farthest:e} is beyond what SPZ holds, ±{}; .ply and .glb hold it", FIXED.end())
+    })
+}
+
+fn encode(gaussians: &Gaussians, fraction_bits: u8) -> [Vec<u8>; 6] {
+    let one = f64::from(fraction_bits).exp2();
+    let fixed = |v: f32| {
+        let [a, b, c, _] = ((f64::from(v) * one).round().clamp(*FIXED.start(), *FIXED.end()) as i32).to_le_bytes();
+        [a, b, c]
+    };
+    let k = gaussians.sh_coefficients();
+    let constant = gaussians.sh.iter().step_by(k).flatten();
+    let higher = gaussians.sh.iter().enumerate().filter(|(i, _)| i % k > 0);
+    [
+        gaussians.means.iter().flatten().flat_map(|&v| fixed(v)).collect(),
+        gaussians.opacities.iter().map(|&v| quantise::opacity_byte(v)).collect(),
+        constant.map(|&v| quantise::byte(255.0 * (COLOUR * f64::from(v) + 0.5))).collect(),
+        gaussians.log_scales.iter().flatten().map(|&v| quantise::byte(16.0 * (f64::from(v) + 10.0))).collect(),
+        gaussians.quats.iter().flat_map(|&q| pack_rotation(q).to_le_bytes()).collect(),
+        higher.flat_map(|(_, &rgb)| rgb.map(|v| quantise::byte(128.0 * f64::from(v) + 128.0))).collect(),
+    ]
+}

@@ -1,0 +1,207 @@
+//! Scenes in files of any kind: the one place where it is decided by whom a file is read or written.
+
+use std::fs;
+#[cfg(feature = "formats")]
+use std::io::Write;
+use std::path::Path;
+
+use super::kind::Kind;
+use super::ply;
+#[cfg(feature = "train")]
+use super::ply_write;
+use super::sound::{self, Dropped};
+use crate::scene::{Gaussians, Scene};
+use crate::{Error, Result};
+
+/// What a folder with an SOG scene has.
+pub(super) const SOG_META: &str = "meta.json";
+
+/// Whether `path` is a folder with a scene.
+pub fn is_scene_folder(path: &Path) -> bool {
+    path.is_dir() && path.join(SOG_META).is_file()
+}
+
+/// A scene, and what viewers show that know nothing of its supplement.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SceneFile {
+    /// The base as it has learned together with the supplement.
+    pub scene: Scene,
+    /// The base for other viewers, where it is not that of the scene.
+    pub shown: Option<Gaussians>,
+    /// Whether the file says that Gaussians smaller than a pixel are to be faded (see `Policy::compensate`).
+    pub antialiased: bool,
+}
+
+impl From<Scene> for SceneFile {
+    fn from(scene: Scene) -> Self {
+        SceneFile { scene, shown: None, antialiased: false }
+    }
+}
+
+impl SceneFile {
+    /// Without the supplement: what other viewers show.
+    pub fn into_base(self) -> SceneFile {
+        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None };
+        SceneFile { antialiased: self.antialiased, ..scene.into() }
+    }
+}
+
+/// Kinds of files that scenes are written to, by the ending of their names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneFormat {
+    /// All there is, bit for bit.
+    Ply,
+    /// Niantic's: all in few bits, compressed; 8 for what is not a position.
+    Spz,
+    /// `.splat`: the constant harmonic alone, bytes for all but positions and scales.
+    Splat,
+}
+
+impl SceneFormat {
+    /// All, with the endings of their names.
+    pub const ALL: [(&str, SceneFormat); 3] =
+        [("ply", SceneFormat::Ply), ("splat", SceneFormat::Splat), ("spz", SceneFormat::Spz)];
+
+    /// What `path` is called.
+    pub fn of(path: &Path) -> Option<SceneFormat> {
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let named = |ending: &str| name.strip_suffix(ending).and_then(|stem| stem.strip_suffix('.')).is_some();
+        Self::ALL.into_iter().rev().find(|(ending, _)| named(ending)).map(|(_, format)| format)
+    }
+
+    /// Whether a supplement can be kept.
+    pub fn keeps_lobes(self) -> bool {
+        matches!(self, SceneFormat::Ply)
+    }
+
+    /// The greatest degree of harmonics that is kept.
+    pub fn greatest_sh_degree(self) -> u32 {
+        if self == SceneFormat::Splat { 0 } else { 3 }
+    }
+}
+
+#[cfg(feature = "train")]
+/// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Usage`] where the name has none of the endings, where the format has no room for the supplement that the scene has, and
+/// where a number is not finite.
+pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<()> {
+    let path = path.as_ref();
+    let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
+    let Some(format) = SceneFormat::of(path) else {
+        let endings: Vec<&str> = SceneFormat::ALL.iter().map(|(ending, _)| *ending).collect();
+        return refuse(format!("no scene is written under this name, expected the ending {}", endings.join(", ")));
+    };
+    let Scene { base, supplement } = &file.scene;
+    if format == SceneFormat::Ply {
+        return ply_write::write_augmented(path, file.shown.as_ref().unwrap_or(base), &file.scene);
+    }
+    if let (Some(supplement), false) = (supplement, format.keeps_lobes()) {
+        let lost = supplement.gaussians.len();
+        return refuse(format!("this format has no place for the scene's {lost} Gaussians with lobes"));
+    }
+    if let Err(what) = sound::check(&file.scene) {
+        return refuse(format!("this scene cannot be written: {what}"));
+    }
+    write_other(path, format, file)
+}
+
+#[cfg(feature = "formats")]
+fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()> {
+    use super::{atomic::write_whole, formats};
+    let base = &file.scene.base;
+    let bytes = match format {
+        SceneFormat::Ply => return ply_write::write_scene(path, &file.scene),
+        SceneFormat::Splat => formats::write_splat(base),
+        SceneFormat::Spz => formats::write_spz(base, file.antialiased, path)?,
+    };
+    write_whole(path, |out| out.write_all(&bytes))
+}
+
+#[cfg(all(feature = "train", not(feature = "formats")))]
+fn write_other(path: &Path, _: SceneFormat, _: &SceneFile) -> Result<()> {
+    Err(Error::Usage(format!("{}: this build of glint writes PLY scenes only", path.display())))
+}
+
+/// Reads a scene of any kind that glint knows, with its supplement if it has one. Numbers must be finite in 32 bits and rotations not
+/// zero.
+pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
+    Ok(read_scene_file(path)?.scene)
+}
+
+/// Reads what is sound of a scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
+/// [`read_scene`] refuses; here they are dropped and counted.
+pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
+    let (file, dropped) = read_scene_file_leniently(path)?;
+    Ok((file.scene, dropped))
+}
+
+/// As [`read_scene`], with what other viewers show.
+pub fn read_scene_file(path: impl AsRef<Path>) -> Result<SceneFile> {
+    let path = path.as_ref();
+    let (file, element) = open(path)?;
+    checked(file, element).map_err(|what| Error::input(path, what))
+}
+
+/// As [`read_scene_leniently`], with what other viewers show.
+pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, Dropped)> {
+    let (mut file, element) = open(path.as_ref())?;
+    let mut dropped = sound::drop_faults(&mut file.scene);
+    dropped.first = dropped.first.map(|what| named(what, element));
+    if let Some(shown) = file.shown {
+        // It goes with the scene row by row, so it is sound as a whole or of no use.
+        let shown = Scene { base: shown, supplement: None };
+        file.shown = (dropped.base == 0 && sound::check(&shown).is_ok()).then_some(shown.base);
+    }
+    Ok((file, dropped))
+}
+
+#[cfg(feature = "train")]
+/// The same of a PLY file's bytes. `path` is only named in errors.
+pub(super) fn parse_ply(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let file = ply::parse_rows(bytes, path)?;
+    Ok(checked(file, true).map_err(|what| Error::input(path, what))?.scene)
+}
+
+/// The file, if its numbers are sound.
+fn checked(file: SceneFile, element: bool) -> Result<SceneFile, String> {
+    sound::check(&file.scene).map_err(|what| named(what, element))?;
+    Ok(file)
+}
+
+/// What is wrong with a row, without the PLY element's name where the file has no elements.
+fn named(what: String, element: bool) -> String {
+    if element { what } else { what.replacen(&format!(" of element `{}`", ply::BASE), "", 1) }
+}
+
+/// The scene, whatever its numbers are, and whether its Gaussians are rows of PLY elements.
+fn open(path: &Path) -> Result<(SceneFile, bool)> {
+    let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let kind = Kind::of(&bytes, path);
+    #[cfg(feature = "formats")]
+    if let Some(gaussians) = parse_other(kind, &bytes, path)? {
+        return Ok((gaussians, false));
+    }
+    match kind {
+        Kind::Ply => Ok((ply::parse_rows(&bytes, path)?, true)),
+        kind => Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice()))),
+    }
+}
+
+/// Kinds other than PLY.
+#[cfg(feature = "formats")]
+fn parse_other(kind: Kind, bytes: &[u8], path: &Path) -> Result<Option<SceneFile>> {
+    use super::formats;
+    let plain = |base| Scene { base, supplement: None }.into();
+    Ok(Some(match kind {
+        Kind::Splat => plain(formats::parse_splat(bytes, path)?),
+        // Version 3 and before are gzip data.
+        Kind::Spz | Kind::Gzip => {
+            let (base, antialiased) = formats::parse_spz(bytes, path)?;
+            SceneFile { antialiased, ..plain(base) }
+        }
+        _ => return Ok(None),
+    }))
+}

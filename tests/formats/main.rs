@@ -1,0 +1,138 @@
+//! Scene files other than PLY: what comes back, bytes written by hand, damage, and how renders of real scenes fare.
+
+#[path = "../common/shared.rs"]
+mod shared;
+mod splat;
+mod spz;
+
+use std::{fs, path::Path};
+
+use glint::{
+    data::{SceneFile, read_scene, read_scene_file, write_scene_file},
+    reference::sample::random_scene,
+    scene::{Gaussians, Scene},
+};
+use shared::shared;
+
+/// Gaussians like those of a trained scene, without a supplement.
+fn sample(seed: u64, count: usize, sh_degree: u32) -> Scene {
+    random_scene(seed, count, 0, sh_degree)
+}
+
+/// What is read of `scene` once it is written as a file of this ending; and the file's bytes.
+#[track_caller]
+fn round_trip(scene: &Scene, ending: &str) -> (Scene, Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(format!("scene.{ending}"));
+    write_scene_file(&path, &SceneFile::from(scene.clone())).unwrap();
+    (read_scene(&path).unwrap(), fs::read(&path).unwrap())
+}
+
+/// What is read of these bytes under this name.
+fn read(name: &str, bytes: &[u8]) -> Result<SceneFile, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    read_scene_file(&path).map_err(|error| error.to_string())
+}
+
+/// The refusal of these bytes, which names the file and all of `words`.
+#[track_caller]
+fn refused(name: &str, bytes: &[u8], words: &[&str]) {
+    let message = read(name, bytes).map(drop).unwrap_err();
+    assert!(message.contains(name), "{message}");
+    assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
+}
+
+/// Cuts a file at every length and changes every byte. Neither may do worse than an error that names the file. What a cut file gives
+/// must be refused, unless its length is one of `whole`.
+#[track_caller]
+fn damage(name: &str, bytes: &[u8], whole: impl Fn(usize) -> bool) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    let check = |bytes: &[u8], whole: bool, what: String| {
+        fs::write(&path, bytes).unwrap();
+        match read_scene(&path) {
+            Ok(_) => assert!(whole, "{what} is read"),
+            Err(error) => assert!(error.to_string().contains(name) && !whole, "{what}: {error}"),
+        }
+    };
+    for length in 0..bytes.len() {
+        check(&bytes[..length], whole(length), format!("{name} of {length} bytes"));
+    }
+    for at in 0..bytes.len() {
+        for change in [0x01, 0x80, 0xff] {
+            let mut bytes = bytes.to_vec();
+            bytes[at] ^= change;
+            fs::write(&path, bytes).unwrap();
+            if let Err(error) = read_scene(&path) {
+                assert!(error.to_string().contains(name), "{error}");
+            }
+        }
+    }
+}
+
+/// Largest difference of a quantity over all Gaussians.
+fn largest(a: &Gaussians, b: &Gaussians, of: impl Fn(&Gaussians, usize) -> Vec<f64>) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let pairs = (0..a.len()).flat_map(|i| of(a, i).into_iter().zip(of(b, i)).collect::<Vec<_>>());
+    // NaN counts as any difference at all.
+    pairs.map(|(a, b)| if a.is_finite() && b.is_finite() { (a - b).abs() } else { f64::INFINITY }).fold(0.0, f64::max)
+}
+
+fn vector<const N: usize>(values: [f32; N]) -> Vec<f64> {
+    values.map(f64::from).to_vec()
+}
+
+fn means(g: &Gaussians, i: usize) -> Vec<f64> {
+    vector(g.means[i])
+}
+
+fn log_scales(g: &Gaussians, i: usize) -> Vec<f64> {
+    vector(g.log_scales[i])
+}
+
+/// 0 to 1.
+fn opacity(g: &Gaussians, i: usize) -> Vec<f64> {
+    vec![1.0 / (1.0 + (-f64::from(g.opacities[i])).exp())]
+}
+
+/// Coefficients of degree `degree`.
+fn harmonics(degree: usize) -> impl Fn(&Gaussians, usize) -> Vec<f64> {
+    move |g, i| {
+        let k = g.sh_coefficients();
+        g.sh[i * k..][degree * degree..(degree + 1) * (degree + 1)].iter().flat_map(|&rgb| vector(rgb)).collect()
+    }
+}
+
+/// The greatest angle between the rotations of two sets, radians.
+fn turned(a: &Gaussians, b: &Gaussians) -> f64 {
+    let unit = |q: [f32; 4]| {
+        let q = q.map(f64::from);
+        let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+        q.map(|v| v / length)
+    };
+    let angle = |(&a, &b): (&[f32; 4], &[f32; 4])| {
+        let (a, b) = (unit(a), unit(b));
+        let sign = if a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+        // From the chord: the cosine of a small angle says little.
+        let chord = a.iter().zip(b).map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>().sqrt();
+        4.0 * (chord / 2.0).min(1.0).asin()
+    };
+    a.quats.iter().zip(&b.quats).map(angle).fold(0.0, f64::max)
+}
+
+/// Rounding of float32, relative.
+const ROUNDING: f64 = 1e-6;
+
+#[test]
+fn a_name_says_what_is_written_and_others_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = SceneFile::from(sample(1, 3, 0));
+    for name in ["scene", "scene.obj", "splat", "scene.ksplat"] {
+        let refused = write_scene_file(folder.path().join(name), &scene).unwrap_err().to_string();
+        assert!(refused.contains(name) && refused.contains("ending ply"), "{refused}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert_eq!(glint::data::SceneFormat::of(Path::new("a/b.PLY")), Some(glint::data::SceneFormat::Ply));
+}

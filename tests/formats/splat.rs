@@ -1,0 +1,64 @@
+//! `.splat`.
+
+use super::*;
+
+#[test]
+fn a_record_is_read_as_the_viewer_reads_it() {
+    let mut record = Vec::new();
+    for value in [1.5f32, -2.0, 0.25, 1.0, std::f32::consts::E, 0.0] {
+        record.extend(value.to_le_bytes());
+    }
+    record.extend([0, 255, 51, 51, 128, 0, 192, 128]);
+    let scene = read("one.splat", &record).unwrap().scene;
+    let base = &scene.base;
+    assert_eq!((base.len(), base.sh_degree, scene.supplement.is_none()), (1, 0, true));
+    assert_eq!(base.means, [[1.5, -2.0, 0.25]]);
+    let [one, e, flat] = base.log_scales[0];
+    assert!(one == 0.0 && (e - 1.0).abs() < 1e-6 && flat < -87.0 && flat.is_finite());
+    assert_eq!(base.quats, [[0.0, -1.0, 0.5, 0.0]]);
+    // 51/255 = 0.2; 0.5 of colour is 0.5/0.282095 of the coefficient.
+    let colour = base.sh[0].map(|v| f64::from(v) * 0.28209479177387814 + 0.5);
+    assert!(colour.iter().zip([0.0, 1.0, 0.2]).all(|(a, b)| (a - b).abs() < ROUNDING), "{colour:?}");
+    assert!((opacity(base, 0)[0] - 0.2).abs() < ROUNDING);
+}
+
+#[test]
+fn what_is_written_comes_back_within_half_a_step() {
+    let scene = sample(7, 500, 3);
+    let (back, bytes) = round_trip(&scene, "splat");
+    let (a, b) = (&scene.base, &back.base);
+    assert_eq!((bytes.len(), b.sh_degree), (32 * 500, 0));
+    assert_eq!(a.means, b.means);
+    // exp and ln in float32, of numbers up to 10.
+    assert!(largest(a, b, log_scales) < 1e-6);
+    assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
+    // Colours beyond 0 to 1 are cut off, those within come back to half a step.
+    let colour = |g: &Gaussians, i: usize| {
+        let rgb = g.sh[i * g.sh_coefficients()];
+        vector(rgb).iter().map(|v| (0.5 + 0.28209479177387814 * v).clamp(0.0, 1.0)).collect()
+    };
+    assert!(largest(a, b, colour) <= 0.5 / 255.0 + ROUNDING);
+    // Half a step of 1/128 in each of four components, across the quaternion: at most 1/128 of chord, twice that of angle. Where the
+    // bytes' length is not 1 nothing is lost.
+    let worst = turned(a, b);
+    assert!(worst <= 2.0 / 128.0 * 1.01, "{worst}");
+    // No rotation is worse off for its sign: 1 would be the byte 256.
+    for axis in 0..4 {
+        let mut scene = sample(7, 1, 0);
+        scene.base.quats[0] = std::array::from_fn(|i| if i == axis { 2.0 } else { 0.0 });
+        assert!(turned(&scene.base, &round_trip(&scene, "splat").0.base) < ROUNDING);
+    }
+}
+
+#[test]
+fn damage_is_an_error() {
+    let (_, bytes) = round_trip(&sample(3, 4, 0), "splat");
+    damage("damaged.splat", &bytes, |length| length > 0 && length % 32 == 0);
+    refused("cut.splat", &bytes[..100], &["3 records", "4 bytes", "32 bytes"]);
+    let mut broken = bytes;
+    broken[32..36].copy_from_slice(&f32::NAN.to_le_bytes());
+    refused("broken.splat", &broken, &["row 1: `x` is not a finite number"]);
+    broken[32..36].copy_from_slice(&0f32.to_le_bytes());
+    broken[76..80].copy_from_slice(&(-1f32).to_le_bytes());
+    refused("broken.splat", &broken, &["row 2: `scale_0` is not a finite number"]);
+}
