@@ -228,3 +228,32 @@ impl Drop for RawPipeline {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{gpu::ContextOptions, stages::radix_upsweep};
+
+    /// Where a device offers several sizes, kernels must be told which one they have, and that no lane is missing. No CPU device offers
+    /// several; that the demand is made shows in what the validation layers say of one that no device could meet.
+    #[test]
+    fn a_pipeline_demands_full_subgroups_of_the_contexts_size() {
+        let env = ContextOptions::from_env();
+        if !env.validation {
+            return println!("needs the validation layers, as tools/test has them");
+        }
+        // Software subgroups make no demand.
+        let options = ContextOptions { validation: true, device: env.device, ..Default::default() };
+        let mut context = Context::new(&options).unwrap();
+        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false };
+        radix_upsweep::Stage::new(&context, &spec).unwrap();
+        assert_eq!(context.validation_messages(), [""; 0]);
+        let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
+        (subgroups.lanes, subgroups.require) = (256, true);
+        // Whatever the driver makes of it.
+        let _ = radix_upsweep::Stage::new(&context, &spec);
+        let said = context.validation_messages().concat();
+        // Above the largest size; and no whole number of subgroups, which counts where they must be full.
+        assert!(said.contains("requiredSubgroupSize-02762") && said.contains("StageCreateInfo-pNext-02757"), "{said}");
+    }
+}
