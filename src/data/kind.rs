@@ -10,20 +10,31 @@ use crate::{Error, Result};
 /// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
+    /// A scene or a point cloud.
     Ply,
     /// Something in braces: a transforms.json, perhaps.
     Json,
+    /// Niantic's packed Gaussians.
     Spz,
     /// The name says so too: the rows have no mark.
     Splat,
+    /// Compressed Gaussians of a web viewer.
     Ksplat,
+    /// An archive: a dataset that was not unpacked, or `.sog`.
     Zip,
+    /// Compressed by gzip, as `.spz` was before version 4.
     Gzip,
+    /// A mesh.
     Gltf,
+    /// Tensors, such as an augmentation keeps.
     Safetensors,
+    /// An image of floats.
     Exr,
+    /// A photo.
     Image,
+    /// No bytes.
     Empty,
+    /// None of these.
     Unknown,
 }
 

@@ -13,8 +13,11 @@ use super::{
 /// What a kernel does to a binding; the recorder makes its barriers from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
+    /// Loads only.
     Read,
+    /// Stores only; what was there may stay in parts.
     Write,
+    /// Both, atomics among them.
     ReadWrite,
 }
 
@@ -28,6 +31,7 @@ impl Access {
 pub trait Kernel {
     /// The kernel's file name without extension: its label and timestamp too.
     const NAME: &'static str;
+    /// The module as it was compiled: little-endian words, SPIR-V 1.5.
     const SPIRV: &'static [u8];
     /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
     #[cfg(feature = "software-subgroups")]
@@ -38,9 +42,13 @@ pub trait Kernel {
     const SUBGROUPS: bool;
     /// The threads of a workgroup meet at barriers, where all of its subgroups come.
     const BARRIERS: bool;
+    /// What its SPIR-V needs of the device.
     const FEATURES: &'static [Feature];
+    /// Its push constants, in scalar layout; at most 128 bytes.
     type Push: Pod;
+    /// Its specialisation constants.
     type Spec;
+    /// A buffer, or an [`Unused`](super::Unused), for each binding.
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
@@ -51,16 +59,23 @@ pub trait Kernel {
 /// A kernel's constants, where its types do not matter.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelInfo {
+    /// [`Kernel::NAME`].
     pub name: &'static str,
+    /// [`Kernel::SPIRV`].
     pub spirv: &'static [u8],
+    /// [`Kernel::SOFTWARE_SPIRV`].
     #[cfg(feature = "software-subgroups")]
     pub software_spirv: &'static [u8],
+    /// [`Kernel::SUBGROUPS`].
     pub subgroups: bool,
+    /// [`Kernel::BARRIERS`].
     pub barriers: bool,
+    /// [`Kernel::FEATURES`].
     pub features: &'static [Feature],
 }
 
 impl KernelInfo {
+    /// Of one kernel.
     pub const fn of<K: Kernel>() -> Self {
         KernelInfo {
             name: K::NAME,

@@ -34,6 +34,7 @@ pub enum Unit {
 
 /// A kernel, and what takes one item of its work.
 pub trait Stage: Kernel {
+    /// See [`Unit`].
     const UNIT: Unit;
 }
 
