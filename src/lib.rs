@@ -2,6 +2,8 @@
 //!
 //! Data flows one way: `data → scene → pipelines (stages) → report`.
 
+#![warn(missing_docs)]
+
 pub mod data;
 mod error;
 pub mod gpu;

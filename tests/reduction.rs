@@ -80,6 +80,14 @@ fn growth_needs_the_room_of_one_buffer_more() {
     let (gpu, mut raster) = made(Some(after + largest_old));
     raster.grow(new).unwrap();
     assert_eq!((gpu.memory().used, raster.capacity()), (after, room));
+    // What it really takes lies between: half of what is open six times.
+    let (mut low, mut high) = (before, after + largest_old);
+    for _ in 0..6 {
+        let budget = (low + high) / 2;
+        let (_gpu, mut raster) = made(Some(budget));
+        if raster.grow(new).is_ok() { high = budget } else { low = budget }
+    }
+    println!("growth from {before} to {after} bytes held {high} at most; the largest old buffer has {largest_old}");
     // The lists fit, the records do not; and not even the first list does.
     for budget in [after - largest_old, before + 1] {
         let (gpu, mut raster) = made(Some(budget));

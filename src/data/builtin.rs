@@ -59,7 +59,9 @@ const SEED: u64 = 0x0067_6c69_6e74;
 pub struct BuiltinPhoto {
     /// File name without extension, `view_00` to `view_55` in grid order.
     pub name: String,
+    /// Pose and lens it was traced with; pixels as `rgb` has them.
     pub camera: Camera,
+    /// Of the held-out views; all others are for training.
     pub is_test: bool,
     /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
     pub rgb: Vec<u8>,
@@ -81,6 +83,7 @@ pub struct BuiltinScene {
 /// Which part of the light [`render_truth`] gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
+    /// All light, as a photograph shows it.
     All,
     /// What does not depend on the view: albedo times irradiance, and the background.
     Diffuse,

@@ -22,7 +22,9 @@ use crate::{Error, Result};
 /// A sparse point cloud, scene units and 8-bit sRGB.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
+    /// Scene units.
     pub positions: Vec<[f32; 3]>,
+    /// 8-bit sRGB; as many as positions, grey where the file has none.
     pub colors: Vec<[u8; 3]>,
 }
 

@@ -73,13 +73,17 @@ impl ContextOptions {
 /// The caller's device. glint destroys none of it and submits to `queue` only through [`Recorder::submit`];
 /// while glint uses the queue the caller must not (Vulkan's external synchronisation).
 pub struct BorrowedDevice {
+    /// Of the loader that `instance` was made with.
     pub entry: ash::Entry,
+    /// Of Vulkan 1.1 at least.
     pub instance: ash::Instance,
+    /// What `device` was made of.
     pub physical_device: vk::PhysicalDevice,
     /// Made with the extensions and features that [`Context::requirements`] names.
     pub device: ash::Device,
     /// Of `queue`; it must take compute.
     pub queue_family: u32,
+    /// Taken for [`Recorder::submit`] only.
     pub queue: vk::Queue,
     /// Which of the optional features it was made with, and with their extensions.
     pub optional: BTreeSet<Feature>,

@@ -94,6 +94,7 @@ pub const DILATION: f64 = 0.3;
 /// Range of float32: its smallest number that is not denormal, its largest that is finite. What a kernel cannot hold is not
 /// visible to the twin either.
 pub const FLOAT_MIN: f64 = f32::MIN_POSITIVE as f64;
+/// See [`FLOAT_MIN`].
 pub const FLOAT_MAX: f64 = f32::MAX as f64;
 /// "No Gaussian" wherever a Gaussian index is expected.
 pub const NONE: u32 = u32::MAX;
@@ -103,22 +104,28 @@ pub const NONE: u32 = u32::MAX;
 pub struct Splat {
     /// Centre, px.
     pub x: f64,
+    /// Centre, px.
     pub y: f64,
     /// L = [[l11, l12], [0, l22]] with LᵀL = Σ2D⁻¹, 1/px.
     pub l11: f64,
+    /// Of L, 1/px.
     pub l12: f64,
+    /// Of L, 1/px.
     pub l22: f64,
     /// σ(logit) · lobe · compensation.
     pub opacity: f64,
     /// Colour, ≥ 0.
     pub r: f64,
+    /// Colour, ≥ 0.
     pub g: f64,
+    /// Colour, ≥ 0.
     pub b: f64,
     /// Camera z, scene units.
     pub z: f64,
 }
 
 impl Splat {
+    /// sRGB, not clamped to 1.
     pub fn color(&self) -> [f64; 3] {
         [self.r, self.g, self.b]
     }
@@ -141,11 +148,14 @@ impl Splat {
 /// The constant colour or the image (row-major, width · height pixels) behind all Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub enum Background<'a> {
+    /// The same everywhere, sRGB.
     Color([f64; 3]),
+    /// By pixel: what a screen phase draws over.
     Image(&'a [[f64; 3]]),
 }
 
 impl Background<'_> {
+    /// Behind pixel number `pixel`, rows from the top.
     pub fn at(&self, pixel: usize) -> [f64; 3] {
         match self {
             Background::Color(color) => *color,

@@ -21,6 +21,7 @@ pub struct Projected {
     pub kinks: Vec<u8>,
 }
 
+/// Splats, depth keys and tile counts of all Gaussians in one view.
 pub fn project(params: &Params, view: &View, options: &Options) -> Projected {
     let tiling = Tiling::new(view.width, view.height, options);
     let mut out = Projected {

@@ -22,7 +22,9 @@ const SAME_DEPTH: f64 = 0.05;
 /// Photograph minus render, and render, sRGB.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Texel {
+    /// Photograph minus render; 0 where the pixel does not count.
     pub difference: DVec3,
+    /// 0 to 1.
     pub render: DVec3,
 }
 
@@ -64,6 +66,7 @@ pub struct Candidate {
     pub theta_bar: f64,
     /// [`NONE`]: no candidate.
     pub view: u32,
+    /// Of that view, rows from the top.
     pub pixel: u32,
 }
 
@@ -86,6 +89,7 @@ impl From<&types::Candidate> for Candidate {
 pub struct Fit {
     /// Scene units.
     pub sigma: f64,
+    /// 0 to 1.
     pub opacity: f64,
     /// T of the lobe; 0: none.
     pub width: f64,
@@ -115,6 +119,7 @@ impl From<&types::Fit> for Fit {
 pub struct Sight {
     /// Pixels.
     pub at: DVec2,
+    /// The one that `at` lies in, rows from the top.
     pub pixel: u32,
     /// Camera z.
     pub z: f64,
@@ -125,7 +130,9 @@ pub struct Sight {
 /// The views of a page and what is known of them.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
+    /// Of all training views.
     pub views: &'a [View],
+    /// Where texels, pixels, cells and blocks of each view begin.
     pub plots: &'a [Plot],
     /// Of the page.
     pub surface_depths: &'a [f64],

@@ -14,9 +14,13 @@ pub type ScreenGrad = [f64; 9];
 
 /// Learning rates (method, section 3); the centre's is multiplied by the mean of width and height.
 pub const RATE_CENTRE: f64 = 0.001;
+/// See [`RATE_CENTRE`].
 pub const RATE_COLOUR: f64 = 0.01;
+/// See [`RATE_CENTRE`].
 pub const RATE_LOGIT: f64 = 0.02;
+/// See [`RATE_CENTRE`].
 pub const RATE_LOG_SCALE: f64 = 0.001;
+/// See [`RATE_CENTRE`].
 pub const RATE_ANGLE: f64 = 0.02;
 /// Least standard deviation of a new Gaussian, pixels; see `glsl/shared/screen.glsl` for why.
 pub const FIRST_SCALE_MIN: f64 = 0.6;
@@ -70,7 +74,9 @@ pub fn screen_backward(
 /// Adam's state of a 2D Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ScreenMoments {
+    /// Mean of the gradients.
     pub first: ScreenGrad,
+    /// Mean of their squares.
     pub second: ScreenGrad,
     /// Steps since it was put in.
     pub age: u32,

@@ -17,7 +17,9 @@ pub fn srgb_from_linear(v: f32) -> f32 {
 /// Two images that add up to the whole, linear light, as long as what they were made from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decomposition {
+    /// Linear light, `[height · width · 3]`.
     pub diffuse: Vec<f32>,
+    /// Linear light, `[height · width · 3]`; diffuse and specular add up to the image.
     pub specular: Vec<f32>,
 }
 
@@ -39,7 +41,9 @@ pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
 /// images (`null` in JSON).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PartsQuality {
+    /// PSNR in linear light, dB.
     pub diffuse: f64,
+    /// PSNR in linear light, dB.
     pub specular: f64,
 }
 

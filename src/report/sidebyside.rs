@@ -29,16 +29,22 @@ const MAX_PIXELS: u64 = 100_000_000;
 /// A rectangle of the images, pixels, shown `magnification` times as large, each pixel a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crop {
+    /// First column.
     pub x: u32,
+    /// First row.
     pub y: u32,
+    /// Columns.
     pub width: u32,
+    /// Rows.
     pub height: u32,
+    /// Pixels of the picture for one of the image, across and down.
     pub magnification: u32,
 }
 
 /// A render and its label (ASCII; letters appear as lower case).
 #[derive(Debug, Clone, Copy)]
 pub struct Panel<'a> {
+    /// Above the render.
     pub label: &'a str,
     /// sRGB values, `[height · width · 3]`; clamped to [0, 1] when drawn.
     pub image: &'a [f32],
@@ -49,10 +55,13 @@ pub struct Panel<'a> {
 pub struct Figure<'a> {
     /// Pixels of every image.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// From left to right; the photograph comes after them.
     pub panels: Vec<Panel<'a>>,
     /// 8-bit sRGB, `[height · width · 3]`.
     pub truth: &'a [u8],
+    /// A close-up below, and where it is from.
     pub crop: Option<Crop>,
     /// The absolute error (mean over the channels, of values in [0, 1]) at the bright end of the error maps' colours.
     pub full_error: f32,

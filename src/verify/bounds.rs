@@ -5,12 +5,19 @@ use serde::Serialize;
 /// What a stage's errors may be, see [`super::judge::Errors`]. 1 − cosine may be the square of the relative L2 error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Bound {
+    /// The kernel, or in brackets what several make together.
     pub stage: &'static str,
+    /// Of [`Errors::max`](super::judge::Errors::max), and so on for the four below.
     pub max: f64,
+    /// 0 where no terms are known.
     pub terms: f64,
+    /// See `max`.
     pub relative_l2: f64,
+    /// See `max`; 0 where there are no gradients.
     pub bias: f64,
+    /// See `max`; 0 where nothing is decided.
     pub flips: f64,
+    /// Why no less can be asked for, and no more need be allowed.
     pub reason: &'static str,
 }
 
@@ -40,6 +47,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
+/// In the order of the table.
 pub const BOUNDS: [Bound; 56] = [
     Bound {
         stage: "fma_rate",

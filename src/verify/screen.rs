@@ -65,6 +65,7 @@ pub fn pixels_of<'a, T>(all: &'a [T], frame: &Frame) -> &'a [T] {
 
 /// Random 2D Gaussians on places of two frames in turns; every seventh place is empty.
 pub struct Scattered {
+    /// By place.
     pub gaussians: Vec<ScreenGaussian>,
     /// Frame of each place, [`NONE`] where it is empty.
     pub frames: Vec<u32>,
@@ -73,6 +74,7 @@ pub struct Scattered {
 }
 
 impl Scattered {
+    /// `count` places, and the generator as it is afterwards.
     pub fn new(all: &[Frame; 2], seed: u64, count: usize) -> (Self, ChaCha8Rng) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let frames: Vec<u32> = (0..count).map(|i| if i % 7 == 3 { NONE } else { (i / 2 % 2) as u32 }).collect();
