@@ -4,6 +4,8 @@
 
 #![warn(missing_docs)]
 
+#[cfg(feature = "c")]
+pub mod c;
 pub mod data;
 mod error;
 pub mod gpu;

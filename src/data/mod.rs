@@ -70,7 +70,7 @@ pub use region::{Focus, NEAR};
 #[cfg(feature = "train")]
 pub use scene_file::write_scene_file;
 pub use scene_file::{
-    SceneFile, SceneFormat, is_scene_folder, read_scene, read_scene_file, read_scene_file_leniently,
+    SceneFile, SceneFormat, is_scene_folder, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
     read_scene_leniently,
 };
 pub use sound::Dropped;

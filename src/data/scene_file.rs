@@ -175,17 +175,27 @@ fn named(what: String, element: bool) -> String {
     if element { what } else { what.replacen(&format!(" of element `{}`", ply::BASE), "", 1) }
 }
 
+/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of their own.
+pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let (file, element) = parse(bytes, path)?;
+    Ok(checked(file, element).map_err(|what| Error::input(path, what))?.scene)
+}
+
 /// The scene, whatever its numbers are, and whether its Gaussians are rows of PLY elements.
 fn open(path: &Path) -> Result<(SceneFile, bool)> {
     let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let kind = Kind::of(&bytes, path);
+    parse(&bytes, path)
+}
+
+fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
+    let kind = Kind::of(bytes, path);
     #[cfg(feature = "formats")]
-    if let Some(gaussians) = parse_other(kind, &bytes, path)? {
+    if let Some(gaussians) = parse_other(kind, bytes, path)? {
         return Ok((gaussians, false));
     }
     match kind {
-        Kind::Ply => Ok((ply::parse_rows(&bytes, path)?, true)),
+        Kind::Ply => Ok((ply::parse_rows(bytes, path)?, true)),
         kind => Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice()))),
     }
 }

@@ -24,7 +24,7 @@ pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
-pub use pipeline::{Access, Kernel, KernelInfo, Pipeline};
+pub use pipeline::{Access, Kernel, KernelInfo, Pipeline, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 

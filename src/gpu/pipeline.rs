@@ -63,11 +63,17 @@ pub trait Kernel {
     fn raw_buffers<R>(buffers: &Self::Buffers<'_>, with: impl FnOnce(&[&Arc<RawBuffer>]) -> R) -> R;
 }
 
+/// Bytes of a module, where words can be read.
+#[repr(align(4))]
+pub struct Words<const N: usize>(pub [u8; N]);
+
 /// A kernel's constants, where its types do not matter.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelInfo {
     /// [`Kernel::NAME`].
     pub name: &'static str,
+    /// [`Kernel::LABEL`].
+    pub label: &'static CStr,
     /// [`Kernel::SPIRV`].
     pub spirv: &'static [u8],
     /// [`Kernel::SOFTWARE_SPIRV`].
@@ -86,6 +92,7 @@ impl KernelInfo {
     pub const fn of<K: Kernel>() -> Self {
         KernelInfo {
             name: K::NAME,
+            label: K::LABEL,
             spirv: K::SPIRV,
             #[cfg(feature = "software-subgroups")]
             software_spirv: K::SOFTWARE_SPIRV,
