@@ -55,16 +55,19 @@ pub enum SceneFormat {
     Gltf,
     /// Niantic's: all in few bits, compressed; 8 for what is not a position.
     Spz,
+    /// PlayCanvas's: pixels of lossless images, numbers of codebooks.
+    Sog,
     /// `.splat`: the constant harmonic alone, bytes for all but positions and scales.
     Splat,
 }
 
 impl SceneFormat {
     /// All, with the endings of their names.
-    pub const ALL: [(&str, SceneFormat); 5] = [
+    pub const ALL: [(&str, SceneFormat); 6] = [
         ("ply", SceneFormat::Ply),
         ("compressed.ply", SceneFormat::PackedPly),
         ("glb", SceneFormat::Gltf),
+        ("sog", SceneFormat::Sog),
         ("splat", SceneFormat::Splat),
         ("spz", SceneFormat::Spz),
     ];
@@ -121,6 +124,7 @@ fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()>
         SceneFormat::Ply => return ply::write_scene(path, &file.scene),
         SceneFormat::PackedPly => formats::write_packed_ply(base),
         SceneFormat::Gltf => formats::write_gltf(file, path)?,
+        SceneFormat::Sog => formats::write_sog(base, file.antialiased, path)?,
         SceneFormat::Splat => formats::write_splat(base),
         SceneFormat::Spz => formats::write_spz(base, file.antialiased, path)?,
     };
@@ -205,6 +209,10 @@ fn parse_other(kind: Kind, bytes: &[u8], path: &Path) -> Result<Option<SceneFile
     Ok(Some(match kind {
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
         Kind::Gltf => formats::parse_gltf(bytes, path.parent(), path)?,
+        Kind::Zip | Kind::Sog => {
+            let (base, antialiased) = formats::parse_sog(bytes, path.parent(), path)?;
+            SceneFile { antialiased, ..plain(base) }
+        }
         // Version 3 and before are gzip data.
         Kind::Spz | Kind::Gzip => {
             let (base, antialiased) = formats::parse_spz(bytes, path)?;

@@ -4,6 +4,7 @@ mod gltf;
 mod packed_ply;
 #[path = "../common/shared.rs"]
 mod shared;
+mod sog;
 mod splat;
 mod spz;
 

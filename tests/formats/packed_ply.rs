@@ -71,7 +71,7 @@ fn nearest(all: &Gaussians, mean: [f32; 3]) -> usize {
 }
 
 /// The Gaussians of `all` in this order.
-fn sorted(all: &Gaussians, order: &[usize]) -> Gaussians {
+pub fn sorted(all: &Gaussians, order: &[usize]) -> Gaussians {
     let k = all.sh_coefficients();
     Gaussians {
         sh_degree: all.sh_degree,
