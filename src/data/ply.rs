@@ -227,6 +227,11 @@ impl LearnedColumns {
 pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
+    #[cfg(feature = "formats")]
+    if super::formats::is_packed(&ply) {
+        let base = super::formats::unpack(&ply, path)?;
+        return Ok(Scene { base, supplement: None }.into());
+    }
     if let Some(kind) = describe_non_splats(&ply) {
         return Err(fail(format!("is {kind}, not a 3DGS PLY")));
     }
@@ -268,7 +273,7 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
 fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
     let vertex = ply.element(BASE)?;
     if vertex.scalar("packed_position").is_some() {
-        return Some("a compressed PLY (as SuperSplat writes them; export it uncompressed)");
+        return Some("a compressed PLY, which this build of glint does not read");
     }
     let splat = |name: &&str| vertex.scalar(name).is_some();
     if FIXED[3..].iter().any(&splat) || !FIXED[..3].iter().all(splat) {
