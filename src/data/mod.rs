@@ -19,6 +19,7 @@ mod region;
 mod sector;
 mod shot;
 mod sound;
+pub mod srgb;
 pub mod tensors;
 mod transforms;
 mod write;

@@ -16,8 +16,8 @@ pub(super) const NEXT_BLUR: f64 = 1.2124;
 pub(crate) const REACH: f64 = 2.5;
 pub(super) const CORE: f64 = 0.5;
 pub(crate) const HALVING: f64 = 65536.0;
-const WIDEST: f64 = 3.2;
-const SAME_DEPTH: f64 = 0.05;
+pub(super) const WIDEST: f64 = 3.2;
+pub(super) const SAME_DEPTH: f64 = 0.05;
 
 /// Photograph minus render, and render, sRGB.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
