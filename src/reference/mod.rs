@@ -190,6 +190,7 @@ mod tests {
             ("NEXT_BLUR", pursuit::NEXT_BLUR, kernels::pursuit::NEXT_BLUR),
             ("REACH", pursuit::REACH, kernels::pursuit::REACH),
             ("CORE", pursuit::CORE, kernels::pursuit::CORE),
+            ("WINDOW_SLACK", pursuit::WINDOW_SLACK, kernels::pursuit::WINDOW_SLACK),
             ("HALVING", pursuit::HALVING, kernels::pursuit::HALVING),
             ("WIDEST", pursuit::WIDEST, kernels::pursuit::WIDEST),
             ("SAME_DEPTH", pursuit::SAME_DEPTH, kernels::pursuit::SAME_DEPTH),
