@@ -61,6 +61,23 @@ fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     }
 }
 
+/// Sizes are known before anything is made: what buffers take beside their plan does not depend on how many elements they have.
+#[test]
+fn a_plan_is_what_buffers_take() {
+    let gpu = Gpu::new();
+    let rest = |isects: u32, pixels: u32| {
+        let options = RasterOptions { pixels, splats: 3 * pixels, ..options(isects, Reduction::Deterministic) };
+        let (plan, before) = (Raster::plan(&options), gpu.memory().used);
+        let raster = Raster::new(&gpu, options).unwrap();
+        let used = gpu.memory().used - before;
+        assert!(plan.to_string().lines().last().unwrap().ends_with(&plan.bytes().to_string()), "{plan}");
+        drop(raster);
+        used - plan.bytes()
+    };
+    let [little, much] = [rest(1000, 64), rest(1_000_000, 640_000)];
+    assert!(little == much && little < 1 << 16, "{little} and {much} bytes");
+}
+
 /// Growth holds what there was and one new buffer at most; without that much room the raster stays as it was.
 #[test]
 fn growth_needs_the_room_of_one_buffer_more() {

@@ -39,6 +39,7 @@ mod sector;
 #[cfg(feature = "train")]
 mod shot;
 mod sound;
+pub mod srgb;
 #[cfg(feature = "train")]
 pub mod tensors;
 #[cfg(feature = "train")]

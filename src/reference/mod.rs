@@ -88,7 +88,7 @@ pub const ALPHA_MAX: f64 = 0.99;
 /// A pixel stops before the Gaussian that would take its transmittance below this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 /// Near plane, scene units (3DGS).
-pub const NEAR: f64 = 0.2;
+pub const NEAR: f64 = crate::data::NEAR;
 /// Variance added to the projected Gaussian, px² (3DGS): no splat is thinner than a pixel.
 pub const DILATION: f64 = 0.3;
 /// Range of float32: its smallest number that is not denormal, its largest that is finite. What a kernel cannot hold is not
@@ -166,4 +166,38 @@ impl Background<'_> {
 
 pub(crate) fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stages::constants as kernels;
+
+    /// The twins have their numbers in float64 and of their own, so that a wrong one in a kernel shows; where both have a name the
+    /// compiler can see it too.
+    #[test]
+    fn twins_have_the_kernels_constants() {
+        for (name, twin, kernel) in [
+            ("NEAR", NEAR, kernels::constants::NEAR),
+            ("DILATION", DILATION, kernels::constants::DILATION),
+            ("SH_C0", harmonics::C0, kernels::constants::SH_C0),
+            ("ALPHA_MAX", ALPHA_MAX, kernels::splat::ALPHA_MAX),
+            ("T_MIN", TRANSMITTANCE_MIN, kernels::splat::T_MIN),
+            ("FLOAT_MIN", FLOAT_MIN, kernels::unit::FLOAT_MIN),
+            ("FLOAT_MAX", FLOAT_MAX, kernels::unit::FLOAT_MAX),
+            ("GRADIENT_MAX", adam::GRADIENT_MAX, kernels::adam::GRADIENT_MAX),
+            ("FIRST_SCALE_MIN", screen_backward::FIRST_SCALE_MIN, kernels::screen::FIRST_SCALE_MIN),
+            ("FIRST_BLUR", pursuit::FIRST_BLUR, kernels::pursuit::FIRST_BLUR),
+            ("NEXT_BLUR", pursuit::NEXT_BLUR, kernels::pursuit::NEXT_BLUR),
+            ("REACH", pursuit::REACH, kernels::pursuit::REACH),
+            ("CORE", pursuit::CORE, kernels::pursuit::CORE),
+            ("WINDOW_SLACK", pursuit::WINDOW_SLACK, kernels::pursuit::WINDOW_SLACK),
+            ("HALVING", pursuit::HALVING, kernels::pursuit::HALVING),
+            ("WIDEST", pursuit::WIDEST, kernels::pursuit::WIDEST),
+            ("SAME_DEPTH", pursuit::SAME_DEPTH, kernels::pursuit::SAME_DEPTH),
+        ] {
+            assert_eq!(twin as f32, kernel, "{name}");
+        }
+        assert_eq!((NONE, lift_groups::GROUP_MIN), (kernels::constants::NONE, kernels::cluster::GROUP_MIN));
+    }
 }

@@ -71,6 +71,25 @@ pub fn screen_backward(
         .collect()
 }
 
+/// Sums of the magnitudes of the terms that make each gradient up: what rounding errors are relative to. `sizes` are the magnitudes of
+/// the records.
+pub fn magnitudes(
+    gaussians: &[ScreenGaussian],
+    tile_counts: &[u32],
+    isects: &Intersections,
+    sizes: &[Record],
+) -> Vec<ScreenGrad> {
+    let mut out = vec![[0.0; 9]; gaussians.len()];
+    for part in 0..9 {
+        let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
+        let grads = screen_backward(gaussians, tile_counts, isects, &sizes.iter().map(alone).collect::<Vec<Record>>());
+        for (sums, grads) in out.iter_mut().zip(grads) {
+            sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
+        }
+    }
+    out
+}
+
 /// Adam's state of a 2D Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ScreenMoments {

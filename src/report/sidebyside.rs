@@ -11,7 +11,7 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::{Error, Result};
+use crate::{Error, Result, data::srgb::srgb_from_linear};
 
 /// Between neighbouring images and around the whole, pixels.
 const GAP: u32 = 4;
@@ -192,11 +192,7 @@ pub fn color_of(t: f32) -> [u8; 3] {
         -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
         -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s,
     ];
-    linear.map(|v| {
-        let v = v.max(0.0);
-        let v = if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (v * 255.0).round() as u8
-    })
+    linear.map(|v| (srgb_from_linear(v.max(0.0)) * 255.0).round() as u8)
 }
 
 // The painters below stay inside the paper: compose() has made room, and put() drops what is outside.
@@ -329,12 +325,10 @@ fn glyph(letter: char) -> [u8; GLYPH_HEIGHT as usize] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::srgb::linear_from_srgb;
 
     fn luminance(c: [u8; 3]) -> f64 {
-        let linear = |b: u8| {
-            let v = b as f64 / 255.0;
-            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-        };
+        let linear = |b: u8| linear_from_srgb(f64::from(b) / 255.0);
         0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2])
     }
 

@@ -357,12 +357,13 @@ pub const BOUNDS: [Bound; 56] = [
     ),
     Bound {
         stage: "pursuit_attenuate",
-        max: 1e-3,
-        relative_l2: 1e-4,
-        flips: 1e-2,
+        max: 1e-4,
+        relative_l2: 1e-5,
+        flips: 1e-3,
         reason: "What remains of a residual, to 1e-5 for each that takes of it, from a logarithm in units of 2^-16. The logarithm itself is \
-                 known a thousand times less well where nearly nothing remains. Where a window ends at a pixel's border, that pixel may be \
-                 within or not: what remains there differs by 0.044 at most.",
+                 known a thousand times less well where nearly nothing remains. A window is rounded up from 1e-3 px above a whole number \
+                 on, where chance puts one in ten thousand within float32's error: the pixels of one border of a few dozen pixels, where what remains \
+                 differs by 0.044 at most.",
         ..EXACT
     },
     Bound {
