@@ -97,9 +97,12 @@ pub struct BorrowedDevice {
     pub memory_budget: Option<u64>,
 }
 
-/// Calls what it is given, once, while nobody else uses the queue: an engine's own lock goes in here.
+/// Calls what it is given, once, while nobody else uses the queue.
+type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
+
+/// An engine's own lock of a queue that it shares with glint.
 #[derive(Clone)]
-pub struct QueueLock(pub Arc<dyn Fn(&mut dyn FnMut()) + Send + Sync>);
+pub struct QueueLock(pub Arc<WithQueue>);
 
 /// What a borrowed device must have been made with, and what it may have been.
 #[derive(Debug, Clone)]

@@ -194,7 +194,8 @@ fn the_flag_for_antialiasing_is_kept() {
 
 #[test]
 fn what_is_not_understood_is_said() {
-    let says = |change: &dyn Fn(&mut Value, &mut BTreeMap<String, Vec<u8>>), words: &[&str]| {
+    type Change<'a> = &'a dyn Fn(&mut Value, &mut BTreeMap<String, Vec<u8>>);
+    let says = |change: Change<'_>, words: &[&str]| {
         let message = changed(|meta, files| change(meta, files)).map(drop).unwrap_err();
         assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
     };

@@ -126,7 +126,7 @@ impl<'a> Document<'a> {
             Some(last) => last.and_then(|last| last.checked_add(accessor.byte_offset)?.checked_add(element)),
         };
         let have = bytes.len() as u64;
-        if !end.is_some_and(|end| end <= have) {
+        if end.is_none_or(|end| end > have) {
             let count = accessor.count;
             return fail(format!(
                 "promises {count} elements of {stride} bytes, but bufferView {view} has {have} bytes"
