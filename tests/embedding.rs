@@ -59,6 +59,10 @@ impl Application {
     }
 
     fn lend(&self) -> Context {
+        self.lend_with(vk::PipelineCache::null())
+    }
+
+    fn lend_with(&self, pipeline_cache: vk::PipelineCache) -> Context {
         let borrowed = BorrowedDevice {
             entry: self.entry.clone(),
             instance: self.instance.clone(),
@@ -67,7 +71,7 @@ impl Application {
             queue_family: self.queue_family,
             queue: self.queue(),
             optional: Default::default(),
-            pipeline_cache: vk::PipelineCache::null(),
+            pipeline_cache,
             queue_lock: None,
             labels: false,
             memory_budget: None,
@@ -128,6 +132,34 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
     let recorded: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(own, recorded);
     drop((renderer, model, views, status, context));
+}
+
+/// A cache that an earlier run filled is the caller's to keep; what comes out of it renders the same bits.
+#[test]
+fn the_callers_pipeline_cache_may_be_warm() {
+    let (scene, camera) = (random_scene(7, 300, 50, 2), random_camera(61, 47));
+    let application = Application::new();
+    let device = &application.device;
+    let shot = |data: &[u8]| unsafe {
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
+        let cache = device.create_pipeline_cache(&info, None).unwrap();
+        let context = application.lend_with(cache);
+        let views = Views::upload(&context, &[camera], &[]).unwrap();
+        let model = Model::upload(&context, &scene, 0).unwrap();
+        let mut renderer = Renderer::new(&context, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+        let image = renderer.render(&model, &views, 0, [0.5; 3]).unwrap().color;
+        drop((renderer, model, views, context));
+        // glint has left it to the caller.
+        let data = device.get_pipeline_cache_data(cache).unwrap();
+        device.destroy_pipeline_cache(cache, None);
+        (image, data)
+    };
+    let (cold, data) = shot(&[]);
+    // The header alone where a driver keeps nothing.
+    assert!(data.len() >= 32);
+    let (warm, again) = shot(&data);
+    assert!(cold == warm, "a warm cache changes the image");
+    assert!(again.len() >= data.len());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Turns a rendered pixel into a texel of a caller's image.
 
 use crate::{
+    data::srgb::{linear_from_srgb, srgb_from_linear},
     gpu::f16,
     stages::constants::resolve::{BGRA8, HALF_MAX, OPAQUE, OVER, RGBA8, RGBA16F},
 };
@@ -23,28 +24,23 @@ impl To {
         let alpha = if self.blend == OPAQUE { 1.0 } else { 1.0 - transmittance };
         let colour = |c: usize| {
             let straight = if alpha > 0.0 { rendered[c] / alpha } else { 0.0 };
-            let straight =
-                if self.exposure == 1.0 { straight } else { to_encoded(self.exposure * to_linear(straight)) };
+            let straight = if self.exposure == 1.0 {
+                straight
+            } else {
+                srgb_from_linear(self.exposure * linear_from_srgb(straight))
+            };
             match (self.blend == OVER, self.linear) {
-                (true, true) => to_linear(alpha * straight + transmittance * to_encoded(below[c].max(0.0))),
+                (true, true) => {
+                    linear_from_srgb(alpha * straight + transmittance * srgb_from_linear(below[c].max(0.0)))
+                }
                 (true, false) => alpha * straight + transmittance * below[c],
-                (false, true) => alpha * to_linear(straight),
+                (false, true) => alpha * linear_from_srgb(straight),
                 (false, false) => alpha * straight,
             }
         };
         let covered = if self.blend == OVER { alpha + transmittance * below[3] } else { alpha };
         [colour(0), colour(1), colour(2), covered]
     }
-}
-
-/// IEC 61966-2-1, going on above 1.
-pub fn to_linear(c: f64) -> f64 {
-    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The inverse of [`to_linear`].
-pub fn to_encoded(c: f64) -> f64 {
-    if c <= 0.0031308 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// The depth a + b / z of camera z; of no Gaussian, 0, that of the farthest point.
@@ -102,10 +98,10 @@ mod tests {
     fn a_curve_and_its_inverse_meet() {
         for i in 0..=400 {
             let c = f64::from(i) / 100.0;
-            assert!((to_encoded(to_linear(c)) - c).abs() < 1e-6, "{c}");
+            assert!((srgb_from_linear(linear_from_srgb(c)) - c).abs() < 1e-6, "{c}");
         }
         // Middle grey, as tables have it.
-        assert!((to_linear(0.5) - 0.214041).abs() < 1e-6);
+        assert!((linear_from_srgb(0.5) - 0.214041).abs() < 1e-6);
     }
 
     #[test]
@@ -133,13 +129,13 @@ mod tests {
         }
         assert_eq!(result[3], 1.0);
         // The same in light: what is below is encoded first.
-        let light = To { linear: true, ..over }.resolve([0.2, 0.1, 0.4, t], below.map(to_linear));
+        let light = To { linear: true, ..over }.resolve([0.2, 0.1, 0.4, t], below.map(linear_from_srgb));
         for c in 0..3 {
-            assert!((to_encoded(light[c]) - result[c]).abs() < 1e-6);
+            assert!((srgb_from_linear(light[c]) - result[c]).abs() < 1e-6);
         }
         // Twice the light of a colour is not twice its value.
         let brighter = To { blend: PREMULTIPLIED, linear: true, exposure: 2.0 }.resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
-        assert!((brighter[0] - 0.5 * 2.0 * to_linear(0.6)).abs() < 1e-9);
+        assert!((brighter[0] - 0.5 * 2.0 * linear_from_srgb(0.6)).abs() < 1e-9);
     }
 
     #[test]
