@@ -2,10 +2,15 @@
 
 mod common;
 
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
+};
+
 use ash::vk;
 use common::Gpu;
 use glint::{
-    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Kept, Recorder},
+    gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Kept, QueueLock, Recorder},
     pipelines::{
         enhance::{EnhanceOptions, Enhancer, Event},
         model::Model,
@@ -59,10 +64,10 @@ impl Application {
     }
 
     fn lend(&self) -> Context {
-        self.lend_with(vk::PipelineCache::null())
+        self.lend_with(vk::PipelineCache::null(), None)
     }
 
-    fn lend_with(&self, pipeline_cache: vk::PipelineCache) -> Context {
+    fn lend_with(&self, pipeline_cache: vk::PipelineCache, queue_lock: Option<QueueLock>) -> Context {
         let borrowed = BorrowedDevice {
             entry: self.entry.clone(),
             instance: self.instance.clone(),
@@ -72,7 +77,7 @@ impl Application {
             queue: self.queue(),
             optional: Default::default(),
             pipeline_cache,
-            queue_lock: None,
+            queue_lock,
             labels: false,
             memory_budget: None,
         };
@@ -143,7 +148,7 @@ fn the_callers_pipeline_cache_may_be_warm() {
     let shot = |data: &[u8]| unsafe {
         let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
         let cache = device.create_pipeline_cache(&info, None).unwrap();
-        let context = application.lend_with(cache);
+        let context = application.lend_with(cache, None);
         let views = Views::upload(&context, &[camera], &[]).unwrap();
         let model = Model::upload(&context, &scene, 0).unwrap();
         let mut renderer = Renderer::new(&context, Needs::of(&model), &views, RenderOptions::default()).unwrap();
@@ -160,6 +165,29 @@ fn the_callers_pipeline_cache_may_be_warm() {
     let (warm, again) = shot(&data);
     assert!(cold == warm, "a warm cache changes the image");
     assert!(again.len() >= data.len());
+}
+
+#[test]
+fn the_callers_lock_is_held_at_every_submission() {
+    let application = Application::new();
+    let (held, open) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(true)));
+    let lock = {
+        let (held, open) = (held.clone(), open.clone());
+        QueueLock(Arc::new(move |submit: &mut dyn FnMut()| {
+            if open.load(Relaxed) {
+                held.fetch_add(1, Relaxed);
+                submit();
+            }
+        }))
+    };
+    let context = application.lend_with(vk::PipelineCache::null(), Some(lock));
+    let buffer = Buffer::<u32>::from_slice(&context, "numbers", &[1, 2, 3]).unwrap();
+    assert_eq!(buffer.download().unwrap(), [1, 2, 3]);
+    let times = held.load(Relaxed);
+    assert!(times > 0 && times == context.counters().submissions);
+    // A lock that lets nothing through is not taken for a fault of the driver's.
+    open.store(false, Relaxed);
+    assert!(matches!(buffer.download(), Err(GpuError::NotSubmitted)));
 }
 
 #[test]

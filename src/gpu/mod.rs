@@ -61,6 +61,9 @@ pub enum GpuError {
     /// Of a recorder that was borrowed.
     #[error("a command buffer of the caller's is submitted by the caller")]
     NotOurs,
+    /// A caller's [`QueueLock`] came back without having called what it was given.
+    #[error("the caller's lock of the queue did not let the submission through")]
+    NotSubmitted,
     /// The driver was not asked: it might have moved memory to the host instead of refusing.
     #[error(
         "buffer {name} needs {bytes} bytes, more than the device's memory has left ({used} of {budget} are in use): use \

@@ -247,7 +247,10 @@ impl Recorder {
         let Some(slot) = self.slot.take() else {
             return Err(GpuError::NotOurs);
         };
-        self.end(&slot)?;
+        if let Err(e) = self.end(&slot) {
+            self.slot = Some(slot);
+            return Err(e);
+        }
         Ok(Submission {
             context: self.context.clone(),
             slot: Some(slot),
@@ -270,16 +273,15 @@ impl Recorder {
             let commands = [slot.commands];
             let info = [vk::SubmitInfo::default().command_buffers(&commands)];
             let queue = inner.queue.lock().unwrap_or_else(|e| e.into_inner());
-            let submit = || inner.device.queue_submit(*queue, &info, slot.fence);
+            let submit = || inner.device.queue_submit(*queue, &info, slot.fence).check("vkQueueSubmit");
             match &inner.queue_lock {
                 None => submit(),
                 Some(lock) => {
-                    let mut result = Err(vk::Result::ERROR_UNKNOWN);
+                    let mut result = Err(GpuError::NotSubmitted);
                     (lock.0)(&mut || result = submit());
                     result
                 }
-            }
-            .check("vkQueueSubmit")?;
+            }?;
         }
         inner.submissions.fetch_add(1, Ordering::Relaxed);
         Ok(())
