@@ -239,7 +239,7 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
     let mut says =
         |model: &Model, view: u32| renderer.render(model, &views, view, [0.0; 3]).err().map(|e| e.to_string());
     assert_eq!(says(&plain, 0), None);
-    assert!(says(&plain, 1).unwrap().contains("1 views, not for degree 1 and view 1"));
+    assert!(says(&plain, 1).unwrap().contains("there are 1 views, and number 1"));
     assert!(says(&augmented, 0).unwrap().contains("without supplement"));
 }
 
