@@ -4377,6 +4377,7 @@ pub mod pursuit {
 #[doc = "px"] pub const CELL: u32 = 2;
 #[doc = "standard deviations within which a choice changes what is left"] pub const REACH: f32 = 2.5;
 #[doc = "standard deviations that a candidate has for itself in its round"] pub const CORE: f32 = 0.5;
+#[doc = "px: whole numbers of pixels, as 2.5 deviations of 2 px, are not rounded up for a rounding"] pub const WINDOW_SLACK: f32 = 1e-3;
 #[doc = "of `explained`: half of a residual is explained"] pub const HALVING: f32 = 65536.0;
 #[doc = "px: footprints beyond are scored as this one"] pub const WIDEST: f32 = 3.2;
 #[doc = ""] pub const SAME_DEPTH: f32 = 0.05;
