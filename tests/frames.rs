@@ -555,7 +555,7 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
     let gpu = Gpu::new();
     let scene = random_scene(21, 300, 80, 2);
     let model = Model::upload(&gpu, &scene, 0).unwrap();
-    let limits = Limits { in_flight: 3, views: 2, ..wide(Limits::of(&model, 48, 40)) };
+    let limits = Limits { in_flight: 3, views: 2, timings: true, ..wide(Limits::of(&model, 48, 40)) };
     let mut frames = Frames::new(&gpu, limits).unwrap();
     let engine = Engine::new(&gpu, 3);
     let targets = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
@@ -580,6 +580,9 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
                 checked += 1;
             }
             assert_eq!(frames.report(slot).unwrap().needed, None);
+            let times = frames.times(slot).unwrap();
+            let blends = times.iter().filter(|time| time.name == "blend").count();
+            assert_eq!(blends, if gpu.info().timestamp_period > 0.0 { 2 } else { 0 });
             before = gpu.counters();
         }
         let view = |eye: usize| FrameView {

@@ -102,6 +102,7 @@ typedef struct glint_limits {
     uint32_t half;          /* 1: models are of half width */
     uint32_t depth_in;      /* 1: depths hide Gaussians */
     uint32_t depth_out;     /* 1: depths and ids are asked for */
+    uint32_t timings;       /* 1: every stage has timestamps, for glint_frames_times */
     uint32_t compensate;    /* 1: opacities of small Gaussians are compensated (Mip-Splatting) */
 } glint_limits;
 
@@ -168,6 +169,15 @@ typedef struct glint_report {
 int32_t glint_frames_record(glint_frames *frames, VkCommandBuffer commands, const glint_frame *frame);
 /* When the slot's commands have run. */
 int32_t glint_frames_report(const glint_frames *frames, uint32_t slot, glint_report *report);
+
+typedef struct glint_stage_time {
+    char name[32];
+    double seconds;
+} glint_stage_time;
+
+/* What each stage of the slot's frame took, in order. `times` has room for `*count`, which becomes the number of stages; with NULL only
+ * that is told. Where timings are off or the device has no timestamps there are none. */
+int32_t glint_frames_times(const glint_frames *frames, uint32_t slot, glint_stage_time *times, uint32_t *count);
 
 /* Kernel `index`: its name and SPIR-V, which live as long as the library; 2 beyond the last. */
 int32_t glint_kernel(uint32_t index, const char **name, const uint32_t **code, size_t *bytes);

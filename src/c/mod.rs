@@ -434,6 +434,33 @@ pub unsafe extern "C" fn glint_frames_report(frames: *const glint_frames, slot: 
 }
 
 /// # Safety
+/// Live handles; `times` is null or has room for `*count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_frames_times(
+    frames: *const glint_frames,
+    slot: u32,
+    times: *mut glint_stage_time,
+    count: *mut u32,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let stages = of(frames, "frames")?.frames.times(slot)?;
+            let count = count.as_mut().ok_or_else(|| null("count"))?;
+            let room = if times.is_null() { 0 } else { *count as usize };
+            *count = stages.len() as u32;
+            for (i, stage) in stages.iter().take(room).enumerate() {
+                let mut name = [0; 32];
+                // The last stays 0.
+                name[..31].iter_mut().zip(stage.name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
+                times.add(i).write(glint_stage_time { name, seconds: stage.time.as_secs_f64() });
+            }
+        }
+        Ok(())
+    })
+}
+
+/// # Safety
 /// A live handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_reserve(frames: *mut glint_frames, intersections: u32) -> i32 {

@@ -2,7 +2,7 @@
 
 #![allow(non_camel_case_types, reason = "the names of the header")]
 
-use std::ffi::c_void;
+use std::ffi::{c_char, c_void};
 
 use ash::vk;
 use glam::{DMat4, DQuat, DVec3};
@@ -117,6 +117,8 @@ pub struct glint_limits {
     pub depth_in: u32,
     /// 1: depths and ids are asked for.
     pub depth_out: u32,
+    /// Not 0: every stage has timestamps.
+    pub timings: u32,
     /// 1: opacities of small Gaussians are compensated, as Mip-Splatting does.
     pub compensate: u32,
 }
@@ -138,6 +140,7 @@ impl glint_limits {
             half: limits.half.into(),
             depth_in: 0,
             depth_out: 0,
+            timings: 0,
             compensate: 0,
         }
     }
@@ -160,6 +163,7 @@ impl glint_limits {
             half: self.half != 0,
             depth_in: self.depth_in != 0,
             depth_out: self.depth_out != 0,
+            timings: self.timings != 0,
             policy: Policy { compensate: self.compensate != 0, ..Default::default() },
         })
     }
@@ -320,6 +324,15 @@ pub struct glint_frame {
     pub instances: *const glint_instance,
     /// One after the other.
     pub views: *const glint_view,
+}
+
+/// See [`StageTime`](crate::gpu::StageTime).
+#[repr(C)]
+pub struct glint_stage_time {
+    /// Ends with a 0.
+    pub name: [c_char; 32],
+    /// On the device.
+    pub seconds: f64,
 }
 
 /// See [`Report`](crate::pipelines::frames::Report).

@@ -27,7 +27,7 @@ pub(super) struct CommandSlot {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
     fence: vk::Fence,
-    queries: vk::QueryPool,
+    stamps: Stamps,
 }
 
 /// # Safety
@@ -36,7 +36,7 @@ pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
     // SAFETY: by the contract above.
     unsafe {
         device.destroy_fence(slot.fence, None);
-        device.destroy_query_pool(slot.queries, None);
+        slot.stamps.destroy(device);
         device.destroy_command_pool(slot.pool, None);
     }
 }
@@ -50,13 +50,79 @@ pub struct StageTime {
     pub time: Duration,
 }
 
+/// A timestamp before the first stage and one behind each.
+struct Stamps {
+    queries: vk::QueryPool,
+    names: Vec<&'static str>,
+}
+
+impl Stamps {
+    fn new(device: &ash::Device) -> Result<Self, GpuError> {
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMED + 1);
+        // SAFETY: the structure lives for the call.
+        let queries = unsafe { device.create_query_pool(&info, None) }.check("vkCreateQueryPool")?;
+        let mut stamps = Stamps { queries, names: Vec::with_capacity(MAX_TIMED as usize) };
+        // SAFETY: the pool is new.
+        unsafe { stamps.reset(device) };
+        Ok(stamps)
+    }
+
+    /// # Safety
+    /// The device is done with what was recorded.
+    unsafe fn reset(&mut self, device: &ash::Device) {
+        self.names.clear();
+        // SAFETY: by the contract above; `hostQueryReset` is enabled.
+        unsafe { device.reset_query_pool(self.queries, 0, MAX_TIMED + 1) };
+    }
+
+    /// # Safety
+    /// `commands` is recording.
+    unsafe fn begin(&self, device: &ash::Device, commands: vk::CommandBuffer) {
+        // SAFETY: by the contract above; the pool was reset.
+        unsafe { device.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0) };
+    }
+
+    /// # Safety
+    /// As for `begin`.
+    unsafe fn stamp(&mut self, device: &ash::Device, commands: vk::CommandBuffer, name: &'static str) {
+        if self.names.len() < MAX_TIMED as usize {
+            self.names.push(name);
+            let (stage, index) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.names.len() as u32);
+            // SAFETY: by the contract above; the pool was reset and holds MAX_TIMED + 1 queries.
+            unsafe { device.cmd_write_timestamp(commands, stage, self.queries, index) };
+        }
+    }
+
+    fn read(&self, context: &Context) -> Result<Vec<StageTime>, GpuError> {
+        let mut stamps = vec![0u64; self.names.len() + 1];
+        if self.names.is_empty() {
+            return Ok(vec![]);
+        }
+        let flags = vk::QueryResultFlags::TYPE_64;
+        // SAFETY: so many were recorded; those that are not written are an error.
+        unsafe { context.0.device.get_query_pool_results(self.queries, 0, &mut stamps, flags) }
+            .check("vkGetQueryPoolResults")?;
+        let (period, mask) = (f64::from(context.info().timestamp_period), context.0.timestamp_mask);
+        let time = |w: &[u64]| Duration::from_nanos((ticks(w[0], w[1], mask) as f64 * period) as u64);
+        Ok(self.names.iter().zip(stamps.windows(2)).map(|(&name, w)| StageTime { name, time: time(w) }).collect())
+    }
+
+    /// # Safety
+    /// As for `reset`.
+    unsafe fn destroy(self, device: &ash::Device) {
+        // SAFETY: by the contract above.
+        unsafe { device.destroy_query_pool(self.queries, None) };
+    }
+}
+
 /// Records stages into a command buffer, its own or the caller's.
 pub struct Recorder {
     context: Context,
     slot: Option<CommandSlot>,
     pub(super) commands: vk::CommandBuffer,
     kept: Kept,
-    timed: Option<Vec<&'static str>>,
+    /// Stages have timestamps: the slot's, or those of what is kept.
+    timed: bool,
     /// Why a twin could not stand in; kept for `submit`.
     failed: Option<GpuError>,
 }
@@ -68,9 +134,49 @@ pub struct Kept {
     /// Since the last barrier: whether a buffer was written (true) or only read.
     touched: HashMap<vk::Buffer, bool>,
     keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    times: Option<Times>,
+}
+
+/// Timestamps in a caller's command buffers.
+struct Times {
+    context: Context,
+    /// `None` once it is dropped.
+    stamps: Option<Stamps>,
+}
+
+impl Drop for Times {
+    fn drop(&mut self) {
+        if let Some(stamps) = self.stamps.take() {
+            // SAFETY: a `Kept` outlives the commands that were recorded with it.
+            unsafe { stamps.destroy(&self.context.0.device) };
+        }
+    }
 }
 
 impl Kept {
+    /// As `default`, and every stage that is recorded with it is timed; not on devices without timestamps.
+    ///
+    /// # Errors
+    /// Where the device has no memory for the queries.
+    pub fn timed(context: &Context) -> Result<Self, GpuError> {
+        let times = match context.info().timestamp_period > 0.0 {
+            true => Some(Times { context: context.clone(), stamps: Some(Stamps::new(&context.0.device)?) }),
+            false => None,
+        };
+        Ok(Kept { times, ..Kept::default() })
+    }
+
+    /// Times of the stages, in order, of one that is [`timed`](Kept::timed); else none.
+    ///
+    /// # Errors
+    /// Where the commands have not run, or the device is lost.
+    pub fn times(&self) -> Result<Vec<StageTime>, GpuError> {
+        let Some((context, stamps)) = self.times.as_ref().and_then(|t| Some((&t.context, t.stamps.as_ref()?))) else {
+            return Ok(vec![]);
+        };
+        stamps.read(context)
+    }
+
     /// Lets go of all, and keeps the memory of the lists.
     pub fn clear(&mut self) {
         self.touched.clear();
@@ -100,7 +206,6 @@ pub struct Submission {
     context: Context,
     slot: Option<CommandSlot>,
     kept: Kept,
-    timed: Vec<&'static str>,
 }
 
 impl Recorder {
@@ -117,7 +222,7 @@ impl Recorder {
             slot: Some(slot),
             commands,
             kept: Kept::default(),
-            timed: None,
+            timed: false,
             failed: None,
         };
         recorder.begin(&CString::new(label).unwrap_or_default())?;
@@ -146,7 +251,16 @@ impl Recorder {
     /// The command buffer stays in the recording state while the recorder lives.
     pub unsafe fn borrow(context: &Context, commands: vk::CommandBuffer, mut kept: Kept) -> Self {
         kept.clear();
-        Recorder { context: context.clone(), slot: None, commands, kept, timed: None, failed: None }
+        let stamps = kept.times.as_mut().and_then(|times| times.stamps.as_mut());
+        let timed = stamps.is_some();
+        if let Some(stamps) = stamps {
+            // SAFETY: what was recorded with `kept` has run; the command buffer is recording.
+            unsafe {
+                stamps.reset(&context.0.device);
+                stamps.begin(&context.0.device, commands);
+            }
+        }
+        Recorder { context: context.clone(), slot: None, commands, kept, timed, failed: None }
     }
 
     /// The context that it records for.
@@ -158,12 +272,16 @@ impl Recorder {
         &self.context.0.device
     }
 
-    /// Times every stage from here on (own command buffers on devices with timestamps only). Of a stage that a twin stands in for
+    /// Times every stage from here on (own command buffers on devices with timestamps only; for a caller's see [`Kept::timed`]). Of a stage that a twin stands in for
     /// this is the time on the wall, from the last command before it to the first after it, copies and waiting included.
     pub fn time_stages(&mut self) {
-        if self.slot.is_some() && self.timed.is_none() && self.context.info().timestamp_period > 0.0 {
-            self.timed = Some(Vec::new());
-            self.stamp(0);
+        if let Some(slot) = &self.slot
+            && !self.timed
+            && self.context.info().timestamp_period > 0.0
+        {
+            self.timed = true;
+            // SAFETY: the command buffer is recording; the slot was reset when it was last given back.
+            unsafe { slot.stamps.begin(&self.context.0.device, self.commands) };
         }
     }
 
@@ -251,12 +369,7 @@ impl Recorder {
             self.slot = Some(slot);
             return Err(e);
         }
-        Ok(Submission {
-            context: self.context.clone(),
-            slot: Some(slot),
-            kept: std::mem::take(&mut self.kept),
-            timed: self.timed.take().unwrap_or_default(),
-        })
+        Ok(Submission { context: self.context.clone(), slot: Some(slot), kept: std::mem::take(&mut self.kept) })
     }
 
     /// Ends recording into the slot and submits it.
@@ -503,20 +616,14 @@ impl Recorder {
             // SAFETY: closes the label that `bind` opened.
             unsafe { debug.cmd_end_debug_utils_label(self.commands) };
         }
-        if let Some(timed) = &mut self.timed
-            && timed.len() < MAX_TIMED as usize
+        if self.timed
+            && let Some(stamps) = match &mut self.slot {
+                Some(slot) => Some(&mut slot.stamps),
+                None => self.kept.times.as_mut().and_then(|times| times.stamps.as_mut()),
+            }
         {
-            timed.push(name);
-            let index = timed.len() as u32;
-            self.stamp(index);
-        }
-    }
-
-    fn stamp(&self, index: u32) {
-        if let Some(slot) = &self.slot {
-            let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-            // SAFETY: the pool was reset when the slot was taken and holds MAX_TIMED + 1 queries.
-            unsafe { self.context.0.device.cmd_write_timestamp(self.commands, stage, slot.queries, index) };
+            // SAFETY: the command buffer is recording.
+            unsafe { stamps.stamp(&self.context.0.device, self.commands, name) };
         }
     }
 }
@@ -546,29 +653,7 @@ impl Submission {
         }
         let mut times = Vec::new();
         if let Some(slot) = self.slot.take() {
-            if !self.timed.is_empty() {
-                let mut stamps = vec![0u64; self.timed.len() + 1];
-                // SAFETY: that many queries were written by the work that is done.
-                unsafe {
-                    self.context.0.device.get_query_pool_results(
-                        slot.queries,
-                        0,
-                        &mut stamps,
-                        vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
-                    )
-                }
-                .check("vkGetQueryPoolResults")?;
-                let (period, mask) = (f64::from(self.context.info().timestamp_period), self.context.0.timestamp_mask);
-                times = self
-                    .timed
-                    .iter()
-                    .zip(stamps.windows(2))
-                    .map(|(&name, w)| StageTime {
-                        name,
-                        time: Duration::from_nanos((ticks(w[0], w[1], mask) as f64 * period) as u64),
-                    })
-                    .collect();
-            }
+            times = slot.stamps.read(&self.context)?;
             recycle(&self.context, slot);
         }
         self.kept.clear();
@@ -612,23 +697,21 @@ fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
     unsafe {
         let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(inner.queue_family);
         let pool = device.create_command_pool(&pool_info, None).check("vkCreateCommandPool")?;
-        let mut slot = CommandSlot {
-            pool,
-            commands: vk::CommandBuffer::null(),
-            fence: vk::Fence::null(),
-            queries: vk::QueryPool::null(),
+        let stamps = match Stamps::new(device) {
+            Ok(stamps) => stamps,
+            Err(e) => {
+                device.destroy_command_pool(pool, None);
+                return Err(e);
+            }
         };
+        let mut slot = CommandSlot { pool, commands: vk::CommandBuffer::null(), fence: vk::Fence::null(), stamps };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
             .command_buffer_count(1);
-        let query_info =
-            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMED + 1);
         let made = (|| {
             slot.commands = device.allocate_command_buffers(&info).check("vkAllocateCommandBuffers")?[0];
             slot.fence = device.create_fence(&vk::FenceCreateInfo::default(), None).check("vkCreateFence")?;
-            slot.queries = device.create_query_pool(&query_info, None).check("vkCreateQueryPool")?;
-            device.reset_query_pool(slot.queries, 0, MAX_TIMED + 1);
             Ok(())
         })();
         match made {
@@ -642,11 +725,11 @@ fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
 }
 
 /// Makes a slot whose work is done ready for the next recorder.
-fn recycle(context: &Context, slot: CommandSlot) {
+fn recycle(context: &Context, mut slot: CommandSlot) {
     let device = &context.0.device;
     // SAFETY: the device is done with the slot (or never saw it).
     let reset = unsafe {
-        device.reset_query_pool(slot.queries, 0, MAX_TIMED + 1);
+        slot.stamps.reset(device);
         device
             .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
             .and_then(|()| device.reset_fences(&[slot.fence]))

@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, BufferRange, Context, GpuError, Kept, Location, Pixels, Recorder},
+    gpu::{Buffer, BufferRange, Context, GpuError, Kept, Location, Pixels, Recorder, StageTime},
     scene::Camera,
     stages::{
         WORKGROUP,
@@ -92,6 +92,8 @@ pub struct Limits {
     pub depth_in: bool,
     /// Depths and numbers of Gaussians will be asked for.
     pub depth_out: bool,
+    /// Every stage has timestamps, see [`Frames::times`].
+    pub timings: bool,
     /// Which variants of the stages run; sums of gradients are none of a frame's affair.
     pub policy: Policy,
 }
@@ -113,6 +115,7 @@ impl Limits {
             half: model.is_half(),
             depth_in: false,
             depth_out: false,
+            timings: false,
             policy: Policy::default(),
         }
     }
@@ -449,7 +452,8 @@ impl Frames {
         let options = RenderOptions { depth: limits.depth_out, policy: limits.policy, ..Default::default() };
         let slot = |_| {
             let report = Buffer::new(context, "report", status::WORDS + COUNTS, Location::Readback)?;
-            Ok(Slot { kept: Kept::default(), report })
+            let kept = if limits.timings { Kept::timed(context)? } else { Kept::default() };
+            Ok(Slot { kept, report })
         };
         Ok(Frames {
             raster: Raster::new(context, limits.raster(context))?,
@@ -544,6 +548,16 @@ impl Frames {
             visible: count(super::raster::VISIBLE),
             intersections: count(super::raster::ISECTS),
         })
+    }
+
+    /// What each stage of the frame that was recorded in `slot` last took, in order; nothing where [`Limits::timings`] are off or the
+    /// device has no timestamps.
+    ///
+    /// # Errors
+    /// As for [`Frames::report`], where its commands have not run, and where the device is lost.
+    pub fn times(&self, slot: u32) -> Result<Vec<StageTime>> {
+        self.report(slot)?;
+        Ok(self.slots[slot as usize].kept.times()?)
     }
 
     fn check(&self, frame: &Frame<'_>) -> Result<()> {

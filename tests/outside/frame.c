@@ -132,6 +132,7 @@ int main(int argc, char **argv) {
     glint_limits limits;
     GLINT(glint_limits_of(model, width, height, &limits));
     limits.texel = GLINT_RGBA32F;
+    limits.timings = 1;
     glint_frames *frames;
     GLINT(glint_frames_create(context, &limits, &frames));
 
@@ -171,6 +172,13 @@ int main(int argc, char **argv) {
     run(queue, commands);
     GLINT(glint_frames_report(frames, 0, &report));
     if (report.needed != 0 || report.visible == 0) FAIL("%u needed, %u visible", report.needed, report.visible);
+    glint_stage_time times[64];
+    uint32_t stages = 64, all = 0;
+    GLINT(glint_frames_times(frames, 0, NULL, &all));
+    GLINT(glint_frames_times(frames, 0, times, &stages));
+    if (stages != all || stages > 64) FAIL("%u stages of %u", stages, all);
+    for (uint32_t i = 0; i < stages; ++i)
+        if (strlen(times[i].name) == 0 || !(times[i].seconds >= 0)) FAIL("stage %u has no time", i);
     if (locked != 0) FAIL("glint submitted %d times", locked);
 
     void *pixels;

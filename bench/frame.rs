@@ -1,0 +1,302 @@
+//! Time of a frame in a renderer's own command buffers, stage by stage beside what its bytes take to copy.
+//!
+//!     cargo bench --bench frame -- [SCENE.ply DATASET] [--gaussians N] [--size WxH] [--sh-degree L] [--lobes SHARE] [--half] [--json]
+//!
+//! The camera moves, several frames are in flight, and the first of them is compared with `Renderer`'s image to the last bit.
+
+#[path = "../tests/common/engine.rs"]
+#[allow(dead_code)]
+mod engine;
+
+use std::{collections::BTreeMap, fs, path::PathBuf, process::ExitCode, time::Instant};
+
+use clap::Parser;
+use engine::Engine;
+use glam::{DMat3, DVec3};
+use glint::{
+    Error, Result,
+    data::{Dataset, DatasetOptions, read_scene},
+    gpu::{Buffer, BufferRange, Context, ContextOptions, Location, Pixels},
+    pipelines::{
+        frames::{Blend, Frame, FrameView, Frames, Instance, Limits, Target, Texel},
+        model::{Model, Room},
+        render::{Needs, RenderOptions, Renderer},
+        views::Views,
+    },
+    reference::{random_camera, random_scene},
+    report::table::{Cell, Column, Table},
+    scene::{Camera, Scene},
+};
+use serde_json::json;
+
+/// Frames in flight.
+const SLOTS: u32 = 3;
+/// Copied to measure the device's rate; beyond any cache.
+const COPIED: usize = 64 << 20;
+
+#[derive(Parser)]
+#[command(name = "frame", about = "Time of a frame, stage by stage")]
+struct Args {
+    /// A scene and a dataset with its cameras; without, random Gaussians
+    #[arg(num_args = 0..=2, value_names = ["SCENE", "DATASET"])]
+    scene: Vec<PathBuf>,
+    /// Random Gaussians; the more, the smaller, so that a pixel always has as many
+    #[arg(long, default_value_t = 100_000)]
+    gaussians: usize,
+    /// Share of the random ones that have lobes
+    #[arg(long, default_value_t = 0.0)]
+    lobes: f64,
+    /// Pixels
+    #[arg(long, default_value = "1280x720", value_parser = size)]
+    size: [u32; 2],
+    /// Bands of harmonics, at most the scene's
+    #[arg(long, default_value_t = 3)]
+    sh_degree: u32,
+    /// Harmonics of half width
+    #[arg(long)]
+    half: bool,
+    /// Frames that are timed
+    #[arg(long, default_value_t = 60)]
+    frames: u32,
+    #[arg(long)]
+    device: Option<String>,
+    #[arg(long)]
+    json: bool,
+    /// Given by cargo bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let numbers = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    numbers.filter(|n| !n.contains(&0)).ok_or_else(|| format!("`{text}`, expected WxH in pixels"))
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::from(e.exit_code())
+        }
+    }
+}
+
+fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
+    let [width, height] = args.size;
+    if let [scene, dataset] = &args.scene[..] {
+        let dataset = Dataset::open(dataset, &DatasetOptions::default())?;
+        let camera = dataset.photos.first().map(|photo| photo.camera);
+        let Some(c) = camera else { return Err(Error::Usage("a dataset without photos".into())) };
+        // As wide a view, of another size.
+        let zoom = f64::from(width) / f64::from(c.width);
+        let (fx, fy) = (c.fx * zoom, c.fy * zoom);
+        let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+        return Ok((read_scene(scene)?, Camera { width, height, fx, fy, cx, cy, ..c }));
+    }
+    if !args.scene.is_empty() {
+        return Err(Error::Usage("expected a scene and a dataset, or neither".into()));
+    }
+    let lobes = (args.lobes.clamp(0.0, 1.0) * args.gaussians as f64) as usize;
+    let mut scene = random_scene(1, args.gaussians - lobes, lobes, args.sh_degree);
+    // As much of the image is covered as by 2,000 of the usual size.
+    let shrink = (0.5 * (2000.0 / args.gaussians.max(1) as f64).ln()) as f32;
+    let supplement = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.log_scales);
+    scene.base.log_scales.iter_mut().chain(supplement).flatten().for_each(|s| *s += shrink);
+    Ok((scene, random_camera(width, height)))
+}
+
+/// CPU seconds of the process, all threads, as Linux counts them; 0 elsewhere.
+fn cpu_seconds() -> f64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after_name = stat.rsplit_once(')').map_or("", |(_, rest)| rest);
+    // Fields 14 and 15: user and system time in hundredths of a second.
+    after_name.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum::<f64>() / 100.0
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn copy_rate(context: &Context) -> Result<f64> {
+    let from = Buffer::<u32>::zeroed(context, "copied", COPIED / 4)?;
+    let to = Buffer::<u32>::new(context, "copy", COPIED / 4, Location::Device)?;
+    let mut seconds = Vec::new();
+    for _ in 0..5 {
+        let mut recorder = context.recorder("copy")?;
+        recorder.time_stages();
+        recorder.copy(&from, 0, &to, 0, COPIED / 4);
+        seconds.extend(recorder.submit()?.wait()?.iter().map(|stage| stage.time.as_secs_f64()));
+    }
+    Ok(2.0 * COPIED as f64 / median(seconds))
+}
+
+fn run(args: &Args) -> Result<()> {
+    let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
+    let (scene, camera) = scene_of(args)?;
+    let started = Instant::now();
+    let room = Room { half: args.half, ..Default::default() };
+    let model = Model::upload_around(&context, DVec3::ZERO, &scene, room)?;
+    let upload = started.elapsed().as_secs_f64() * 1e3;
+    let degree = args.sh_degree.min(model.sh_degree);
+    let [width, height] = args.size;
+    let limits = Limits {
+        texel: Texel::Rgba32F,
+        degrees: vec![degree],
+        in_flight: SLOTS,
+        timings: true,
+        ..Limits::of(&model, width, height)
+    };
+    let started = Instant::now();
+    let mut frames = Frames::new(&context, limits)?;
+    let made = started.elapsed().as_secs_f64() * 1e3;
+    let pixels = camera.pixels() as usize;
+    let targets = (0..SLOTS).map(|_| Buffer::<u32>::new(&context, "target", 4 * pixels, Location::Device));
+    let targets: Vec<_> = targets.collect::<std::result::Result<_, _>>()?;
+    let engine = Engine::new(&context, SLOTS);
+    let instances = [Instance { degree, ..Instance::of(&model) }];
+    let seen_from = |n: u32| {
+        let turn = DMat3::from_rotation_y(f64::from(n) * 1e-3);
+        Camera { rotation: turn * camera.rotation, translation: turn * camera.translation, ..camera }
+    };
+    let mut record = |n: u32| -> Result<()> {
+        let slot = n % SLOTS;
+        let commands = engine.begin(slot);
+        let range = BufferRange { buffer: targets[slot as usize].raw().handle(), offset: 0 };
+        let color = Target { blend: Blend::Opaque([0.0; 3]), ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) };
+        let views = [FrameView { color: Some(color), ..FrameView::new(seen_from(n)) }];
+        // SAFETY: the engine has waited for the slot; its buffers are live and as large as the view.
+        unsafe { frames.record(commands, &Frame { slot, instances: &instances, views: &views }) }?;
+        engine.submit(slot);
+        Ok(())
+    };
+
+    let started = Instant::now();
+    record(0)?;
+    engine.finish();
+    let first = started.elapsed().as_secs_f64() * 1e3;
+    let image = targets[0].download()?;
+    for n in 1..SLOTS {
+        record(n)?;
+    }
+    engine.finish();
+    let (started, cpu) = (Instant::now(), cpu_seconds());
+    for n in 0..args.frames {
+        record(n)?;
+    }
+    engine.finish();
+    let each = |seconds: f64| seconds * 1e3 / f64::from(args.frames.max(1));
+    let (wall, cpu) = (each(started.elapsed().as_secs_f64()), each(cpu_seconds() - cpu));
+    let slot = (args.frames + SLOTS - 1) % SLOTS;
+    let (report, times) = (frames.report(slot)?, frames.times(slot)?);
+    check(&context, &scene, &camera, room, &image, degree)?;
+
+    let rate = copy_rate(&context)?;
+    let bytes =
+        Bytes { args, model: &model, degree, visible: report.visible.into(), isects: report.intersections.into() };
+    let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
+    for stage in &times {
+        let entry = stages.entry(stage.name).or_default();
+        entry.0 += 1;
+        entry.1 += stage.time.as_secs_f64() * 1e3;
+    }
+    let mut rows: Vec<_> = stages
+        .into_iter()
+        .map(|(name, (calls, ms))| (name, calls, ms, bytes.of(name).map(|bytes| 1e3 * bytes / rate)))
+        .collect();
+    rows.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let device: f64 = rows.iter().map(|row| row.2).sum();
+    let memory = (frames.limits().plan(&context).bytes(), model.capacity());
+    if args.json {
+        let stages: Vec<_> = rows
+            .iter()
+            .map(|(name, calls, ms, floor)| json!({"stage": name, "calls": calls, "ms": ms, "floor_ms": floor}))
+            .collect();
+        let report = json!({
+            "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(), "width": width,
+            "height": height, "sh_degree": degree, "half": args.half, "lobes": args.lobes, "visible": report.visible,
+            "intersections": report.intersections, "needed": report.needed, "frames": args.frames, "wall_ms": wall,
+            "cpu_ms": cpu, "device_ms": device, "upload_ms": upload, "made_ms": made, "first_ms": first,
+            "frames_bytes": memory.0, "copy_bytes_per_s": rate, "stages": stages,
+        });
+        println!("{report:#}");
+        return Ok(());
+    }
+    println!(
+        "{}: {} Gaussians of degree {degree}{}, {width}×{height}: {} visible, {} intersections{}\n\
+         a frame {wall:.2} ms, of the CPU {cpu:.2} ms, on the device {device:.2} ms; the first {first:.1} ms, pipelines and buffers {made:.0} ms, \
+         upload {upload:.0} ms\n\
+         frames hold {:.1} MB beside the model; copies {:.1} GB/s\n",
+        context.info().name,
+        model.count(),
+        if args.half { " at half width" } else { "" },
+        report.visible,
+        report.intersections,
+        report.needed.map_or(String::new(), |needed| format!(" (of {needed}: no room)")),
+        memory.0 as f64 / 1e6,
+        rate / 1e9,
+    );
+    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+    let mut table = Table::new(vec![
+        column("stage", "stage", "", 0),
+        column("calls", "calls", "", 0),
+        column("ms", "device time", "ms", 3),
+        column("floor", "bytes alone", "ms", 3),
+        column("share", "share", "%", 1),
+    ]);
+    for (name, calls, ms, floor) in rows {
+        table.row(vec![
+            name.into(),
+            Cell::Number(calls.into()),
+            ms.into(),
+            floor.into(),
+            (100.0 * ms / device.max(1e-9)).into(),
+        ]);
+    }
+    print!("{table}");
+    Ok(())
+}
+
+/// What stages read and write at least, each number once.
+struct Bytes<'a> {
+    args: &'a Args,
+    model: &'a Model,
+    degree: u32,
+    visible: f64,
+    isects: f64,
+}
+
+impl Bytes<'_> {
+    fn of(&self, stage: &str) -> Option<f64> {
+        let (gaussians, pixels) =
+            (f64::from(self.model.capacity()), self.args.size.map(f64::from).iter().product::<f64>());
+        let harmonics = f64::from(3 * (self.degree + 1).pow(2)) * if self.args.half { 2.0 } else { 4.0 };
+        Some(match stage {
+            // Geometry, keys and tile counts of all; harmonics, splats and colours of those in the view.
+            "project" => gaussians * (44.0 + 8.0) + self.visible * (harmonics + 24.0 + 12.0),
+            // Key and value of what is visible, in and out, once.
+            "radix_upsweep" | "radix_downsweep" => 16.0 * (self.visible + self.isects),
+            "emit" => self.visible * 32.0 + self.isects * 12.0,
+            "tile_ranges" => self.isects * 4.0,
+            "blend" => self.isects * 4.0 + self.visible * 36.0 + pixels * 16.0,
+            "resolve" => pixels * 32.0,
+            _ => return None,
+        })
+    }
+}
+
+fn check(context: &Context, scene: &Scene, camera: &Camera, room: Room, image: &[u32], degree: u32) -> Result<()> {
+    let views = Views::upload(context, &[*camera], &[])?;
+    let model = Model::upload_around(context, DVec3::ZERO, scene, room)?;
+    let mut renderer = Renderer::new(context, Needs::of(&model), &views, RenderOptions::default())?;
+    let want = renderer.render(&model, &views, 0, [0.0; 3])?;
+    let same = image
+        .chunks_exact(4)
+        .zip(want.color.chunks_exact(3))
+        .all(|(got, want)| (0..3).all(|c| got[c] == want[c].to_bits()));
+    match same || degree < model.sh_degree {
+        true => Ok(()),
+        false => Err(Error::Usage("the frame is not the renderer's image".into())),
+    }
+}
