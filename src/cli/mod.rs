@@ -14,6 +14,7 @@ mod kept;
 mod names;
 mod output;
 mod pages;
+mod picture;
 mod progress;
 mod render;
 mod report;
