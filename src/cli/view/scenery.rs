@@ -162,7 +162,7 @@ impl Scenery {
         let rgb = match mode {
             Mode::Augmented | Mode::Base | Mode::Supplement => {
                 let Some(scene) = self.scene(mode, look) else { return Ok(Drawn { shown: false, pixels: None }) };
-                return screen.show(Shown::Scene(scene), save);
+                return screen.show(Shown::Scene(Box::new(scene)), save);
             }
             Mode::Diffuse | Mode::Specular => {
                 let whole = self.numbers(screen, Mode::Augmented, look, Wanted::Color)?;

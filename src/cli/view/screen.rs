@@ -34,7 +34,7 @@ const TRIES: u32 = 4;
 /// What a frame shows.
 pub(super) enum Shown<'a> {
     /// Drawn by the device straight into the window's image.
-    Scene(Scene<'a>),
+    Scene(Box<Scene<'a>>),
     /// Pixels of the window's size, 3 bytes each.
     Picture(&'a [u8]),
 }
@@ -531,7 +531,8 @@ impl Screen {
         let target = Pixels::Image(ImageRegion::of(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL));
         let mut kept = std::mem::take(&mut self.slots[slot].kept);
         match shown {
-            Shown::Scene(Scene { frames, instance, camera, background }) => {
+            Shown::Scene(scene) => {
+                let Scene { frames, instance, camera, background } = *scene;
                 let color = Target { blend: Blend::Opaque(background), ..Target::new(target, self.texel) };
                 let views = [FrameView { color: Some(color), ..FrameView::new(camera) }];
                 let frame = Frame { slot: slot as u32, instances: &[instance], views: &views };

@@ -455,7 +455,7 @@ impl Open {
     /// The photograph of this camera at the window's size, where it is shown.
     fn fit_photo(&mut self, dataset: Option<&Dataset>, args: &Args, size: [u32; 2]) -> Result<()> {
         let (Some(dataset), Some(i), true) = (dataset, self.photo, self.mode.of_photograph()) else { return Ok(()) };
-        if !self.fitted.as_ref().is_some_and(|(photo, of, _)| (*photo, *of) == (i, size)) {
+        if self.fitted.as_ref().is_none_or(|(photo, of, _)| (*photo, *of) != (i, size)) {
             let image = dataset.photos[i].load(args.photos.background)?;
             self.fitted = Some((i, size, Fitted::new(&image, size)));
         }
