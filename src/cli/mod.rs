@@ -14,12 +14,15 @@ mod kept;
 mod names;
 mod output;
 mod pages;
+mod picture;
 mod progress;
 mod render;
 mod report;
 mod synth;
 mod train;
 mod verify;
+#[cfg(feature = "view")]
+mod view;
 
 use std::{
     fmt::Display,
@@ -49,6 +52,7 @@ Examples:
   glint train garden -o base.ply           train a base scene on a dataset
   glint enhance garden --base base.ply -o augmented.ply
   glint eval augmented.ply garden          PSNR and SSIM of its test views
+  glint view augmented.ply garden          look at it in a window
   glint render augmented.ply garden -o views
   glint info augmented.ply                 what is in the file
   glint convert base.ply base.spz          to what other programs read
@@ -81,6 +85,8 @@ enum Command {
     Demo(demo::Args),
     Train(train::Args),
     Enhance(enhance::Args),
+    #[cfg(feature = "view")]
+    View(Box<view::Args>),
     Render(render::Args),
     Eval(eval::Args),
     Info(info::Args),
@@ -101,6 +107,9 @@ enum Failure {
     Validation(usize),
     /// What was done until somebody asked for an end is written, and what it is.
     Interrupted(String),
+    /// There is no display, or it cannot be drawn in.
+    #[cfg(feature = "view")]
+    NoWindow(String),
     /// So many stages were farther from their twins than they may be.
     Bounds(usize),
 }
@@ -121,6 +130,8 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
         Command::Enhance(args) => args.run(),
+        #[cfg(feature = "view")]
+        Command::View(args) => args.run(),
         Command::Render(args) => args.run(),
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
@@ -136,6 +147,13 @@ pub fn main() -> ExitCode {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
         Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+        #[cfg(feature = "view")]
+        Err(Failure::NoWindow(why)) => (
+            format!(
+                "no window can be opened: {why} (expected a desktop: of X11 or Wayland, named by DISPLAY or WAYLAND_DISPLAY)"
+            ),
+            1,
+        ),
         Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
         Err(Failure::Bounds(count)) => (format!("{count} rows break their bound (see the table)"), 1),
     };
@@ -197,18 +215,28 @@ fn parse_twin(stage: &str) -> Result<Twin, String> {
 }
 
 impl DeviceArgs {
-    /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
-    fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
+    /// What was asked for, by options and variables.
+    fn options(&self) -> ContextOptions {
         let mut options = ContextOptions::from_env();
-        let asked = if self.device.is_some() { "--device" } else { "GLINT_DEVICE" };
         options.device = self.device.clone().or(options.device);
         options.validation |= self.validate;
         options.twins.clone_from(&self.twins);
-        let context = Context::new(&options).map_err(|e| match e {
-            // A device that was asked for and is not there is the caller's mistake.
-            GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("{asked}: {e}")),
-            e => with_hint(e).into(),
-        })?;
+        options
+    }
+
+    /// A device that was asked for and is not there is the caller's mistake.
+    fn explain(&self, options: &ContextOptions, error: GpuError) -> Error {
+        let asked = if self.device.is_some() { "--device" } else { "GLINT_DEVICE" };
+        match error {
+            GpuError::NoDevice(_) if options.device.is_some() => Error::Usage(format!("{asked}: {error}")),
+            error => with_hint(error).into(),
+        }
+    }
+
+    /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
+    fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
+        let options = self.options();
+        let context = Context::new(&options).map_err(|error| self.explain(&options, error))?;
         tracing::info!("device: {}", context.info().name);
         let result = work(&context);
         if let Some(bytes) = peak_memory() {

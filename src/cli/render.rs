@@ -7,18 +7,19 @@ use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     names::stems,
     output::{Inputs, OutputArgs},
+    picture::{Content, Format, Picture},
     print, print_json,
     progress::{Progress, note},
 };
 use crate::{
     Error, Result,
-    data::{write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb},
+    data::CameraPath,
     pipelines::{
         layers::{Layer, Layers},
         render::{RenderOptions, Rendered},
         start::photos_of,
     },
-    report::decompose::{decompose, srgb_from_linear},
+    report::decompose::decompose,
     scene::Camera,
 };
 
@@ -41,18 +42,32 @@ only, but nowhere more than the color; specular is the rest.
 Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all, and \
 none that is there is replaced without --force.
 
+A camera path is what K and Shift-K of `glint view` save: the camera goes smoothly through its poses (Catmull-Rom \
+splines, rotations along great circles), and frames are evenly spaced, frame-00001 the first pose.
+
 Examples:
   glint render augmented.ply garden -o views
-  glint render augmented.ply garden -o depth --what depth --format exr";
+  glint render augmented.ply garden -o depth --what depth --format exr
+  glint render augmented.ply --path garden-path-1.json -o frames --frames 240";
 
-/// Render the views of a dataset
+/// What five digits count.
+const MAX_FRAMES: i64 = 99_999;
+
+/// Render the views of a dataset, or frames along a camera path
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Scene
     scene: PathBuf,
     /// Folder or JSON file of the dataset whose cameras are used
-    dataset: PathBuf,
+    #[arg(required_unless_present = "path", conflicts_with = "path")]
+    dataset: Option<PathBuf>,
+    /// JSON file of a camera path, in the place of a dataset's cameras
+    #[arg(long, value_name = "FILE")]
+    path: Option<PathBuf>,
+    /// Frames along the path
+    #[arg(long, value_name = "N", requires = "path", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..=MAX_FRAMES))]
+    frames: u32,
     /// Folder for the images; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -99,10 +114,12 @@ enum What {
     Specular,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
-    Png,
-    Exr,
+/// A view that is rendered.
+struct Shot {
+    name: String,
+    camera: Camera,
+    /// In the folder.
+    file: String,
 }
 
 /// A view and its file.
@@ -124,14 +141,8 @@ impl Args {
             (None, What::Base) => note(format!("{path} has no supplement: its base is all there is")),
             _ => {}
         }
-        let dataset = self.photos.open(&self.dataset)?;
-        let photos = photos_of(&dataset, self.split.split())?;
-        // Over all photos, so that a photo's file has the same name whatever the split.
-        let extension = if self.format == Format::Png { "png" } else { "exr" };
-        let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
-        let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
-        let inputs = Inputs::default().scene(&self.scene).dataset(&dataset);
-        let names = photos.iter().map(|photo| &files[&photo.name[..]][..]);
+        let (shots, inputs) = self.shots()?;
+        let names = shots.iter().map(|shot| &shot.file[..]);
         self.replace.check_files(&self.output, names, &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
 
@@ -142,13 +153,13 @@ impl Args {
                 policy: self.draw.policy(),
                 ..Default::default()
             };
-            let mut layers = Layers::new(context, &scene, photos.iter().map(|p| &p.camera), options)?;
-            let progress = Progress::new("rendering", "views", photos.len() as u64);
-            let mut written = Vec::with_capacity(photos.len());
-            for photo in &photos {
-                let path = self.output.join(&files[&photo.name[..]]);
-                self.view(&mut layers, &photo.camera)?.write(&path, self.format)?;
-                written.push(Written { name: &photo.name, file: path.to_string_lossy().into_owned() });
+            let mut layers = Layers::new(context, &scene, shots.iter().map(|shot| &shot.camera), options)?;
+            let progress = Progress::new("rendering", "views", shots.len() as u64);
+            let mut written = Vec::with_capacity(shots.len());
+            for Shot { name, camera, file } in &shots {
+                let path = self.output.join(file);
+                self.view(&mut layers, camera)?.write(&path, self.format)?;
+                written.push(Written { name, file: path.to_string_lossy().into_owned() });
                 progress.set(written.len() as u64);
             }
             Ok(written)
@@ -160,6 +171,33 @@ impl Args {
             print(format_args!("{}: {} views ({what})\n", self.output.display(), written.len()))?;
         }
         Ok(())
+    }
+
+    /// What is rendered, and what is read for it.
+    fn shots(&self) -> Result<(Vec<Shot>, Inputs)> {
+        let extension = if self.format == Format::Png { "png" } else { "exr" };
+        let inputs = Inputs::default().scene(&self.scene);
+        if let Some(path) = &self.path {
+            let cameras = CameraPath::read(path)?.frames(self.frames as usize);
+            let shot = |(i, camera)| {
+                let name = format!("frame-{i:05}");
+                Shot { file: format!("{name}.{extension}"), name, camera }
+            };
+            return Ok(((1..).zip(cameras).map(shot).collect(), inputs.scene(path)));
+        }
+        let Some(dataset) = &self.dataset else {
+            return Err(Error::Usage("a dataset or --path is needed, whose cameras are used".into()));
+        };
+        let dataset = self.photos.open(dataset)?;
+        // Over all photos, so that a photo's file has the same name whatever the split.
+        let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
+        let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
+        let shots = photos_of(&dataset, self.split.split())?.into_iter().map(|photo| Shot {
+            name: photo.name.clone(),
+            camera: photo.camera,
+            file: files[&photo.name[..]].clone(),
+        });
+        Ok((shots.collect(), inputs.dataset(&dataset)))
     }
 
     fn view(&self, layers: &mut Layers, camera: &Camera) -> Result<Picture> {
@@ -174,74 +212,5 @@ impl Args {
             What::Specular => Content::Linear(decompose(&color, &render(Layer::Constant)?.color).specular),
         };
         Ok(Picture { width, height, content })
-    }
-}
-
-/// A picture before it becomes a file.
-struct Picture {
-    width: u32,
-    height: u32,
-    content: Content,
-}
-
-enum Content {
-    /// sRGB values, interleaved.
-    Srgb(Vec<f32>),
-    /// Linear light, interleaved.
-    Linear(Vec<f32>),
-    Grey(Vec<f32>),
-    /// Camera z, 0 where there is none.
-    Depth(Vec<f32>),
-}
-
-impl Picture {
-    fn write(&self, path: &std::path::Path, format: Format) -> Result<()> {
-        let (width, height) = (self.width, self.height);
-        match (&self.content, format) {
-            (Content::Srgb(rgb) | Content::Linear(rgb), Format::Exr) => write_exr_rgb(path, width, height, rgb),
-            (Content::Srgb(rgb), Format::Png) => write_png_rgb(path, width, height, rgb),
-            (Content::Linear(rgb), Format::Png) => {
-                let encoded: Vec<f32> = rgb.iter().map(|&v| srgb_from_linear(v)).collect();
-                write_png_rgb(path, width, height, &encoded)
-            }
-            (Content::Grey(values), Format::Exr) => write_exr_channel(path, width, height, "Y", values),
-            (Content::Grey(values), Format::Png) => write_png_gray(path, width, height, values),
-            (Content::Depth(values), Format::Exr) => write_exr_channel(path, width, height, "Z", values),
-            (Content::Depth(values), Format::Png) => write_png_gray(path, width, height, &depth_grey(values)),
-        }
-    }
-}
-
-/// Grey of the farthest depth: dark, but not the black of no depth.
-const FARTHEST_GREY: f32 = 0.1;
-
-/// Depths as grey, linear in 1/depth between the 1st and the 99th percentile of the view.
-fn depth_grey(depths: &[f32]) -> Vec<f32> {
-    let mut near: Vec<f32> = depths.iter().filter(|&&z| z > 0.0).map(|z| 1.0 / z).collect();
-    near.sort_unstable_by(f32::total_cmp);
-    let at = |p: f64| near[(p * (near.len() - 1) as f64).round() as usize];
-    let (low, high) = if near.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) };
-    let grey = |z: f32| {
-        // A view of one depth only is white.
-        let t = if high > low { ((1.0 / z - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
-        FARTHEST_GREY + (1.0 - FARTHEST_GREY) * t
-    };
-    depths.iter().map(|&z| if z > 0.0 { grey(z) } else { 0.0 }).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn depth_is_white_near_dark_far_and_black_where_there_is_none() {
-        let mut depths: Vec<f32> = (0..1000).map(|i| 1.0 + i as f32 * 0.01).collect();
-        depths.push(0.0);
-        let grey = depth_grey(&depths);
-        assert_eq!((grey[0], grey[999], grey[1000]), (1.0, FARTHEST_GREY, 0.0));
-        assert!(grey[..1000].is_sorted_by(|a, b| a >= b));
-        assert_eq!(depth_grey(&[2.0, 0.0]), [1.0, 0.0]);
-        assert_eq!(depth_grey(&[0.0]), [0.0]);
-        assert!(depth_grey(&[]).is_empty());
     }
 }

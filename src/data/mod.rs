@@ -7,6 +7,8 @@ mod atomic;
 #[cfg(feature = "train")]
 pub mod builtin;
 #[cfg(feature = "train")]
+mod camera_path;
+#[cfg(feature = "train")]
 mod check;
 #[cfg(feature = "train")]
 mod colmap;
@@ -49,6 +51,8 @@ mod write;
 
 #[cfg(feature = "train")]
 pub use atomic::sweep;
+#[cfg(feature = "train")]
+pub use camera_path::CameraPath;
 #[cfg(feature = "train")]
 pub use check::FileKind;
 #[cfg(feature = "train")]

@@ -191,7 +191,7 @@ impl Context {
 
     /// All physical devices, in the loader's order.
     pub fn devices() -> Result<Vec<DeviceInfo>, GpuError> {
-        let (entry, instance, _) = create_instance(false)?;
+        let (entry, instance, _) = create_instance(false, &[])?;
         let options = ContextOptions::default();
         let infos = device::all(&instance).map(|list| {
             let info = |p: &Physical| p.info(p.check(&options, &p.offered).ok(), &p.offered, p.timestamp_bits());
@@ -203,9 +203,18 @@ impl Context {
         infos
     }
 
+    /// Of the caller's instance the physical device that [`Context::new`] would open, and the features that it offers: those that
+    /// are not required may be named in [`BorrowedDevice::optional`].
+    pub fn choose(
+        instance: &ash::Instance,
+        options: &ContextOptions,
+    ) -> Result<(vk::PhysicalDevice, BTreeSet<Feature>), GpuError> {
+        device::pick(instance, options).map(|(physical, _)| (physical.handle, physical.offered))
+    }
+
     /// Opens a device of our own.
     pub fn new(options: &ContextOptions) -> Result<Self, GpuError> {
-        let (entry, instance, debug) = create_instance(options.validation)?;
+        let (entry, instance, debug) = create_instance(options.validation, &[])?;
         let messages = Arc::new(Mutex::new(Vec::new()));
         let messenger = if options.validation { Some(create_messenger(&entry, &instance, &messages)?) } else { None };
         let opened = device::pick(&instance, options).and_then(|(physical, subgroups)| {

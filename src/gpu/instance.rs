@@ -11,15 +11,23 @@ use super::{Check, GpuError, features::has_extension};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// The flag says whether debug labels and names can be used.
-pub(super) fn create_instance(validation: bool) -> Result<(ash::Entry, ash::Instance, bool), GpuError> {
+/// With `wanted` extensions beside those that are taken where they are there. The flag says whether debug labels and names can be
+/// used.
+pub(crate) fn create_instance(
+    validation: bool,
+    wanted: &[&CStr],
+) -> Result<(ash::Entry, ash::Instance, bool), GpuError> {
     // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what every Vulkan program does.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader(e.to_string()))?;
     // SAFETY: plain queries and a creation from structures that live for the call.
     unsafe {
         let available = entry.enumerate_instance_extension_properties(None).unwrap_or_default();
         let debug = has_extension(&available, ext::debug_utils::NAME);
-        let mut extensions = Vec::new();
+        if let Some(missing) = wanted.iter().find(|wanted| !has_extension(&available, wanted)) {
+            let feature = format!("extension {}", missing.to_string_lossy());
+            return Err(GpuError::Missing { device: "the Vulkan loader".into(), feature });
+        }
+        let mut extensions: Vec<_> = wanted.iter().map(|name| name.as_ptr()).collect();
         if debug {
             extensions.push(ext::debug_utils::NAME.as_ptr());
         }
@@ -59,7 +67,7 @@ pub(super) fn create_instance(validation: bool) -> Result<(ash::Entry, ash::Inst
 }
 
 /// `messages` must outlive the messenger.
-pub(super) fn create_messenger(
+pub(crate) fn create_messenger(
     entry: &ash::Entry,
     instance: &ash::Instance,
     messages: &Arc<Mutex<Vec<String>>>,

@@ -23,6 +23,8 @@ pub use device::{DeviceInfo, Reconvergence};
 pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};
+#[cfg(feature = "view")]
+pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
 pub use pipeline::{Access, Kernel, KernelInfo, Pipeline, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};

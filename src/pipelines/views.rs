@@ -43,6 +43,11 @@ pub fn origin_for(cameras: &[Camera]) -> DVec3 {
     let eyes: Vec<DVec3> = cameras.iter().map(Camera::eye).filter(|eye| eye.is_finite()).collect();
     let middle = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
     let spread = eyes.iter().map(|eye| eye.distance(middle)).fold(0.0, f64::max);
+    origin_around(middle, spread)
+}
+
+/// As [`origin_for`] of cameras within `spread` of `middle`.
+pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
     // guard: origin of a far scene; origin of a near scene
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }

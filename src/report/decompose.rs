@@ -1,5 +1,6 @@
 //! What of an image is the same from everywhere and what is not (method, section 6), in linear light.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{Error, Result, data::srgb};
@@ -27,7 +28,7 @@ pub struct Decomposition {
 /// of the same length. Diffuse is the smaller of the two in linear light, specular what the whole has more, never negative.
 pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
     let (diffuse, specular) = whole
-        .iter()
+        .par_iter()
         .zip(constant)
         .map(|(&whole, &constant)| {
             let (all, diffuse) = (linear_from_srgb(whole), linear_from_srgb(constant.min(whole)));

@@ -16,7 +16,7 @@ use crate::Error;
 use crate::data::Image;
 
 /// Error at the bright end of the error pictures' colours.
-const FULL_ERROR: f32 = 0.25;
+pub const FULL_ERROR: f32 = 0.25;
 /// The longer side of a picture in the page, pixels; those of full size are files beside it.
 const SHOWN: u32 = 400;
 /// JPEG's, of 100: the pictures are to be looked at, not measured.

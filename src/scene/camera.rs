@@ -56,4 +56,21 @@ impl Camera {
         let (sx, sy) = (width as f64 / self.width as f64, height as f64 / self.height as f64);
         Camera { width, height, fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, ..*self }
     }
+
+    /// The camera of the same pose whose image of another size has all of this one's in its middle, as large as it fits. The same
+    /// camera for the same size.
+    pub fn fitted(&self, width: u32, height: u32) -> Camera {
+        let scale = (f64::from(width) / f64::from(self.width)).min(f64::from(height) / f64::from(self.height));
+        // Whole pixels, so that the image's edge is one.
+        let margin = |side: u32, own: u32| ((f64::from(side) - scale * f64::from(own)) / 2.0).round();
+        Camera {
+            width,
+            height,
+            fx: self.fx * scale,
+            fy: self.fy * scale,
+            cx: self.cx * scale + margin(width, self.width),
+            cy: self.cy * scale + margin(height, self.height),
+            ..*self
+        }
+    }
 }

@@ -1,0 +1,256 @@
+//! How the camera moves: round a point, freely, or on the ground.
+
+use glam::{DMat3, DVec3};
+
+use crate::scene::Camera;
+
+/// Radians that a drag over the window's height turns the view.
+const TURN: f64 = 2.0;
+/// The view keeps so far from straight up and straight down, radians: there left and right would change places.
+const POLE: f64 = 0.02;
+/// What a notch of the wheel does to the distance or the speed.
+const NOTCH: f64 = 1.15;
+/// The distance of the point that is orbited in a second, at first.
+const SPEED: f64 = 0.5;
+/// Nearest and farthest that the wheel brings the point, in distances at first.
+const REACH: [f64; 2] = [1e-3, 1e3];
+
+/// What mouse and keys do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// The mouse goes round a point.
+    Orbit,
+    /// The mouse looks around; keys go where the view goes.
+    Fly,
+    /// The mouse looks around; keys go over the ground.
+    Walk,
+}
+
+impl Motion {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Motion::Orbit => "orbit",
+            Motion::Fly => "fly",
+            Motion::Walk => "walk",
+        }
+    }
+}
+
+/// Where the camera is and how it moves.
+#[derive(Debug, Clone)]
+pub(super) struct Flight {
+    pub(super) motion: Motion,
+    camera: Camera,
+    /// Of unit length.
+    up: DVec3,
+    /// The point that is orbited lies so far before the camera, scene units.
+    distance: f64,
+    /// The distance that was natural at first.
+    scale: f64,
+    /// Scene units a second.
+    speed: f64,
+}
+
+impl Flight {
+    /// At `camera`, looking at what is near `pivot`.
+    pub(super) fn new(camera: Camera, pivot: DVec3, up: DVec3) -> Self {
+        let mut flight = Flight {
+            motion: Motion::Orbit,
+            camera,
+            up: up.try_normalize().unwrap_or(DVec3::NEG_Y),
+            distance: 1.0,
+            scale: 1.0,
+            speed: SPEED,
+        };
+        flight.jump(camera, pivot);
+        flight.scale = flight.distance;
+        flight.speed = SPEED * flight.scale;
+        flight
+    }
+
+    pub(super) fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// To another camera; what it looks at near `pivot` is orbited from then on.
+    pub(super) fn jump(&mut self, camera: Camera, pivot: DVec3) {
+        self.camera = camera;
+        let (ahead, away) = ((pivot - camera.eye()).dot(self.forward()), pivot.distance(camera.eye()));
+        // A camera that looks past the point orbits what is as far.
+        let distance = if ahead > 0.1 * away { ahead } else { away };
+        self.distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
+    }
+
+    fn forward(&self) -> DVec3 {
+        self.camera.rotation.row(2)
+    }
+
+    fn place(&mut self, rotation: DMat3, eye: DVec3) {
+        // Many small turns leave a rotation.
+        let z = rotation.row(2).normalize();
+        let x = (rotation.row(0) - rotation.row(0).dot(z) * z).normalize();
+        self.camera.rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
+        self.camera.translation = -(self.camera.rotation * eye);
+    }
+
+    /// The mouse was dragged so many of the window's heights to the right and down.
+    pub(super) fn drag(&mut self, right: f64, down: f64) {
+        let eye = self.camera.eye();
+        let pivot = eye + self.distance * self.forward();
+        // The view turns right and down with the mouse; round a point, what is before it then follows the mouse.
+        let from_pole = self.forward().dot(self.up).clamp(-1.0, 1.0).acos();
+        let to = (from_pole + TURN * down).clamp(POLE, std::f64::consts::PI - POLE);
+        // Past the pole already, as a photograph's camera may be, nothing is forced.
+        let pitch = if (POLE..=std::f64::consts::PI - POLE).contains(&from_pole) { to - from_pole } else { 0.0 };
+        let across = self.up.cross(self.forward()).try_normalize().unwrap_or(-self.camera.rotation.row(0));
+        let turn = DMat3::from_axis_angle(self.up, -TURN * right) * DMat3::from_axis_angle(across, pitch);
+        let rotation = self.camera.rotation * turn.transpose();
+        let eye = match self.motion {
+            Motion::Orbit => pivot + turn * (eye - pivot),
+            Motion::Fly | Motion::Walk => eye,
+        };
+        self.place(rotation, eye);
+    }
+
+    /// The scene follows a mouse that was dragged so many pixels of the camera's picture.
+    pub(super) fn pan(&mut self, right: f64, down: f64) {
+        let Camera { rotation, fx, fy, .. } = self.camera;
+        let moved = rotation.row(0) * (right / fx) + rotation.row(1) * (down / fy);
+        self.place(rotation, self.camera.eye() - self.distance * moved);
+    }
+
+    /// The wheel was turned away by so many notches.
+    pub(super) fn wheel(&mut self, notches: f64) {
+        match self.motion {
+            Motion::Orbit => {
+                let [least, most] = REACH.map(|reach| reach * self.scale);
+                let distance = (self.distance * NOTCH.powf(-notches)).clamp(least, most);
+                let eye = self.camera.eye() + (self.distance - distance) * self.forward();
+                self.distance = distance;
+                self.place(self.camera.rotation, eye);
+            }
+            Motion::Fly | Motion::Walk => {
+                let [least, most] = REACH.map(|reach| reach * self.scale);
+                self.speed = (self.speed * NOTCH.powf(notches)).clamp(least, most);
+            }
+        }
+    }
+
+    /// Keys are held for `seconds`: steps to the right, up and ahead, each −1, 0 or 1 (more in a hurry).
+    pub(super) fn go(&mut self, [right, up, ahead]: [f64; 3], seconds: f64) {
+        let Camera { rotation, .. } = self.camera;
+        let flat = |v: DVec3| (v - v.dot(self.up) * self.up).normalize_or_zero();
+        let (side, front, above) = match self.motion {
+            Motion::Walk => (flat(rotation.row(0)), flat(rotation.row(2)), self.up),
+            Motion::Orbit | Motion::Fly => (rotation.row(0), rotation.row(2), -rotation.row(1)),
+        };
+        let step = self.speed * seconds * (right * side + up * above + ahead * front);
+        self.place(rotation, self.camera.eye() + step);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 4 units before the origin, looking at it, y down.
+    fn flight() -> Flight {
+        let camera = Camera {
+            width: 64,
+            height: 48,
+            fx: 50.0,
+            fy: 50.0,
+            cx: 32.0,
+            cy: 24.0,
+            rotation: DMat3::IDENTITY,
+            translation: DVec3::new(0.0, 0.0, 4.0),
+        };
+        Flight::new(camera, DVec3::ZERO, DVec3::NEG_Y)
+    }
+
+    fn is_rotation(camera: &Camera) -> bool {
+        let r = camera.rotation;
+        let off = r * r.transpose() - DMat3::IDENTITY;
+        off.to_cols_array().iter().all(|v| v.abs() < 1e-12) && r.determinant() > 0.0
+    }
+
+    #[test]
+    fn an_orbit_keeps_its_distance_and_looks_at_its_point() {
+        let mut flight = flight();
+        for i in 0..200 {
+            flight.drag(0.03, if i < 100 { 0.05 } else { -0.05 });
+            let camera = flight.camera();
+            assert!((camera.eye().length() - 4.0).abs() < 1e-9 && is_rotation(camera));
+            let (x, y, z) = camera.project(DVec3::ZERO);
+            assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && z > 0.0);
+            // Never upside down.
+            assert!(camera.rotation.row(1).dot(DVec3::NEG_Y) <= 0.0);
+        }
+    }
+
+    #[test]
+    fn a_drag_takes_what_is_under_the_mouse_along() {
+        // A point before the pivot goes to the right and down.
+        let near = DVec3::new(0.0, 0.0, -1.0);
+        let mut orbit = flight();
+        orbit.drag(0.05, 0.05);
+        let (x, y, _) = orbit.camera().project(near);
+        assert!(x > 32.5 && y > 24.5, "{x} {y}");
+        // In flight the view goes there, and what is seen goes the other way.
+        let mut fly = flight();
+        fly.motion = Motion::Fly;
+        fly.drag(0.05, 0.05);
+        let (x, y, _) = fly.camera().project(near);
+        assert!(x < 31.5 && y < 23.5 && (fly.camera().eye() - DVec3::new(0.0, 0.0, -4.0)).length() < 1e-12, "{x} {y}");
+        let mut pan = flight();
+        pan.pan(5.0, -3.0);
+        let (x, y, _) = pan.camera().project(DVec3::ZERO);
+        assert!((x - 37.0).abs() < 1e-9 && (y - 21.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn keys_go_where_the_view_goes_and_walking_stays_on_the_ground() {
+        let mut flight = flight();
+        flight.motion = Motion::Fly;
+        flight.go([0.0, 0.0, 1.0], 1.0);
+        assert!((flight.camera().eye() - DVec3::new(0.0, 0.0, -2.0)).length() < 1e-12);
+        flight.drag(0.0, 0.2);
+        let eye = flight.camera().eye();
+        let mut walk = flight.clone();
+        walk.motion = Motion::Walk;
+        for (flight, level) in [(&mut flight, false), (&mut walk, true)] {
+            flight.go([1.0, 0.0, 1.0], 0.5);
+            assert_eq!((flight.camera().eye().y - eye.y).abs() < 1e-12, level);
+            assert!((flight.camera().eye() - eye).length() > 0.5);
+        }
+    }
+
+    #[test]
+    fn the_wheel_goes_nearer_in_an_orbit_and_faster_in_flight() {
+        let mut flight = flight();
+        flight.wheel(1.0);
+        assert!((flight.camera().eye().length() - 4.0 / NOTCH).abs() < 1e-12);
+        (0..1000).for_each(|_| flight.wheel(1.0));
+        assert!(flight.camera().eye().length() >= 4.0 * REACH[0] * 0.999 && is_rotation(flight.camera()));
+        flight.motion = Motion::Walk;
+        let speed = flight.speed;
+        flight.wheel(2.0);
+        assert!((flight.speed - speed * NOTCH * NOTCH).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_jump_keeps_the_cameras_bits_and_finds_a_point_to_go_round() {
+        let mut flight = flight();
+        let camera = Camera {
+            rotation: DMat3::from_rotation_y(1.0),
+            translation: DVec3::new(0.1, 0.2, 3.0),
+            ..*flight.camera()
+        };
+        flight.jump(camera, DVec3::ZERO);
+        assert_eq!(*flight.camera(), camera);
+        // The origin lies 3 units ahead of it, and beside it.
+        assert!((flight.distance - 3.0).abs() < 1e-12);
+        flight.jump(camera, camera.eye());
+        assert_eq!(flight.distance, 1.0);
+    }
+}

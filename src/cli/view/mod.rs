@@ -1,0 +1,108 @@
+//! `glint view`: a window that a scene is looked at through.
+
+mod flight;
+mod scenery;
+mod screen;
+mod window;
+
+use std::path::PathBuf;
+
+use super::{DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, SceneArgs, output::writable};
+use crate::{Error, Result};
+
+const EXAMPLES: &str = "\
+Keys:
+  1 photograph   2 augmented   3 base       4 supplement
+  5 diffuse      6 specular    7 depth      8 error
+  n, p           camera of the next, the previous photograph (with a DATASET)
+  o, f, g        orbit a point, fly, walk on the ground
+  w a s d, q e   ahead, left, back, right, down, up; with Shift four times as fast
+  r              back to where it began
+  c              take a screenshot: SCENE-0001.png in the folder --output
+  k, Shift-K     add this pose to the camera path, save the path: SCENE-path-1.json
+  t              time the stages of a frame whenever the picture stands still
+  Escape         quit
+
+Mouse: the left button turns, the right or middle one shifts, the wheel goes nearer (orbit) or sets the speed (fly, walk). A \
+file that is dropped on the window takes the scene's place.
+
+The title has what is shown, the time of the last frame on the device, the Gaussians (base + supplement), the device memory in \
+use, and what just happened. Screenshots and paths are named on stdout; none replaces a file that is there.
+
+Photograph and error (bright: a mean error of 0.25 or more) are shown from a photograph's camera only; diffuse, specular, depth \
+and error are what `glint render` and `glint report` make, on the CPU. Of two photographs that do not have the window's shape the \
+window shows more than they do, black or grey in photograph and error.
+
+Examples:
+  glint view base.ply
+  glint view augmented.ply garden --size 1280x720
+  glint view scene.spz --output pictures
+  glint render augmented.ply --path augmented-path-1.json -o frames";
+
+/// Look at a scene in a window
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Scene, in any format that glint reads
+    scene: PathBuf,
+    /// Folder or JSON file of the dataset whose cameras and photographs are used
+    dataset: Option<PathBuf>,
+    /// The window's size, pixels [default: that of the first photograph, else 1280x720]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// Folder for screenshots and camera paths, which must be there
+    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    output: PathBuf,
+    #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// The largest side that can be asked for: what windows and drivers take.
+const MAX_SIDE: u32 = 16_384;
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', '×']).map(|(w, h)| [w.parse().ok(), h.parse().ok()]);
+    match sides {
+        Some([Some(w), Some(h)]) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok([w, h]),
+        _ => Err(format!("expected two numbers from 1 to {MAX_SIDE} such as 1280x720")),
+    }
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        if !self.device.twins.is_empty() {
+            return Err(Error::Usage("--twin: twins stand in for no stage of a window's frames".into()).into());
+        }
+        if !self.output.is_dir() {
+            return Err(Error::input(&self.output, "expected a folder, for screenshots and camera paths").into());
+        }
+        writable(&self.output).map_err(|error| Error::input(&self.output, format!("cannot be written to: {error}")))?;
+        let scene = self.lenient.open(&self.scene)?;
+        let dataset = self.dataset.as_deref().map(|path| self.photos.open(path)).transpose()?;
+        let options = self.device.options();
+        let messages = window::run(self, &options, scene, dataset)?;
+        match messages {
+            0 => Ok(()),
+            count => Err(Failure::Validation(count)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        assert_eq!(parse_size("64x48"), Ok([64, 48]));
+        for bad in ["", "64", "0x4", "4x", "64x48x2", "-1x2", "99999x2"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,623 @@
+//! The window: what keys, mouse and dropped files do, and when a frame is drawn.
+
+use std::{
+    collections::HashSet,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+use glam::{DMat3, DVec3};
+use winit::{
+    application::ApplicationHandler,
+    dpi::{PhysicalPosition, PhysicalSize},
+    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent},
+    event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
+    keyboard::{Key, KeyCode, ModifiersState, NamedKey, PhysicalKey},
+    window::{Window, WindowId},
+};
+
+use super::{
+    super::{Failure, Outcome, print, progress::note},
+    Args,
+    flight::{Flight, Motion},
+    scenery::{Fitted, Look, Mode, Scenery},
+    screen::Screen,
+};
+use crate::{
+    Error, Result,
+    data::{CameraPath, Dataset, Photo, Split, write_png_bytes},
+    gpu::ContextOptions,
+    pipelines::views::{origin_around, origin_for},
+    scene::{Camera, Scene},
+};
+
+/// Pixels, where nothing says another size.
+const SIZE: [u32; 2] = [1280, 720];
+/// The vertical angle of view where there is no photograph, radians.
+const FIELD: f64 = 0.9;
+/// Distance from a scene's middle at first, in radii of the ball that has nine of ten Gaussians.
+const AWAY: f64 = 2.2;
+/// Seconds that a frame moves the camera at most: after a long one it does not leap.
+const LEAP: f64 = 0.1;
+/// What Shift does to the speed.
+const HURRY: f64 = 4.0;
+/// Pixels of a touchpad that are a notch of a wheel.
+const PIXELS_PER_NOTCH: f64 = 40.0;
+/// Stages that the title names.
+const STAGES: usize = 5;
+
+/// Shows `scene` until the window is closed; how many faults the validation layers found.
+pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: Option<Dataset>) -> Outcome<usize> {
+    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(error.to_string());
+    let events = EventLoop::new().map_err(no_window)?;
+    let mut viewer = Viewer { args, options, start: Some(scene), dataset, open: None, outcome: Ok(()), faults: 0 };
+    let ended = events.run_app(&mut viewer);
+    viewer.close();
+    viewer.outcome?;
+    ended.map_err(no_window)?;
+    Ok(viewer.faults)
+}
+
+struct Viewer<'a> {
+    args: &'a Args,
+    options: &'a ContextOptions,
+    /// Until there is a window.
+    start: Option<Scene>,
+    dataset: Option<Dataset>,
+    open: Option<Open>,
+    outcome: Outcome,
+    faults: usize,
+}
+
+/// What there is while the window is open.
+struct Open {
+    // Before the screen, on whose device it is.
+    scenery: Scenery,
+    screen: Screen,
+    window: Arc<Window>,
+    /// Of the scene's file, without its ending.
+    name: String,
+    flight: Flight,
+    home: Camera,
+    /// What cameras look at, near enough.
+    pivot: DVec3,
+    mode: Mode,
+    /// Where the camera is that of a photograph, which.
+    photo: Option<usize>,
+    /// The last photograph that was shown, and how large the window was.
+    fitted: Option<(usize, [u32; 2], Fitted)>,
+    path: CameraPath,
+    /// Take a screenshot with the next frame.
+    save: bool,
+    timing: bool,
+    /// Of the last frame that was timed.
+    stages: String,
+    /// What just happened.
+    note: String,
+    held: HashSet<KeyCode>,
+    modifiers: ModifiersState,
+    button: Option<MouseButton>,
+    cursor: PhysicalPosition<f64>,
+    /// When keys moved the camera last.
+    moved: Instant,
+    /// Something has changed since the last frame.
+    stale: bool,
+    /// The last frame has not been waited for.
+    running: bool,
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        // Models and frames must not go while the device draws them.
+        if let Err(error) = self.screen.finish() {
+            note(format!("the last frame was not finished: {error}"));
+        }
+    }
+}
+
+impl ApplicationHandler for Viewer<'_> {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        let Some(scene) = self.start.take() else { return };
+        match self.make(events, scene) {
+            Ok(open) => self.open = Some(open),
+            Err(failure) => self.fail(events, failure),
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        if matches!(event, WindowEvent::CloseRequested) {
+            return events.exit();
+        }
+        let Some(open) = &mut self.open else { return };
+        let outcome = match event {
+            WindowEvent::RedrawRequested => open.draw(self.dataset.as_ref(), self.args).map_err(Failure::from),
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
+                open.screen.resized();
+                open.touch();
+                Ok(())
+            }
+            WindowEvent::Occluded(false) => {
+                open.touch();
+                Ok(())
+            }
+            WindowEvent::Focused(false) => {
+                open.held.clear();
+                open.button = None;
+                Ok(())
+            }
+            WindowEvent::ModifiersChanged(modifiers) => {
+                open.modifiers = modifiers.state();
+                Ok(())
+            }
+            WindowEvent::KeyboardInput { event, .. } => match event {
+                KeyEvent { logical_key: Key::Named(NamedKey::Escape), state: ElementState::Pressed, .. } => {
+                    events.exit();
+                    Ok(())
+                }
+                event => open.key(&event, self.dataset.as_ref(), self.args),
+            },
+            WindowEvent::MouseInput { state, button, .. } => {
+                open.button = (state == ElementState::Pressed).then_some(button);
+                Ok(())
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                open.mouse(position);
+                Ok(())
+            }
+            WindowEvent::MouseWheel { delta, .. } => {
+                open.flight.wheel(match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => lines.into(),
+                    MouseScrollDelta::PixelDelta(moved) => moved.y / PIXELS_PER_NOTCH,
+                });
+                open.left();
+                Ok(())
+            }
+            WindowEvent::DroppedFile(path) => {
+                open.drop_in(&path, self.args);
+                Ok(())
+            }
+            _ => Ok(()),
+        };
+        if let Err(failure) = outcome {
+            self.fail(events, failure);
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let Some(open) = &mut self.open else { return };
+        open.keys();
+        let outcome = if open.stale { Ok(()) } else { open.rest(self.dataset.as_ref(), self.args) };
+        if open.stale {
+            open.window.request_redraw();
+        }
+        // A redraw wakes the loop; else nothing moves until somebody does something.
+        events.set_control_flow(if open.held.is_empty() { ControlFlow::Wait } else { ControlFlow::Poll });
+        if let Err(error) = outcome {
+            self.fail(events, error.into());
+        }
+    }
+}
+
+impl Viewer<'_> {
+    fn fail(&mut self, events: &ActiveEventLoop, failure: Failure) {
+        // What comes after the first is its consequence.
+        if self.outcome.is_ok() {
+            self.outcome = Err(failure);
+        }
+        events.exit();
+    }
+
+    /// Gives everything back, before the display is gone.
+    fn close(&mut self) {
+        let Some(open) = self.open.take() else { return };
+        let messages = open.screen.messages();
+        drop(open);
+        self.faults = messages.lock().map_or(0, |list| list.len());
+    }
+
+    fn make(&mut self, events: &ActiveEventLoop, scene: Scene) -> Outcome<Open> {
+        let photos = self.dataset.as_ref().map_or(&[][..], |dataset| &dataset.photos);
+        let first = photos.iter().position(|photo| photo.split == Split::Test).or((!photos.is_empty()).then_some(0));
+        let size = self.args.size.or(first.map(|i| [photos[i].camera.width, photos[i].camera.height])).unwrap_or(SIZE);
+        let attributes =
+            Window::default_attributes().with_title("glint").with_inner_size(PhysicalSize::new(size[0], size[1]));
+        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(error.to_string()))?;
+        let window = Arc::new(window);
+        let screen =
+            Screen::new(window.clone(), self.options).map_err(|error| self.args.device.explain(self.options, error))?;
+        tracing::info!("device: {}", screen.context().info().name);
+        let (middle, radius) = ball(&scene);
+        let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
+        let focus = self.dataset.as_ref().and_then(Dataset::focus);
+        let pivot = focus.map_or(middle, |focus| focus.center);
+        let origin = if cameras.is_empty() { origin_around(middle, radius) } else { origin_for(&cameras) };
+        let home = first.map_or_else(|| overview(middle, radius, size), |i| photos[i].camera);
+        let up = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
+        let scenery = Scenery::new(screen.context(), scene, origin, self.args.draw.policy())?;
+        Ok(Open {
+            scenery,
+            screen,
+            window,
+            name: stem(&self.args.scene),
+            flight: Flight::new(home, pivot, up.try_normalize().unwrap_or(DVec3::NEG_Y)),
+            home,
+            pivot,
+            mode: Mode::Augmented,
+            photo: first,
+            fitted: None,
+            path: CameraPath::default(),
+            save: false,
+            timing: false,
+            stages: String::new(),
+            note: String::new(),
+            held: HashSet::new(),
+            modifiers: ModifiersState::default(),
+            button: None,
+            cursor: PhysicalPosition::default(),
+            moved: Instant::now(),
+            stale: true,
+            running: false,
+        })
+    }
+}
+
+impl Open {
+    /// Something is to be seen that was not.
+    fn touch(&mut self) {
+        self.stale = true;
+    }
+
+    /// The camera has moved away from where a photograph was taken.
+    fn left(&mut self) {
+        self.photo = None;
+        if self.mode.of_photograph() {
+            self.mode = Mode::Augmented;
+        }
+        self.touch();
+    }
+
+    fn say(&mut self, text: impl Into<String>) {
+        self.note = text.into();
+        self.touch();
+    }
+
+    fn key(&mut self, event: &KeyEvent, dataset: Option<&Dataset>, args: &Args) -> Outcome {
+        let PhysicalKey::Code(code) = event.physical_key else { return Ok(()) };
+        let pressed = event.state == ElementState::Pressed;
+        if step(code).is_some() {
+            if pressed && self.held.is_empty() {
+                self.moved = Instant::now();
+            }
+            if pressed {
+                self.held.insert(code)
+            } else {
+                self.held.remove(&code)
+            };
+            return Ok(());
+        }
+        if !pressed || event.repeat {
+            return Ok(());
+        }
+        if let Some(mode) = digit(code).and_then(|i| Mode::ALL.get(i)) {
+            match self.scenery.lacks(*mode, self.photo.is_some()) {
+                Some(why) => self.say(why),
+                None => {
+                    self.mode = *mode;
+                    self.say("");
+                }
+            }
+            return Ok(());
+        }
+        let Key::Character(character) = &event.logical_key else { return Ok(()) };
+        let photos = dataset.map_or(&[][..], |dataset| &dataset.photos);
+        match character.to_lowercase().as_str() {
+            "n" => self.turn_to(photos, 1),
+            "p" => self.turn_to(photos, photos.len().saturating_sub(1)),
+            "o" => self.move_by(Motion::Orbit),
+            "f" => self.move_by(Motion::Fly),
+            "g" => self.move_by(Motion::Walk),
+            "r" => {
+                self.left();
+                self.flight.jump(self.home, self.pivot);
+                self.say("");
+            }
+            "c" => {
+                self.save = true;
+                self.touch();
+            }
+            "t" => {
+                self.timing = !self.timing;
+                self.stages.clear();
+                self.touch();
+            }
+            "k" if self.modifiers.shift_key() => self.save_path(args)?,
+            "k" => {
+                let camera = self.camera()?;
+                self.path.push(camera);
+                self.say(format!("pose {} of the path", self.path.len()));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn move_by(&mut self, motion: Motion) {
+        self.flight.motion = motion;
+        self.touch();
+    }
+
+    /// To the camera of a photograph so many further.
+    fn turn_to(&mut self, photos: &[Photo], by: usize) {
+        if photos.is_empty() {
+            return self.say("there are no photographs: glint view SCENE DATASET has them");
+        }
+        let next = match self.photo {
+            Some(i) => (i + by) % photos.len(),
+            None => 0,
+        };
+        self.photo = Some(next);
+        self.flight.jump(photos[next].camera, self.pivot);
+        self.say("");
+    }
+
+    fn mouse(&mut self, position: PhysicalPosition<f64>) {
+        let (right, down) = (position.x - self.cursor.x, position.y - self.cursor.y);
+        self.cursor = position;
+        let height = f64::from(self.window.inner_size().height.max(1));
+        match self.button {
+            Some(MouseButton::Left) => self.flight.drag(right / height, down / height),
+            Some(MouseButton::Right | MouseButton::Middle) => {
+                // From the window's pixels to those of the camera's picture.
+                let Ok(shown) = self.camera() else { return };
+                let scale = self.flight.camera().fx / shown.fx;
+                self.flight.pan(scale * right, scale * down);
+            }
+            _ => return,
+        }
+        self.left();
+    }
+
+    /// Moves while keys are held.
+    fn keys(&mut self) {
+        if self.held.is_empty() {
+            return;
+        }
+        let seconds = self.moved.elapsed().as_secs_f64().min(LEAP);
+        self.moved = Instant::now();
+        let hurry = if self.modifiers.shift_key() { HURRY } else { 1.0 };
+        let mut sum = DVec3::ZERO;
+        self.held.iter().filter_map(|&code| step(code)).for_each(|step| sum += hurry * DVec3::from(step));
+        self.flight.go(sum.to_array(), seconds);
+        self.left();
+    }
+
+    /// The camera of the window's pixels.
+    fn camera(&mut self) -> Result<Camera> {
+        let [width, height] = self.screen.size()?;
+        Ok(self.flight.camera().fitted(width.max(1), height.max(1)))
+    }
+
+    /// A frame, and what is asked for with it.
+    fn draw(&mut self, dataset: Option<&Dataset>, args: &Args) -> Result<()> {
+        let size = self.screen.size()?;
+        if size == [0, 0] {
+            self.stale = false;
+            return Ok(());
+        }
+        self.fit_photo(dataset, args, size)?;
+        let look = Look {
+            camera: self.flight.camera().fitted(size[0], size[1]),
+            background: args.photos.background,
+            photo: self.fitted.as_ref().filter(|_| self.photo.is_some()).map(|(_, _, fitted)| fitted),
+        };
+        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, self.save)?;
+        if self.save && drawn.shown {
+            // A first frame may have had too little room.
+            if self.scenery.make_room(&mut self.screen)? {
+                drawn = self.scenery.show(&mut self.screen, self.mode, &look, true)?;
+            }
+            self.save = !drawn.shown;
+        }
+        // Where the window had no image it is asked for one again.
+        self.stale = !drawn.shown;
+        self.running = drawn.shown;
+        if let Some(pixels) = drawn.pixels {
+            let file = free(&args.output, |i| format!("{}-{i:04}.png", self.name));
+            write_png_bytes(&file, size[0], size[1], &pixels)?;
+            print(format_args!("{}\n", file.display()))?;
+            self.note = file.display().to_string();
+        } else if drawn.shown && self.save {
+            self.note = "this window's pixels cannot be read".into();
+        }
+        self.title(dataset);
+        Ok(())
+    }
+
+    /// Nothing moves: waits for the last frame, and sees to what it had too little room for.
+    fn rest(&mut self, dataset: Option<&Dataset>, args: &Args) -> Result<()> {
+        if !std::mem::take(&mut self.running) {
+            return Ok(());
+        }
+        self.stale = self.scenery.make_room(&mut self.screen)?;
+        if self.timing && !self.stale {
+            let camera = self.camera()?;
+            let look = Look { camera, background: args.photos.background, photo: None };
+            let stages = self.scenery.stages(&mut self.screen, self.mode, &look)?;
+            let named = stages.iter().take(STAGES);
+            let named: Vec<_> = named.map(|(name, time)| format!("{name} {:.1}", 1e3 * time.as_secs_f64())).collect();
+            self.stages = if named.is_empty() { "no clock".into() } else { named.join(", ") };
+        }
+        self.title(dataset);
+        Ok(())
+    }
+
+    /// The photograph of this camera at the window's size, where it is shown.
+    fn fit_photo(&mut self, dataset: Option<&Dataset>, args: &Args, size: [u32; 2]) -> Result<()> {
+        let (Some(dataset), Some(i), true) = (dataset, self.photo, self.mode.of_photograph()) else { return Ok(()) };
+        if self.fitted.as_ref().is_none_or(|(photo, of, _)| (*photo, *of) != (i, size)) {
+            let image = dataset.photos[i].load(args.photos.background)?;
+            self.fitted = Some((i, size, Fitted::new(&image, size)));
+        }
+        Ok(())
+    }
+
+    fn title(&self, dataset: Option<&Dataset>) {
+        let photo = self.photo.zip(dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
+        let time = self.screen.time().map(|time| {
+            let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
+            format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
+        });
+        let [base, supplement] = self.scenery.counts;
+        let memory = self.screen.context().memory().used as f64 / 1e6;
+        let parts = [
+            Some(self.name.clone()),
+            Some(self.mode.name().to_owned()),
+            Some(self.flight.motion.name().to_owned()),
+            photo.map(str::to_owned),
+            time,
+            Some(format!("{base} + {supplement} Gaussians")),
+            Some(format!("{memory:.1} MB")),
+            Some(self.note.clone()).filter(|note| !note.is_empty()),
+        ];
+        // Whatever a file is called, a title is one line.
+        let title = parts.into_iter().flatten().collect::<Vec<_>>().join(" | ").replace(char::is_control, " ");
+        self.window.set_title(&title);
+    }
+
+    fn save_path(&mut self, args: &Args) -> Outcome {
+        if self.path.is_empty() {
+            self.say("the path has no poses yet: k adds one");
+            return Ok(());
+        }
+        let file = free(&args.output, |i| format!("{}-path-{i}.json", self.name));
+        self.path.write(&file)?;
+        print(format_args!("{}\n", file.display()))?;
+        self.say(format!("{}: {} poses", file.display(), self.path.len()));
+        Ok(())
+    }
+
+    /// Another scene takes this one's place, unless something is wrong with it.
+    fn drop_in(&mut self, path: &Path, args: &Args) {
+        let made = args.lenient.open(path).and_then(|scene| {
+            let (middle, radius) = ball(&scene);
+            let camera = self.flight.camera();
+            // Where the camera is the coordinates are fine enough, wherever the scene is.
+            let origin = origin_around(camera.eye(), camera.eye().distance(middle).max(radius));
+            Scenery::new(self.screen.context(), scene, origin, args.draw.policy())
+        });
+        match made.and_then(|scenery| self.screen.finish().map(|()| scenery).map_err(Error::from)) {
+            Ok(scenery) => {
+                self.scenery = scenery;
+                self.name = stem(path);
+                if self.scenery.lacks(self.mode, self.photo.is_some()).is_some() {
+                    self.mode = Mode::Augmented;
+                }
+                self.say("");
+            }
+            // The window stays as it was.
+            Err(error) => {
+                note(error.to_string());
+                self.say(error.to_string());
+            }
+        }
+    }
+}
+
+/// Where a key goes: right, up, ahead.
+fn step(code: KeyCode) -> Option<[f64; 3]> {
+    Some(match code {
+        KeyCode::KeyW => [0.0, 0.0, 1.0],
+        KeyCode::KeyS => [0.0, 0.0, -1.0],
+        KeyCode::KeyD => [1.0, 0.0, 0.0],
+        KeyCode::KeyA => [-1.0, 0.0, 0.0],
+        KeyCode::KeyE => [0.0, 1.0, 0.0],
+        KeyCode::KeyQ => [0.0, -1.0, 0.0],
+        _ => return None,
+    })
+}
+
+/// From 0 on.
+fn digit(code: KeyCode) -> Option<usize> {
+    const DIGITS: [[KeyCode; 2]; 8] = [
+        [KeyCode::Digit1, KeyCode::Numpad1],
+        [KeyCode::Digit2, KeyCode::Numpad2],
+        [KeyCode::Digit3, KeyCode::Numpad3],
+        [KeyCode::Digit4, KeyCode::Numpad4],
+        [KeyCode::Digit5, KeyCode::Numpad5],
+        [KeyCode::Digit6, KeyCode::Numpad6],
+        [KeyCode::Digit7, KeyCode::Numpad7],
+        [KeyCode::Digit8, KeyCode::Numpad8],
+    ];
+    DIGITS.iter().position(|codes| codes.contains(&code))
+}
+
+/// What files of a scene are called.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// The first of numbered files that is not there.
+fn free(folder: &Path, name: impl Fn(u32) -> String) -> PathBuf {
+    let files = (1..).map(|i| folder.join(name(i)));
+    files.into_iter().find(|file| file.symlink_metadata().is_err()).unwrap_or_else(|| folder.join(name(0)))
+}
+
+/// The middle of the base's Gaussians, coordinate by coordinate, and the radius around it that has nine of ten.
+fn ball(scene: &Scene) -> (DVec3, f64) {
+    let at = |mut values: Vec<f64>, share: f64| {
+        let n = (share * values.len().saturating_sub(1) as f64) as usize;
+        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(n, f64::total_cmp).1 }
+    };
+    let means = || scene.base.means.iter().map(|mean| DVec3::from(mean.map(f64::from)));
+    let middle = DVec3::from([0, 1, 2].map(|axis| at(means().map(|mean| mean[axis]).collect(), 0.5)));
+    let radius = at(means().map(|mean| mean.distance(middle)).collect(), 0.9);
+    (middle, if radius > 0.0 { radius } else { 1.0 })
+}
+
+/// A camera that sees a ball from a little above, y down as in COLMAP's scenes.
+fn overview(middle: DVec3, radius: f64, [width, height]: [u32; 2]) -> Camera {
+    let focal = f64::from(height) / (2.0 * (FIELD / 2.0).tan());
+    let rotation = DMat3::from_rotation_x(0.3);
+    let camera = Camera {
+        width,
+        height,
+        fx: focal,
+        fy: focal,
+        cx: f64::from(width) / 2.0,
+        cy: f64::from(height) / 2.0,
+        rotation,
+        translation: DVec3::ZERO,
+    };
+    let eye = middle - AWAY * radius * rotation.row(2);
+    Camera { translation: -(rotation * eye), ..camera }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Gaussians;
+
+    #[test]
+    fn a_scene_is_looked_at_from_above_and_outside() {
+        let means = (0..100).map(|i| [i as f32, 10.0, 0.1 * i as f32]).collect();
+        let scene = Scene { base: Gaussians { means, ..Default::default() }, supplement: None };
+        let (middle, radius) = ball(&scene);
+        assert!((middle - DVec3::new(49.0, 10.0, 4.9)).length() < 0.1 && (40.0..50.0).contains(&radius));
+        let camera = overview(middle, radius, [64, 48]);
+        let (x, y, z) = camera.project(middle);
+        assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && (z - AWAY * radius).abs() < 1e-9);
+        // y points down.
+        assert!(camera.eye().y < middle.y);
+        assert_eq!(ball(&Scene::default()), (DVec3::ZERO, 1.0));
+    }
+
+    #[test]
+    fn files_get_numbers_that_are_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |i| format!("a-{i}");
+        assert_eq!(free(folder.path(), name), folder.path().join("a-1"));
+        std::fs::write(folder.path().join("a-1"), "").unwrap();
+        assert_eq!(free(folder.path(), name), folder.path().join("a-2"));
+    }
+}

@@ -1,0 +1,520 @@
+//! `glint view` as somebody at a desk meets it: an X server without a screen, keys and mouse by its XTEST extension, and pictures
+//! compared with those of `glint render`. Validation layers are on where `GLINT_VALIDATION` is set, and make the viewer fail when
+//! they find anything.
+#![cfg(target_os = "linux")]
+
+#[path = "common/run.rs"]
+mod run;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader},
+    path::{Path, PathBuf},
+    process::{Child, Command, Stdio},
+    thread::sleep,
+    time::{Duration, Instant},
+};
+
+use glam::{DMat3, DQuat, DVec3};
+use glint::{
+    data::{
+        CameraPath,
+        builtin::{Part, render_truth},
+        write_png_rgb, write_scene,
+    },
+    gpu::{Context, ContextOptions},
+    pipelines::{
+        layers::{Layer, Layers},
+        render::RenderOptions,
+    },
+    reference::random_scene,
+    report::{decompose::srgb_from_linear, page::FULL_ERROR, sidebyside::error_map},
+    scene::{Camera, Gaussians, Scene},
+};
+use tempfile::TempDir;
+use x11rb::{
+    connection::Connection,
+    protocol::{
+        Event,
+        xproto::{
+            ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, ImageFormat,
+            InputFocus, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
+        },
+        xtest::ConnectionExt as _,
+    },
+    rust_connection::RustConnection,
+    wrapper::ConnectionExt as _,
+};
+
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+/// Longer than anything takes on two busy cores with the validation layers on.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Core events of X11, as XTEST takes them.
+const KEY: [u8; 2] = [2, 3];
+const BUTTON: [u8; 2] = [4, 5];
+const MOTION: u8 = 6;
+
+/// Keysyms.
+const SHIFT: u32 = 0xffe1;
+const ESCAPE: u32 = 0xff1b;
+
+/// What must not outlive its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// An X server, and a client of it.
+struct Display {
+    name: String,
+    client: RustConnection,
+    root: Window,
+    _server: Running,
+}
+
+#[track_caller]
+fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = found() {
+            return found;
+        }
+        assert!(start.elapsed() < PATIENCE, "no {what} in {PATIENCE:?}");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+impl Display {
+    fn new() -> Self {
+        // The server chooses a free number and says it when it is ready.
+        let server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "400x300x24", "-nolisten", "tcp", "-noreset"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb, see tools/setup test");
+        let mut server = Running(server);
+        let mut number = String::new();
+        BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let name = format!(":{}", number.trim());
+        let client = until("X server", || RustConnection::connect(Some(&name)).ok()).0;
+        let root = client.setup().roots[0].root;
+        Display { name, client, root, _server: server }
+    }
+
+    fn atom(&self, name: &str) -> u32 {
+        self.client.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom
+    }
+
+    fn title(&self, window: Window) -> String {
+        let (name, utf8) = (self.atom("_NET_WM_NAME"), self.atom("UTF8_STRING"));
+        let property = self.client.get_property(false, window, name, utf8, 0, 1024).unwrap().reply();
+        property.map_or(String::new(), |p| String::from_utf8_lossy(&p.value).into_owned())
+    }
+
+    fn input(&self, kind: u8, detail: u8, x: i16, y: i16) {
+        self.client.xtest_fake_input(kind, detail, 0, self.root, x, y, 0).unwrap().check().unwrap();
+    }
+
+    fn keycode(&self, keysym: u32) -> u8 {
+        let setup = self.client.setup();
+        let (first, last) = (setup.min_keycode, setup.max_keycode);
+        let map = self.client.get_keyboard_mapping(first, last - first + 1).unwrap().reply().unwrap();
+        let columns = map.keysyms_per_keycode as usize;
+        let at = map.keysyms.chunks(columns).position(|key| key[0] == keysym).expect("a key of the keyboard");
+        first + at as u8
+    }
+
+    fn key(&self, keysym: u32, held: Duration) {
+        let code = self.keycode(keysym);
+        self.input(KEY[0], code, 0, 0);
+        sleep(held);
+        self.input(KEY[1], code, 0, 0);
+    }
+
+    fn press(&self, character: char) {
+        self.key(character.into(), Duration::ZERO);
+    }
+
+    fn drag(&self, button: u8, from: [i16; 2], to: [i16; 2]) {
+        self.input(MOTION, 0, from[0], from[1]);
+        self.input(BUTTON[0], button, 0, 0);
+        for i in 1..=4 {
+            let at = |k: usize| from[k] + (to[k] - from[k]) * i / 4;
+            self.input(MOTION, 0, at(0), at(1));
+        }
+        self.input(BUTTON[1], button, 0, 0);
+    }
+
+    fn click(&self, button: u8) {
+        BUTTON.iter().for_each(|&kind| self.input(kind, button, 0, 0));
+    }
+
+    fn message(&self, to: Window, kind: &str, data: [u32; 5]) {
+        let event = ClientMessageEvent::new(32, to, self.atom(kind), data);
+        self.client.send_event(false, to, EventMask::NO_EVENT, event).unwrap().check().unwrap();
+    }
+
+    /// Drops a file on a window, as a file manager does.
+    fn drop_file(&self, window: Window, path: &Path) {
+        let source = self.client.generate_id().unwrap();
+        let look = CreateWindowAux::new();
+        let (class, visual) = (WindowClass::INPUT_ONLY, x11rb::COPY_FROM_PARENT);
+        self.client.create_window(0, source, self.root, 0, 0, 1, 1, 0, class, visual, &look).unwrap().check().unwrap();
+        let (selection, uris) = (self.atom("XdndSelection"), self.atom("text/uri-list"));
+        self.client.set_selection_owner(source, selection, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+        self.message(window, "XdndEnter", [source, 5 << 24, uris, 0, 0]);
+        self.message(window, "XdndPosition", [source, 0, 10 << 16 | 10, 0, self.atom("XdndActionCopy")]);
+        let request = until("request of what is dragged", || match self.client.poll_for_event().unwrap() {
+            Some(Event::SelectionRequest(request)) => Some(request),
+            _ => None,
+        });
+        let text = format!("file://{}\r\n", path.display());
+        let bytes = text.as_bytes();
+        let client = &self.client;
+        client
+            .change_property8(PropMode::REPLACE, request.requestor, request.property, uris, bytes)
+            .unwrap()
+            .check()
+            .unwrap();
+        let answer = SelectionNotifyEvent {
+            response_type: SELECTION_NOTIFY_EVENT,
+            sequence: 0,
+            time: request.time,
+            requestor: request.requestor,
+            selection,
+            target: uris,
+            property: request.property,
+        };
+        client.send_event(false, request.requestor, EventMask::NO_EVENT, answer).unwrap().check().unwrap();
+        self.message(window, "XdndDrop", [source, 0, 0, 0, 0]);
+    }
+}
+
+/// 3 bytes a pixel.
+#[derive(PartialEq)]
+struct Shot {
+    size: [u32; 2],
+    rgb: Vec<u8>,
+}
+
+impl Shot {
+    fn read(path: &Path) -> Self {
+        let image = image::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).into_rgb8();
+        Shot { size: [image.width(), image.height()], rgb: image.into_raw() }
+    }
+
+    /// The largest difference of a byte, and how many bytes differ.
+    #[track_caller]
+    fn from(&self, other: &Shot) -> (u8, usize) {
+        assert_eq!(self.size, other.size);
+        let differences = self.rgb.iter().zip(&other.rgb).map(|(a, b)| a.abs_diff(*b));
+        (differences.clone().max().unwrap(), differences.filter(|d| *d > 0).count())
+    }
+}
+
+/// A viewer on a display, in its folder.
+struct Viewer<'a> {
+    display: &'a Display,
+    folder: &'a Path,
+    child: Running,
+    window: Window,
+    shots: usize,
+}
+
+impl<'a> Viewer<'a> {
+    fn new(display: &'a Display, folder: &'a Path, arguments: &str) -> Self {
+        let child = glint(folder, arguments).env("DISPLAY", &display.name).stdout(Stdio::piped()).spawn().unwrap();
+        let mut child = Running(child);
+        let window = until("window", || {
+            assert!(child.0.try_wait().unwrap().is_none(), "the viewer has ended");
+            let windows = display.client.query_tree(display.root).unwrap().reply().unwrap().children;
+            windows.into_iter().find(|&window| display.title(window).contains(" | "))
+        });
+        // There is no window manager that would give it the keyboard.
+        let client = &display.client;
+        client.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+        Viewer { display, folder, child, window, shots: 0 }
+    }
+
+    #[track_caller]
+    fn says(&self, words: &str) {
+        let what = format!("{words:?} in the title");
+        until(&what, || self.display.title(self.window).contains(words).then_some(()));
+    }
+
+    /// Presses the key for it. What it wrote is what the window shows.
+    #[track_caller]
+    fn shot(&mut self, name: &str) -> Shot {
+        self.shots += 1;
+        let path = self.folder.join(format!("{name}-{:04}.png", self.shots));
+        self.display.press('c');
+        until("screenshot", || path.exists().then_some(()));
+        let shot = Shot::read(&path);
+        let [width, height] = shot.size.map(|side| side as u16);
+        let on_screen = || {
+            let client = &self.display.client;
+            let image = client.get_image(ImageFormat::Z_PIXMAP, self.window, 0, 0, width, height, !0).unwrap();
+            let data = image.reply().ok()?.data;
+            // B, G, R and a byte without meaning.
+            (data.chunks_exact(4).flat_map(|p| [p[2], p[1], p[0]]).eq(shot.rgb.iter().copied())).then_some(())
+        };
+        until("picture in the window that is the screenshot", on_screen);
+        shot
+    }
+
+    /// Ends it by its key; its lines.
+    fn quit(mut self) -> Vec<String> {
+        self.display.key(ESCAPE, Duration::ZERO);
+        let status = until("end", || self.child.0.try_wait().unwrap());
+        assert!(status.success(), "{status}");
+        BufReader::new(self.child.0.stdout.take().unwrap()).lines().map(Result::unwrap).collect()
+    }
+}
+
+fn glint(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
+    command.current_dir(folder).args(arguments.split_whitespace());
+    command.env_remove("RUST_LOG").env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    command
+}
+
+/// On a circle of radius 5 around the origin at a turn in radians, looking at it. The built-in scene has z up.
+fn camera(turn: f64) -> Camera {
+    let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
+    let forward = -eye.normalize();
+    let right = forward.cross(DVec3::Z).normalize();
+    let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
+    let (cx, cy) = (f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0);
+    let translation = -(rotation * eye);
+    Camera { width: WIDTH, height: HEIGHT, fx: 110.0, fy: 110.0, cx, cy, rotation, translation }
+}
+
+/// An augmented scene `scene.ply`, its supplement alone, another scene, and three photographs.
+fn work() -> (TempDir, Scene) {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    fs::create_dir_all(data.join("sparse/0")).unwrap();
+    fs::create_dir_all(data.join("images")).unwrap();
+    fs::write(data.join("sparse/0/cameras.txt"), format!("1 PINHOLE {WIDTH} {HEIGHT} 110 110 48 36\n")).unwrap();
+    fs::write(data.join("sparse/0/points3D.txt"), "").unwrap();
+    let mut images = String::new();
+    for (i, name) in ["a.png", "b.png", "c.png"].iter().enumerate() {
+        let camera = camera(i as f64 * 0.2);
+        let rgb: Vec<f32> = render_truth(&camera, Part::All).into_iter().map(srgb_from_linear).collect();
+        write_png_rgb(data.join("images").join(name), WIDTH, HEIGHT, &rgb).unwrap();
+        let (q, t) = (DQuat::from_mat3(&camera.rotation), camera.translation);
+        let pose = [q.w, q.x, q.y, q.z, t.x, t.y, t.z].map(|v| v.to_string()).join(" ");
+        images += &format!("{} {pose} 1 {name}\n\n", i + 1);
+    }
+    fs::write(data.join("sparse/0/images.txt"), images).unwrap();
+    // Gaussians of the right size before the cameras: those of the sample are made for another camera.
+    let sample = |seed| {
+        let mut scene = random_scene(seed, 400, 200, 2);
+        let supplement = scene.supplement.as_mut().unwrap();
+        for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
+            *mean = mean.map(f32::sin);
+        }
+        scene
+    };
+    let scene = sample(8);
+    let write = |name: &str, scene: &Scene| write_scene(folder.path().join(name), scene).unwrap();
+    write("scene.ply", &scene);
+    let none = Gaussians { sh_degree: 2, ..Default::default() };
+    write("lobes.ply", &Scene { base: none, supplement: scene.supplement.clone() });
+    write("other.ply", &Scene { base: sample(9).base, supplement: None });
+    fs::write(folder.path().join("bad.ply"), "ply\nformat ascii 1.0\nelement vertex 1\nend_header\n").unwrap();
+    (folder, scene)
+}
+
+fn rendered(folder: &Path, arguments: &str) -> PathBuf {
+    let out = folder.join("rendered");
+    let output = run::run(&mut glint(folder, &format!("render {arguments} -o rendered --force -q")));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    out
+}
+
+#[test]
+fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
+    let (work, scene) = work();
+    let folder = work.path();
+    let display = Display::new();
+    let mut viewer = Viewer::new(&display, folder, "view scene.ply data");
+    // The first photograph is the test photograph, and its size the window's.
+    viewer.says("scene | augmented | orbit | a.png");
+    viewer.says("400 + 200 Gaussians");
+
+    // The photographs' cameras, one after the other and round, in all modes.
+    display.press('p');
+    viewer.says("| c.png");
+    display.press('p');
+    viewer.says("| b.png");
+    let parts = [
+        ('2', "augmented", "scene.ply data --what color"),
+        ('3', "base", "scene.ply data --what base"),
+        ('4', "supplement", "lobes.ply data --what color"),
+        ('5', "diffuse", "scene.ply data --what diffuse"),
+        ('6', "specular", "scene.ply data --what specular"),
+        ('7', "depth", "scene.ply data --what depth"),
+    ];
+    let mut shots = Vec::new();
+    for (key, name, arguments) in parts {
+        display.press(key);
+        viewer.says(&format!("| {name} |"));
+        let shot = viewer.shot("scene");
+        let expected = Shot::read(&rendered(folder, &format!("{arguments} --split all")).join("b.png"));
+        // Colours are rounded to bytes by the kernel that writes the window's pixels and not on the host, and the reciprocal of a
+        // depth is rounded once more than the depth: a byte may be the next where a value lies between two.
+        let (most, count) = shot.from(&expected);
+        assert!(most <= 1 && count <= shot.rgb.len() / 500, "{name}: {most}, {count} of {}", shot.rgb.len());
+        assert!(!shots.contains(&shot), "{name} is like another");
+        shots.push(shot);
+    }
+    display.press('1');
+    viewer.says("| photograph |");
+    let photo = Shot::read(&folder.join("data/images/b.png"));
+    assert!(viewer.shot("scene") == photo);
+    display.press('8');
+    viewer.says("| error |");
+    let context = Context::new(&ContextOptions::from_env()).unwrap();
+    let cameras = [camera(0.0), camera(0.2), camera(0.4), camera(0.0).fitted(210, 160)];
+    let mut layers = Layers::new(&context, &scene, &cameras, RenderOptions::default()).unwrap();
+    let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
+    let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb, FULL_ERROR) };
+    let (most, count) = viewer.shot("scene").from(&map);
+    // Frames and renderer differ in the last bits of their floats.
+    assert!(most <= 1 && count <= map.rgb.len() / 500, "{most}, {count}");
+
+    // Away from the photograph: the error of what is seen now is nobody's. Poses are kept on the way.
+    let mut on_the_way = Vec::new();
+    let pose = |viewer: &mut Viewer<'_>, n: usize| {
+        display.press('k');
+        viewer.says(&format!("pose {n} of the path"));
+        viewer.shot("scene")
+    };
+    display.drag(1, [40, 30], [52, 38]);
+    display.click(4);
+    until("other place than a photograph's", || {
+        let title = display.title(viewer.window);
+        (title.contains("| augmented | orbit |") && !title.contains("b.png")).then_some(())
+    });
+    display.press('8');
+    viewer.says("no photograph was taken from here");
+    on_the_way.push(pose(&mut viewer, 1));
+    display.press('f');
+    viewer.says("| fly |");
+    display.drag(1, [40, 30], [44, 32]);
+    display.key('w'.into(), Duration::from_millis(150));
+    on_the_way.push(pose(&mut viewer, 2));
+    display.press('g');
+    viewer.says("| walk |");
+    display.key('d'.into(), Duration::from_millis(150));
+    on_the_way.push(pose(&mut viewer, 3));
+    let shift = display.keycode(SHIFT);
+    display.input(KEY[0], shift, 0, 0);
+    display.press('k');
+    display.input(KEY[1], shift, 0, 0);
+    viewer.says("scene-path-1.json: 3 poses");
+    let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
+    for (i, shot) in on_the_way.iter().enumerate() {
+        let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
+        // As above; and the pose is written as a quaternion, whose rotation differs in float64's last bits.
+        assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
+        assert!(!shots.contains(shot) && !on_the_way[..i].contains(shot));
+    }
+    let path = CameraPath::read(folder.join("scene-path-1.json")).unwrap().frames(3);
+    let eyes = [path[0].eye(), path[1].eye(), path[2].eye()];
+    // The wheel went a notch nearer to what the cameras look at, near the origin, and walking kept the height.
+    let away = camera(0.2).eye().length();
+    assert!((eyes[0].length() / away * 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
+    assert!(eyes[1].distance(eyes[0]) > 0.01 && eyes[2].distance(eyes[1]) > 0.01);
+    let up = -(0..3).map(|i| camera(0.2 * f64::from(i)).rotation.row(1)).sum::<DVec3>().normalize();
+    assert!((eyes[2] - eyes[1]).dot(up).abs() < 1e-6, "{eyes:?}");
+
+    // Another size: the same camera, with more around it.
+    display.press('r');
+    display.press('n');
+    viewer.says("| a.png");
+    let larger = ConfigureWindowAux::new().width(210).height(160);
+    display.client.configure_window(viewer.window, &larger).unwrap().check().unwrap();
+    let at = until("larger window", || {
+        let found = display.client.get_geometry(viewer.window).unwrap().reply().unwrap();
+        (found.width == 210).then_some(camera(0.0).fitted(210, 160))
+    });
+    let expected = Shot { size: [210, 160], rgb: render(&at).iter().map(|&v| glint::data::to_byte(v)).collect() };
+    // The window hears of it in its own time.
+    until("screenshot of the new size", || {
+        let shot = viewer.shot("scene");
+        (shot.size == expected.size).then(|| {
+            let (most, count) = shot.from(&expected);
+            assert!(most <= 1 && count <= shot.rgb.len() / 500, "{most}, {count}");
+        })
+    });
+
+    // What is dropped takes the scene's place, unless it is none.
+    display.press('t');
+    viewer.says(" ms (");
+    display.drop_file(viewer.window, &folder.join("bad.ply"));
+    viewer.says("bad.ply: ");
+    viewer.says("scene | augmented");
+    display.drop_file(viewer.window, &folder.join("other.ply"));
+    viewer.says("other | augmented | walk | a.png");
+    viewer.says("400 + 0 Gaussians");
+    display.press('4');
+    viewer.says("the scene has no supplement");
+
+    let taken = viewer.shots;
+    let lines = viewer.quit();
+    assert_eq!(lines.len(), taken + 1, "{lines:?}");
+    assert!(lines.iter().all(|line| folder.join(line).is_file()), "{lines:?}");
+}
+
+#[test]
+fn a_scene_without_a_dataset_is_seen_whole() {
+    let (work, _) = work();
+    let display = Display::new();
+    let mut viewer = Viewer::new(&display, work.path(), "view scene.ply --size 120x90 --background white");
+    display.press('n');
+    viewer.says("there are no photographs");
+    let shot = viewer.shot("scene");
+    assert_eq!(shot.size, [120, 90]);
+    let pixel = |x: usize, y: usize| &shot.rgb[3 * (120 * y + x)..][..3];
+    // Gaussians in the middle, background in a corner.
+    assert!(pixel(60, 45) != [255; 3] && pixel(0, 0) == [255; 3]);
+    assert_eq!(viewer.quit(), ["./scene-0001.png"]);
+}
+
+#[test]
+fn where_nothing_can_be_shown_the_reason_is_said() {
+    let (work, _) = work();
+    let says = |command: &mut Command, code: i32, words: &[&str]| {
+        let output = run::run(command);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{text}");
+        assert!(words.iter().all(|word| text.contains(word)) && !text.contains("panicked"), "{text}");
+    };
+    let view = |arguments: &str| glint(work.path(), &format!("view {arguments}"));
+    says(&mut view("scene.ply"), 1, &["error: no window can be opened", "DISPLAY"]);
+    says(view("scene.ply").env("DISPLAY", ":4711"), 1, &["error: no window can be opened"]);
+    says(view("scene.ply").env("WAYLAND_DISPLAY", "nobody"), 1, &["error: no window can be opened"]);
+    says(&mut view("none.ply"), 2, &["none.ply"]);
+    says(&mut view("bad.ply"), 2, &["bad.ply"]);
+    says(&mut view("scene.ply nowhere"), 2, &["nowhere"]);
+    says(&mut view("scene.ply --size 12"), 2, &["--size", "such as 1280x720"]);
+    says(&mut view("scene.ply -o nowhere"), 2, &["nowhere", "expected a folder"]);
+    says(&mut view("scene.ply --twin blend"), 2, &["--twin"]);
+    fs::write(work.path().join("path.json"), r#"{"width": 8, "height": 8, "keys": [{"eye": [0, 0, 0]}]}"#).unwrap();
+    let render = |arguments: &str| glint(work.path(), &format!("render scene.ply {arguments} -o frames"));
+    says(&mut render("--path path.json"), 2, &["path.json", "missing field `rotation`", "expected a camera path"]);
+    says(&mut render("data --path path.json"), 2, &["cannot be used with"]);
+    says(&mut render("--path path.json --frames 0"), 2, &["--frames"]);
+    says(&mut render(""), 2, &["DATASET"]);
+    assert!(!work.path().join("frames").exists());
+}
