@@ -114,6 +114,15 @@ enum ReduceArg {
 const DEFAULT_MAX_SIZE: u32 = 1600;
 
 impl PhotoArgs {
+    /// What the test photos are, in a word.
+    pub(super) fn holdout(&self) -> &'static str {
+        match self.dataset.holdout.unwrap_or_default() {
+            Holdout::Sector => "sector",
+            Holdout::Dataset => "dataset",
+            _ => "every",
+        }
+    }
+
     /// Reads the dataset and tells what its user would not expect.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
         let reduce = match self.reduce {

@@ -4,10 +4,12 @@
 
 mod convert;
 mod dataset;
+mod deadline;
 mod demo;
 mod devices;
 mod enhance;
 mod eval;
+mod history;
 mod info;
 mod interrupt;
 mod kept;

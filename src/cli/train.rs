@@ -1,4 +1,7 @@
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::PathBuf,
+    time::{Duration, Instant},
+};
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -6,6 +9,8 @@ use serde_json::{Value, json};
 use super::{
     DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
     dataset::check_sight,
+    deadline::{Deadline, Plan, duration},
+    history::{History, Moment},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
     output::{Inputs, OutputArgs, check_room},
@@ -18,9 +23,10 @@ use crate::{
     pipelines::{
         density::{DensityOptions, Strategy},
         model::{Model, Room},
+        render::RenderOptions,
         session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
-        train::{BaseOptions, dense_trainer},
+        train::{BaseOptions, Trainer, dense_trainer},
     },
     scene::{Scene, from_points},
 };
@@ -30,10 +36,16 @@ Gaussians start at the dataset's sparse points, or at random points if there are
 photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end.
+base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end. With --time \
+nothing is saved beside the output.
+
+--eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
+and base.history/step-NNNNNN.png: the first test photo, its render and their error.
 
 Examples:
   glint train garden -o base.ply
+  glint train garden -o base.ply --time 5m --gaussians 300000
+  glint train garden -o base.ply --eval-every 1000
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
@@ -56,6 +68,15 @@ pub(super) struct Args {
     /// Steps, one photo each
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     iterations: u32,
+    /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
+    /// they take, and all schedules end with the last
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["iterations", "eval_every"])]
+    #[serde(skip)]
+    time: Option<Duration>,
+    /// Compare with the test photos after every N steps and at the end
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[serde(skip)]
+    eval_every: Option<u32>,
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
@@ -134,7 +155,7 @@ struct Report<'a> {
     /// Those of them that an earlier run did.
     iterations_resumed: u32,
     seed: u64,
-    /// Of the training loop alone, in this run.
+    /// Of the training loop alone, in this run, without evaluations.
     seconds: f64,
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
@@ -154,13 +175,18 @@ struct Stage {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
+        let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
         let dataset = self.photos.open(&self.dataset)?;
         self.replace.check_file(&self.output, "ply", "a PLY scene", &Inputs::default().dataset(&dataset))?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
+        let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let wanted = [self.points, self.gaussians].into_iter().flatten().min();
         let first = first_points(&dataset, wanted.map(|n| n as usize), self.seed);
         let count = first.cloud.positions.len();
-        check_room(&self.output, scene_bytes(self.density(count as u32).limit.into(), 0, self.sh_degree))?;
+        check_room(
+            &self.output,
+            scene_bytes(self.density(count as u32, self.iterations).limit.into(), 0, self.sh_degree),
+        )?;
         check_sight(&dataset, &first.cloud.positions)?;
         match (first.sparse, self.points) {
             (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
@@ -190,7 +216,8 @@ impl Args {
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
-            let density = self.density(count as u32);
+            let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
+            let density = self.density(count as u32, iterations);
             // Adam has two moments of everything.
             let most = density.limit.max(count as u32);
             let scene = 3 * scene_bytes(most.into(), 0, self.sh_degree);
@@ -198,19 +225,33 @@ impl Args {
             let mut base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
             density.begin(&mut base);
             let scene = Scene { base, supplement: None };
-            let (iterations, sh_degree, seed) = (self.iterations, self.sh_degree, self.seed);
+            let (sh_degree, seed) = (self.sh_degree, self.seed);
             let room = Room { base: density.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
-            let options = BaseOptions { iterations, sh_degree };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let mut trainer = dense_trainer(&session, &model, &views, &options, &density)?;
-            let settings = self.settings(&photos, &checksums, &first.cloud, &session, &options, &density)?;
+            let options = |iterations| BaseOptions { iterations, sh_degree };
+            let make = |iterations| {
+                let density = self.density(count as u32, iterations);
+                dense_trainer(&session, &model, &views, &options(iterations), &density)
+            };
+            let mut trainer = make(iterations)?;
+            let settings =
+                self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &density)?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
-            let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
+            let found = match &deadline {
+                None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
+                Some(_) => None,
+            };
+            let mut history = test.map(|test| {
+                History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
+            });
+            if let Some(history) = &mut history {
+                history.begin(found.as_ref().map(|found| found.step), &self.replace)?;
+            }
             let resumed = match &found {
                 Some(checkpoint) => {
                     trainer.resume(&model, checkpoint, timed)?;
@@ -224,35 +265,76 @@ impl Args {
             drop(found);
             let interrupt = Interrupt::default();
             interrupt.listen()?;
-            let mut gaussians = 0;
+            let (mut gaussians, mut evaluating) = (0, Duration::ZERO);
+            // Steps that this run did: with a deadline their numbers leap when it is planned anew.
+            let (mut ran, mut begun) = (0, resumed);
+            let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
             let mut train = || -> Result<()> {
-                while !interrupt.asked()
-                    && let Some(done) = trainer.advance(&model, &views)?
-                {
-                    training.set(done.into());
-                    kept.look(|| trainer.checkpoint(&model, &views))?;
+                let mut look = |step: u32, trainer: &Trainer, scene: &Scene| -> Result<()> {
+                    let Some(history) = &mut history else { return Ok(()) };
+                    let (seconds, began) = ((started.elapsed() - evaluating).as_secs_f64(), Instant::now());
+                    let losses = trainer.losses(step);
+                    let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
+                    let bytes = scene_bytes(scene.base.len() as u64, 0, sh_degree);
+                    let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
+                    history.add(scene, Moment { step, seconds, bytes, loss }, options)?;
+                    evaluating += began.elapsed();
+                    Ok(())
+                };
+                let evaluation = |after: u32| self.eval_every.map(|every| (after / every + 1).saturating_mul(every));
+                let mut stop = match &mut deadline {
+                    Some(deadline) => deadline.next(),
+                    None => evaluation(resumed),
+                };
+                trainer.go_on_to(stop.unwrap_or(iterations));
+                while !interrupt.asked() {
+                    if let Some(done) = trainer.advance(&model, &views)? {
+                        (ran, begun) = (ran + done - begun, done);
+                        training.set_of(done.into(), iterations.into());
+                        if deadline.is_none() {
+                            kept.look(|| trainer.checkpoint(&model, &views))?;
+                        }
+                        continue;
+                    }
+                    let Some(step) = stop.filter(|&step| step < iterations) else { break };
+                    stop = if let Some(deadline) = &mut deadline {
+                        let learned = trainer.checkpoint(&model, &views)?;
+                        let Plan { total, done } = deadline.plan(step);
+                        tracing::info!("a run of {total} steps, of which {done} count as done");
+                        trainer = make(total)?;
+                        trainer.resume(&model, &learned.moved_to(done)?, timed)?;
+                        (iterations, begun) = (total, done);
+                        deadline.next()
+                    } else {
+                        look(step, &trainer, &model.download()?)?;
+                        evaluation(step)
+                    };
+                    trainer.go_on_to(stop.unwrap_or(iterations));
                 }
-                if interrupt.asked() {
+                if interrupt.asked() && deadline.is_none() {
                     kept.keep(|| trainer.checkpoint(&model, &views))?;
                 }
                 let scene = model.download()?;
                 gaussians = scene.base.len();
-                write_scene(&self.output, &scene)
+                write_scene(&self.output, &scene)?;
+                if interrupt.asked() { Ok(()) } else { look(iterations, &trainer, &scene) }
             };
             if let Err(error) = train() {
                 drop(training);
+                if deadline.is_some() {
+                    return Err(error.into());
+                }
                 return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
             }
             let trained = trainer.stop()?;
             let steps = trained.losses.len() as u32;
-            let seconds = started.elapsed().as_secs_f64();
+            let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
-            if steps == iterations {
+            if steps == iterations && deadline.is_none() {
                 kept.remove()?;
             }
             drop(interrupt);
 
-            let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
             for (pass, losses) in passes(&trained.losses, photos.len()) {
                 tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
             }
@@ -268,29 +350,28 @@ impl Args {
                 photos: photos.len(),
                 gaussians,
                 sh_degree,
-                iterations: steps,
+                iterations: if deadline.is_some() { ran } else { steps },
                 iterations_resumed: resumed,
                 seed,
                 seconds,
-                steps_per_second: f64::from(steps - resumed) / seconds,
+                steps_per_second: f64::from(ran) / seconds,
                 final_loss: pass_loss(last),
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
             };
-            let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
+            let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
             if self.json {
                 print_json(&report)?;
             } else {
                 print(format_args!(
                     "{output}: {gaussians} Gaussians of SH degree {sh_degree} from {photos} photos\n\
-                     {steps} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
+                     {did} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
                 ))?;
             }
             if steps < iterations {
-                let what = format!(
-                    "ended after {steps} of {iterations} steps; {output} has what was learned in them, and the same command with \
-                     --force goes on"
-                );
+                let goes_on = if deadline.is_some() { "" } else { ", and the same command with --force goes on" };
+                let what =
+                    format!("ended after {did} of {iterations} steps; {output} has what was learned in them{goes_on}");
                 return Err(Failure::Interrupted(what));
             }
             Ok(())
@@ -298,9 +379,9 @@ impl Args {
     }
 
     /// Of a run that begins with `first` Gaussians.
-    fn density(&self, first: u32) -> DensityOptions {
+    fn density(&self, first: u32, iterations: u32) -> DensityOptions {
         let limit = self.gaussians.unwrap_or(first);
-        DensityOptions { strategy: self.strategy.into(), limit, first, iterations: self.iterations }
+        DensityOptions { strategy: self.strategy.into(), limit, first, iterations }
     }
 
     /// Everything that training depends on.

@@ -209,18 +209,21 @@ impl Trainer {
         self.steps.advance(&mut On { training: &mut self.work, model, views })
     }
 
+    /// Losses of the views of the first `steps` steps, which are done.
+    pub fn losses(&self, steps: u32) -> Vec<f32> {
+        let seen = (steps * self.work.views_per_step) as usize;
+        self.work.loss.losses.mapped().iter().take(seen.min(self.work.schedule.len())).map(|l| l.total).collect()
+    }
+
     /// What was done.
     pub fn report(&mut self) -> TrainReport {
-        let losses = self.work.loss.losses.mapped().iter().take(self.work.schedule.len()).map(|l| l.total).collect();
-        TrainReport { steps: self.steps.report(), losses }
+        TrainReport { losses: self.losses(self.total()), steps: self.steps.report() }
     }
 
     /// Ends the loop before its last step, and tells of the steps that were done. Waits.
     pub fn stop(&mut self) -> Result<TrainReport> {
         let done = self.steps.stop()?;
-        let mut report = self.report();
-        report.losses.truncate((done * self.work.views_per_step) as usize);
-        Ok(report)
+        Ok(TrainReport { losses: self.losses(done), steps: self.steps.report() })
     }
 
     /// Runs all steps; `progress` is called with the number of finished ones.
@@ -241,6 +244,22 @@ impl Trainer {
 
 /// Name of the losses in a checkpoint.
 const LOSSES: &str = "losses";
+
+impl Checkpoint {
+    /// What was learned, for a run of more or fewer steps that goes on from its step `step`. Of the losses the last ones stay; where
+    /// there are too few, the first stands for those before it.
+    pub fn moved_to(mut self, step: u32) -> Result<Self> {
+        let (seen, had) = (self.columns(LOSSES)?, self.step.max(1) as usize);
+        let losses = self.floats(LOSSES, seen)?;
+        let now = seen / had * step as usize;
+        let first = losses.first().copied().unwrap_or(0.0);
+        let padding = std::iter::repeat_n(first, now.saturating_sub(seen));
+        let moved: Vec<f32> = padding.chain(losses[seen.saturating_sub(now)..].iter().copied()).collect();
+        self.put(LOSSES.into(), [1, now], moved);
+        self.step = step;
+        Ok(self)
+    }
+}
 
 impl Training {
     /// Everything that a learner and density control change, by its name in a checkpoint: parameters, their moments, scores.

@@ -12,6 +12,7 @@ mod scenes;
 #[path = "../common/shared.rs"]
 mod shared;
 mod talk;
+mod train;
 mod truth;
 mod work;
 

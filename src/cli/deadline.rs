@@ -1,0 +1,143 @@
+//! A run of as many steps as find time until a given moment.
+//!
+//! All schedules are fractions of a run, so a run that turns out slower or faster than was thought becomes one of fewer or more steps,
+//! of which the same fraction is done. How long a step takes is known only from those that were done; so it is asked several times.
+
+use std::{
+    fmt::Display,
+    time::{Duration, Instant},
+};
+
+/// Steps of the run that a first guess is for; few of them are done as such.
+const FIRST: u32 = 100_000;
+/// Steps after which the first guess is replaced: two submissions, and enough for a mean.
+const PILOT: u32 = 64;
+/// Fractions of the run at which it is planned anew. The last is what the end can be off by, times what the rate still changes.
+const MARKS: [f64; 7] = [0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95];
+/// Steps of a run at most.
+const MOST: f64 = 1e7;
+
+/// When a run ends, and how it is planned until then.
+pub(super) struct Deadline {
+    end: Instant,
+    /// Of the run that is planned now.
+    pub(super) total: u32,
+    /// When the last plan was made, and the step at that time.
+    since: Instant,
+    step: u32,
+    guessed: bool,
+    marks: std::slice::Iter<'static, f64>,
+}
+
+/// The same run with another number of steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Plan {
+    /// Steps in all.
+    pub(super) total: u32,
+    /// Those of them that count as done.
+    pub(super) done: u32,
+}
+
+/// `step` of `total` steps are done, the last took `each` seconds, and `left` seconds are left.
+fn plan(step: u32, total: u32, each: f64, left: f64) -> Plan {
+    let fraction = f64::from(step) / f64::from(total.max(1));
+    let steps = (left.max(0.0) / each.max(1e-9)).min(MOST);
+    // At least one step more, so that the run has an end of its own.
+    let all = (steps / (1.0 - fraction).max(1e-6)).clamp(1.0, MOST);
+    let done = (fraction * all).floor();
+    Plan { total: (all.round() as u32).max(done as u32 + 1), done: done as u32 }
+}
+
+impl Deadline {
+    /// Until `end`.
+    pub(super) fn new(end: Instant) -> Self {
+        Deadline { end, total: FIRST, since: Instant::now(), step: 0, guessed: true, marks: MARKS.iter() }
+    }
+
+    /// The step at which the run is to be planned anew; `None` for its end.
+    pub(super) fn next(&mut self) -> Option<u32> {
+        if self.guessed {
+            return Some(PILOT);
+        }
+        let step = |mark: &f64| (mark * f64::from(self.total)) as u32;
+        self.marks.find(|mark| step(mark) >= self.step + PILOT).map(step)
+    }
+
+    /// Plans the run anew, of which `step` steps are done.
+    pub(super) fn plan(&mut self, step: u32) -> Plan {
+        let now = Instant::now();
+        let each = (now - self.since).as_secs_f64() / f64::from((step - self.step).max(1));
+        let plan = plan(step, self.total, each, self.end.saturating_duration_since(now).as_secs_f64());
+        (self.total, self.step, self.since, self.guessed) = (plan.total, plan.done, now, false);
+        plan
+    }
+}
+
+/// "90", "90s", "5m", "1.5h".
+pub(super) fn duration(text: &str) -> Result<Duration, String> {
+    let fail = |why: &dyn Display| format!("{why}, expected a time such as 90s, 5m or 1.5h");
+    let (number, unit) = match text.char_indices().last() {
+        Some((at, 's')) => (&text[..at], 1.0),
+        Some((at, 'm')) => (&text[..at], 60.0),
+        Some((at, 'h')) => (&text[..at], 3600.0),
+        _ => (text, 1.0),
+    };
+    let number: f64 = number.parse().map_err(|error| fail(&error))?;
+    match number > 0.0 && number * unit <= 1e7 {
+        true => Ok(Duration::from_secs_f64(number * unit)),
+        false => Err(fail(&"not between 0 and 2777 hours")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_keeps_its_fraction_and_its_end() {
+        // A hundredth is done; what is left at half a second a step is 99 hundredths of the run.
+        assert_eq!(plan(1000, 100_000, 0.5, 49.5), Plan { total: 100, done: 1 });
+        // As fast as was thought: nothing changes.
+        assert_eq!(plan(50, 100, 0.1, 5.0), Plan { total: 100, done: 50 });
+        // No time is left: one step more.
+        assert_eq!(plan(50, 100, 0.1, 0.0), Plan { total: 1, done: 0 });
+        assert_eq!(plan(99, 100, 1.0, 0.0).total, 1);
+        assert!(plan(10, 100, 0.0, 1e9).total <= 10_000_000);
+    }
+
+    /// Steps that take longer and longer, as Gaussians become more: the run ends when it should.
+    #[test]
+    fn a_run_that_becomes_slower_ends_in_time() {
+        let (mut total, mut step, mut now, end) = (FIRST, 0u32, 0.0, 60.0);
+        let mut marks = MARKS.iter();
+        let mut until = PILOT;
+        loop {
+            let (since, first) = (now, step);
+            while step < until {
+                now += 0.02 * (1.0 + 2.0 * f64::from(step) / f64::from(total));
+                step += 1;
+            }
+            if step >= total {
+                break;
+            }
+            let next = plan(step, total, (now - since) / f64::from(step - first), end - now);
+            (total, step) = (next.total, next.done);
+            let at = |mark: &f64| (mark * f64::from(total)) as u32;
+            until = marks.find(|mark| at(mark) >= step + PILOT).map_or(total, at);
+        }
+        // The last twentieth is off by what the rate changes within it.
+        assert!((now - end).abs() < 0.005 * end, "{now}");
+    }
+
+    #[test]
+    fn times_have_units() {
+        let seconds = |text| duration(text).map(|d| d.as_secs_f64()).ok();
+        assert_eq!(
+            [seconds("90"), seconds("90s"), seconds("5m"), seconds("1.5h")].map(Option::unwrap),
+            [90.0, 90.0, 300.0, 5400.0]
+        );
+        for bad in ["", "s", "0", "-1m", "nan", "inf", "1e9h", "5x"] {
+            assert_eq!(seconds(bad), None, "{bad}");
+        }
+    }
+}

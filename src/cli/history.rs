@@ -1,0 +1,170 @@
+//! How a scene gets on while it is trained: now and then it is looked at from the test cameras, and each time is a line of a file.
+
+use std::{
+    fs,
+    io::ErrorKind,
+    path::{Path, PathBuf},
+};
+
+use image::{RgbImage, imageops};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{
+    output::{Inputs, OutputArgs},
+    progress::{Progress, note},
+};
+use crate::{
+    Error, Result,
+    data::{Photo, write_png_bytes, write_text},
+    gpu::Context,
+    pipelines::render::RenderOptions,
+    report::{evaluate::evaluate, metrics::Quality, page::pictures},
+    scene::Scene,
+};
+
+/// What takes the place of the output's extension: the file, and the folder of pictures.
+const FILE: &str = "history.jsonl";
+const FOLDER: &str = "history";
+
+/// A line, as `glint report --history` reads it, and more.
+#[derive(Serialize)]
+struct Line<'a> {
+    name: &'a str,
+    step: u32,
+    /// Of training, without the evaluations.
+    seconds: f64,
+    bytes: u64,
+    gaussians: usize,
+    loss: f64,
+    #[serde(flatten)]
+    quality: Quality,
+    seed: u64,
+    holdout: &'a str,
+}
+
+/// What is known of a run at a step beside its scene.
+pub(super) struct Moment {
+    pub(super) step: u32,
+    pub(super) seconds: f64,
+    /// Of the scene's file.
+    pub(super) bytes: u64,
+    /// Mean over the last pass through the photos.
+    pub(super) loss: f64,
+}
+
+/// The evaluations of one run.
+pub(super) struct History<'a> {
+    context: &'a Context,
+    photos: Vec<&'a Photo>,
+    background: [f32; 3],
+    name: String,
+    seed: u64,
+    holdout: String,
+    path: PathBuf,
+    folder: PathBuf,
+    lines: String,
+    /// Of the runs before this one.
+    seconds: f64,
+}
+
+impl<'a> History<'a> {
+    /// Beside `output`, of `photos`.
+    pub(super) fn new(
+        context: &'a Context,
+        output: &Path,
+        photos: Vec<&'a Photo>,
+        background: [f32; 3],
+        seed: u64,
+        holdout: String,
+    ) -> Self {
+        let name = output.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
+        let [path, folder] = [FILE, FOLDER].map(|extension| output.with_extension(extension));
+        History { context, photos, background, name, seed, holdout, path, folder, lines: String::new(), seconds: 0.0 }
+    }
+
+    /// Goes on from what an earlier run wrote until `resumed`; of a new run nothing may be there, unless it may be replaced.
+    pub(super) fn begin(&mut self, resumed: Option<u32>, replace: &OutputArgs) -> Result<()> {
+        let Some(step) = resumed else {
+            return replace.check_file(&self.path, "jsonl", "a history", &Inputs::default());
+        };
+        let text = match fs::read_to_string(&self.path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            Err(error) => return Err(Error::io(&self.path, error)),
+        };
+        for line in text.lines() {
+            let value: Value = serde_json::from_str(line)
+                .map_err(|error| Error::input(&self.path, format!("is no history, expected JSON lines: {error}")))?;
+            // What was measured after the checkpoint is measured again.
+            if value["step"].as_u64().is_some_and(|at| at <= step.into()) {
+                self.lines += line;
+                self.lines += "\n";
+                self.seconds = value["seconds"].as_f64().unwrap_or(self.seconds);
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error.
+    pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<Quality> {
+        let Moment { step, seconds, bytes, loss } = moment;
+        let progress = Progress::new("looking", "views", self.photos.len() as u64);
+        let mut first = None;
+        let found = evaluate(self.context, scene, &self.photos, options, self.background, |view| {
+            progress.advance();
+            if first.is_none() {
+                first = Some(row(&pictures(view, false)));
+            }
+            Ok(())
+        })?;
+        drop(progress);
+        let line = Line {
+            name: &self.name,
+            step,
+            seconds: self.seconds + seconds,
+            bytes,
+            gaussians: scene.base.len(),
+            loss,
+            quality: found.augmented,
+            seed: self.seed,
+            holdout: &self.holdout,
+        };
+        self.lines += &serde_json::to_string(&line).map_err(|error| Error::Usage(error.to_string()))?;
+        self.lines += "\n";
+        if let Some(picture) = first {
+            fs::create_dir_all(&self.folder).map_err(|error| Error::io(&self.folder, error))?;
+            let path = self.folder.join(format!("step-{step:06}.png"));
+            write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
+        }
+        write_text(&self.path, &self.lines)?;
+        let Quality { psnr, ssim } = found.augmented;
+        note(format!("step {step}: {psnr:.2} dB, SSIM {ssim:.4}, {} Gaussians", scene.base.len()));
+        Ok(found.augmented)
+    }
+}
+
+/// One beside the other.
+fn row(pictures: &[(&str, RgbImage)]) -> RgbImage {
+    let width = pictures.iter().map(|(_, picture)| picture.width()).sum();
+    let mut all = RgbImage::new(width, pictures.iter().map(|(_, picture)| picture.height()).max().unwrap_or(0));
+    let mut x = 0;
+    for (_, picture) in pictures {
+        imageops::replace(&mut all, picture, x, 0);
+        x += i64::from(picture.width());
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_stand_in_a_row() {
+        let picture = |side: u32, value: u8| RgbImage::from_pixel(side, side, image::Rgb([value; 3]));
+        let all = row(&[("a", picture(2, 10)), ("b", picture(3, 20))]);
+        assert_eq!(all.dimensions(), (5, 3));
+        assert_eq!([all.get_pixel(1, 1).0[0], all.get_pixel(2, 2).0[0], all.get_pixel(0, 2).0[0]], [10, 20, 0]);
+    }
+}

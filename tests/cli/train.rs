@@ -1,0 +1,65 @@
+//! Training looked at while it goes on, and training by the clock.
+
+use std::{fs, time::Instant};
+
+use glint::report::history::read_history;
+
+use super::{Work, files};
+
+const TRAIN: &str = "train data --iterations 64 --sh-degree 1 --deterministic";
+
+#[test]
+fn evaluations_are_kept_line_by_line_and_change_nothing() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o plain.ply"));
+    let report = work.json(&format!("{TRAIN} -o out.ply --eval-every 24 --json"));
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("plain.ply")).unwrap());
+    let records = read_history(work.path("out.history.jsonl")).unwrap();
+    let text = fs::read_to_string(work.path("out.history.jsonl")).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let steps: Vec<_> = lines.iter().map(|line| line["step"].as_u64().unwrap()).collect();
+    assert_eq!((steps, records.len()), (vec![24, 48, 64], 3));
+    assert_eq!(files(&work.path("out.history")), ["step-000024.png", "step-000048.png", "step-000064.png"]);
+    let (_, _, pixels) = image(&work.path("out.history/step-000064.png"));
+    assert!(pixels.iter().any(|&byte| byte > 100));
+    assert!(records.is_sorted_by(|a, b| a.seconds < b.seconds && a.psnr < b.psnr), "{text}");
+    // The last line is what `eval` finds, but for the error of the file's float32.
+    let found = work.json("eval out.ply data --json");
+    let last = records.last().unwrap();
+    let (psnr, bytes) = (found["base"]["psnr"].as_f64().unwrap(), fs::metadata(work.path("out.ply")).unwrap().len());
+    assert!((last.psnr - psnr).abs() < 1e-6, "{} and {psnr}", last.psnr);
+    assert_eq!((last.bytes, last.gaussians, &last.holdout[..]), (bytes, 300, "dataset"));
+    assert_eq!(lines[2]["loss"], report["final_loss"]);
+    // What is there is not written over, and a dataset without test photos has nothing to compare with.
+    work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.ply", "--force"]);
+    fs::remove_file(work.path("out.ply")).unwrap();
+    work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.history.jsonl", "--force"]);
+    work.refused(&format!("{TRAIN} -o none.ply --eval-every 24 --holdout none"), &["test split"]);
+}
+
+/// Width, height and bytes.
+fn image(path: &std::path::Path) -> (u32, u32, Vec<u8>) {
+    let image = image::open(path).unwrap().to_rgb8();
+    // Photo, render and error.
+    assert_eq!(image.dimensions(), (3 * 32, 24));
+    (image.width(), image.height(), image.into_raw())
+}
+
+/// Other work may share the machine: a run that planned itself badly would be off by far more than this allows.
+#[test]
+fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
+    let work = Work::new();
+    let started = Instant::now();
+    let report = work.json("train data -o out.ply --time 6s --points 200 --gaussians 300 --json");
+    let seconds = started.elapsed().as_secs_f64();
+    assert!((4.0..9.0).contains(&seconds), "{seconds} s: {report}");
+    // Gaussians come to be as many as were asked for towards the end of a run only.
+    assert_eq!(report["gaussians"], 300);
+    assert!(report["iterations"].as_u64().unwrap() > 64, "{report}");
+    assert_eq!(files(work.0.path()), ["data", "out.ply"]);
+    for (option, words) in [("--time 5x", "90s"), ("--time 0", "90s"), ("--time 5s --iterations 3", "cannot be used")] {
+        let output = work.run(&format!("train data -o other.ply {option}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(words), "{option}: {said}");
+    }
+}
