@@ -47,7 +47,7 @@ struct Line<'a> {
 pub(super) struct Moment {
     pub(super) step: u32,
     pub(super) seconds: f64,
-    /// Of the scene's file.
+    /// Of the scene's file, but for its header.
     pub(super) bytes: u64,
     /// Mean over the last pass through the photos.
     pub(super) loss: f64,

@@ -28,7 +28,9 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     let last = records.last().unwrap();
     let (psnr, bytes) = (found["base"]["psnr"].as_f64().unwrap(), fs::metadata(work.path("out.ply")).unwrap().len());
     assert!((last.psnr - psnr).abs() < 1e-6, "{} and {psnr}", last.psnr);
-    assert_eq!((last.bytes, last.gaussians, &last.holdout[..]), (bytes, 300, "dataset"));
+    // All but the header, which is less than this.
+    assert!((last.bytes..last.bytes + 1000).contains(&bytes), "{bytes} and {last:?}");
+    assert_eq!((last.gaussians, &last.holdout[..]), (300, "dataset"));
     assert_eq!(lines[2]["loss"], report["final_loss"]);
     // What is there is not written over, and a dataset without test photos has nothing to compare with.
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.ply", "--force"]);
