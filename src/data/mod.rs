@@ -6,7 +6,7 @@ mod assemble;
 mod atomic;
 #[cfg(feature = "train")]
 pub mod builtin;
-#[cfg(feature = "train")]
+#[cfg(feature = "formats")]
 mod check;
 #[cfg(feature = "train")]
 mod colmap;
@@ -49,7 +49,7 @@ mod write;
 
 #[cfg(feature = "train")]
 pub use atomic::sweep;
-#[cfg(feature = "train")]
+#[cfg(feature = "formats")]
 pub use check::FileKind;
 #[cfg(feature = "train")]
 pub use dataset::{
