@@ -2,6 +2,8 @@
 
 mod gltf;
 mod packed_ply;
+mod readers;
+mod round_trips;
 #[path = "../common/shared.rs"]
 mod shared;
 mod sog;

@@ -59,7 +59,7 @@ struct Means {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Coded {
-    codebook: Vec<f64>,
+    codebook: Vec<f32>,
     files: Vec<String>,
 }
 
@@ -72,7 +72,7 @@ struct Images {
 struct Palette {
     count: usize,
     bands: u32,
-    codebook: Vec<f64>,
+    codebook: Vec<f32>,
     files: Vec<String>,
 }
 
@@ -150,11 +150,11 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String
 }
 
 /// What three bytes stand for.
-fn entries(bytes: [u8; 3], codebook: &[f64], what: &str) -> Result<[f32; 3], String> {
+fn entries(bytes: [u8; 3], codebook: &[f32], what: &str) -> Result<[f32; 3], String> {
     let mut out = [0.0; 3];
     for (slot, byte) in out.iter_mut().zip(bytes) {
         let entry = codebook.get(usize::from(byte));
-        *slot = *entry.ok_or_else(|| format!("{what} have entry {byte} of a codebook of {}", codebook.len()))? as f32;
+        *slot = *entry.ok_or_else(|| format!("{what} have entry {byte} of a codebook of {}", codebook.len()))?;
     }
     Ok(out)
 }
