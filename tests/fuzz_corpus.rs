@@ -169,11 +169,19 @@ fn long_files_take_no_longer_than_their_length() {
         ("strangers.json", FileKind::TransformsJson, lines("{\"frames\":[],\"x\":[", &|_| "0,".into(), "0]}")),
         ("nests.json", FileKind::TransformsJson, lines("{\"frames\":", &|_| "[".into(), "")),
         ("nests.gltf", FileKind::Gltf, lines("{\"nodes\":", &|_| "[".into(), "")),
-        ("accessors.gltf", FileKind::Gltf, lines("{\"scene\":0,\"scenes\":[{}],\"accessors\":[", &|_| "0,".into(), "0]}")),
+        (
+            "accessors.gltf",
+            FileKind::Gltf,
+            lines("{\"scene\":0,\"scenes\":[{}],\"accessors\":[", &|_| "0,".into(), "0]}"),
+        ),
         ("meshes.gltf", FileKind::Gltf, meshes),
         ("meta.json", FileKind::Sog, lines("{\"version\":2,\"x\":[", &|_| "0,".into(), "0]}")),
         ("zeros.splat", FileKind::Splat, lines("", &|_| "\0".repeat(32), "")),
-        ("chunks.ply", FileKind::PlyScene, lines(ply, &|i| format!("element chunk{i} 0\nproperty uint packed_position\n"), "end_header\n")),
+        (
+            "chunks.ply",
+            FileKind::PlyScene,
+            lines(ply, &|i| format!("element chunk{i} 0\nproperty uint packed_position\n"), "end_header\n"),
+        ),
     ];
     for (name, kind, text) in cases {
         replay(kind, name, text.as_bytes());

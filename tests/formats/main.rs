@@ -13,7 +13,7 @@ mod spz;
 use std::{fs, path::Path};
 
 use glint::{
-    data::{SceneFile, read_scene, read_scene_file, write_scene_file},
+    data::{SceneFile, read_scene, read_scene_file, read_scene_file_leniently, write_scene_file},
     reference::sample::random_scene,
     scene::{Gaussians, Scene},
 };
@@ -47,6 +47,18 @@ fn refused(name: &str, bytes: &[u8], words: &[&str]) {
     let message = read(name, bytes).map(drop).unwrap_err();
     assert!(message.contains(name), "{message}");
     assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
+}
+
+/// Refused by row; leniently read, so many Gaussians go and so many stay.
+#[track_caller]
+fn dropped(name: &str, bytes: &[u8], gone: usize, left: usize) {
+    refused(name, bytes, &["row "]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    let (file, dropped) = read_scene_file_leniently(&path).unwrap();
+    assert_eq!((dropped.base, file.scene.base.len()), (gone, left), "{name}");
+    assert!(dropped.first.is_some_and(|first| first.starts_with("row ") && !first.contains("vertex")));
 }
 
 /// Cuts a file at every length and changes every byte. Neither may do worse than an error that names the file. What a cut file gives

@@ -3,8 +3,8 @@
 
 use std::{collections::BTreeMap, process::Command};
 
-use glint::data::write_augmented;
 use ::gltf::{Semantic, json::validation::Error};
+use glint::data::write_augmented;
 use ply_rs_bw::{
     parser::Parser,
     ply::{DefaultElement, Property},
@@ -71,8 +71,10 @@ fn ply_rs_reads_the_base_of_an_augmented_scene() {
         Property::Float(v) => (name.clone(), *v),
         other => panic!("{name} is {other:?}"),
     };
-    let rows: Vec<BTreeMap<String, f32>> =
-        ply.payload["vertex"].iter().map(|row| row.iter().map(|(name, value)| number((name.as_ref(), value))).collect()).collect();
+    let rows: Vec<BTreeMap<String, f32>> = ply.payload["vertex"]
+        .iter()
+        .map(|row| row.iter().map(|(name, value)| number((name.as_ref(), value))).collect())
+        .collect();
     assert_is_base(&rows, &file);
 }
 
@@ -148,7 +150,8 @@ fn the_crate_gltf_takes_a_glb_and_reads_its_numbers() {
     let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
     assert_eq!(positions, shown.means.iter().map(|&[x, y, z]| [-x, -y, z]).collect::<Vec<_>>());
     assert_eq!(primitive.get(&Semantic::Colors(0)).unwrap().count(), shown.len());
-    let document: serde_json::Value = serde_json::from_slice(&::gltf::binary::Glb::from_slice(&bytes).unwrap().json).unwrap();
+    let document: serde_json::Value =
+        serde_json::from_slice(&::gltf::binary::Glb::from_slice(&bytes).unwrap().json).unwrap();
     let attributes = &document["meshes"][0]["primitives"][0]["attributes"];
     let scales = attributes["KHR_gaussian_splatting:SCALE"].as_u64().unwrap() as usize;
     let scales = gltf.accessors().nth(scales).unwrap();

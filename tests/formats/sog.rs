@@ -218,6 +218,11 @@ fn what_is_not_understood_is_said() {
     says(&set("/shN/count", json!(65)), &["has 64 entries, expected 65"]);
     says(&set("/shN/codebook", json!([0])), &["shN have entry"]);
     says(&set("/means/mins", json!([1e300, 0, 0])), &["row 0", "`x` is not a finite number"]);
+    let (mut meta, mut files) = files();
+    // The first has share 0 of the range in x, the second 1.
+    meta["means"]["maxs"][0] = 1e300.into();
+    files.insert("meta.json".into(), meta.to_string().into_bytes());
+    dropped("a.sog", &zip(&files), 1, 1);
     says(
         &|_, files| drop(files.insert("sh0.webp".into(), b"RIFF\0\0\0\0WEBP".to_vec())),
         &["`sh0.webp` cannot be decoded"],

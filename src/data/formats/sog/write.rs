@@ -25,7 +25,7 @@ const LONGEST_SIDE: usize = 16383;
 /// # Errors
 /// [`Error::Usage`] where they are more than an image has pixels.
 pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
-    let sorted = order::take(gaussians, &order::morton(&gaussians.means));
+    let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
     // Nearly square, both sides whole blocks of four.
     let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
