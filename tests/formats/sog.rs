@@ -249,3 +249,25 @@ fn damage_is_an_error() {
     let (_, files) = files();
     damage("damaged.sog", &zip(&files), |_| false);
 }
+
+/// The archive's checksums keep [`damage`] from its files, so these are changed before they are packed.
+#[test]
+fn damage_within_an_archives_files_is_an_error() {
+    let (_, files) = files();
+    for (name, whole) in &files {
+        let judge = |bytes: Vec<u8>| {
+            let mut files = files.clone();
+            files.insert(name.clone(), bytes);
+            if let Err(error) = read("a.sog", &zip(&files)) {
+                assert!(error.contains("a.sog"), "{error}");
+            }
+        };
+        let places = || (0..whole.len()).step_by(whole.len().div_ceil(150));
+        places().for_each(|length| judge(whole[..length].to_vec()));
+        for (at, change) in places().flat_map(|at| [(at, 0x01), (at, 0x80), (at, 0xff)]) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= change;
+            judge(bytes);
+        }
+    }
+}
