@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub(in crate::data) use write::write;
 
-use super::{quantise, room};
+use super::{inflate, quantise, room};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 use files::Files;
@@ -122,6 +122,9 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String
         }
         _ => None,
     };
+    let coefficients = palette.as_ref().map_or(1, |palette| (u64::from(palette.bands) + 1).pow(2));
+    let bytes = (size_of::<[f32; 11]>() as u64 + 12 * coefficients).saturating_mul(count as u64);
+    inflate::check_promise(files.bytes(), bytes, &format!("{count} Gaussians"))?;
     let mut out = room(count, palette.as_ref().map_or(0, |palette| palette.bands));
     for i in 0..count {
         let [[lr, lg, lb, _], [hr, hg, hb, _]] = [means[0].pixels[i], means[1].pixels[i]];
