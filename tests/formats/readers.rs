@@ -73,7 +73,7 @@ fn ply_rs_reads_the_base_of_an_augmented_scene() {
     };
     let rows: Vec<BTreeMap<String, f32>> = ply.payload["vertex"]
         .iter()
-        .map(|row| row.iter().map(|(name, value)| number((name.as_ref(), value))).collect())
+        .map(|row| row.iter().map(|(name, value)| number((name, value))).collect())
         .collect();
     assert_is_base(&rows, &file);
 }
