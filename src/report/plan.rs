@@ -59,8 +59,10 @@ pub struct RenderPlan {
     pub plain_bytes: u64,
     /// Bytes of one with a lobe.
     pub lobed_bytes: u64,
-    /// All that is held, per Gaussian.
-    pub bytes_per_gaussian: f64,
+    /// What frames hold for each Gaussian: its splat, its place in the order, room for four intersections with tiles.
+    pub work_bytes: f64,
+    /// What frames hold for each pixel.
+    pub pixel_bytes: f64,
     /// All that is held.
     pub bytes: u64,
     /// What is in and what is out.
@@ -138,6 +140,9 @@ impl RenderPlan {
             ),
         ]);
         let bytes = model.bytes() + frames.bytes();
+        let many = 1 << 20;
+        let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many)) as f64 / f64::from(many);
+        let pixels = f64::from(width) * f64::from(height);
         RenderPlan {
             device: context.info().name.clone(),
             width,
@@ -146,7 +151,8 @@ impl RenderPlan {
             gaussians,
             plain_bytes: geometry + harmonics(degree),
             lobed_bytes: geometry + harmonics(degree) + lobe,
-            bytes_per_gaussian: bytes as f64 / gaussians.max(1) as f64,
+            work_bytes,
+            pixel_bytes: (frames.bytes() as f64 - work_bytes * gaussians as f64) / pixels,
             bytes,
             features,
             model: buffers(&model),
@@ -180,7 +186,9 @@ impl fmt::Display for RenderPlan {
                 writeln!(f, "  {name:<29} {:>+10.3} MB  {why}", mb(*bytes))?;
             }
         }
-        writeln!(f, "a Gaussian      {} bytes, with a lobe {}", self.plain_bytes, self.lobed_bytes)?;
+        let (plain, lobed, work) = (self.plain_bytes, self.lobed_bytes, self.work_bytes);
+        writeln!(f, "a Gaussian      {plain} bytes, with a lobe {lobed}; in frames {work:.0} more")?;
+        writeln!(f, "a pixel         {:.0} bytes", self.pixel_bytes)?;
         for (title, buffers) in [("model", &self.model), ("frames", &self.frames)] {
             let row = |b: &PlannedBuffer| b.elements.max(1) * b.element_bytes;
             writeln!(f, "{title:<16}{:.3} MB", mb(buffers.iter().map(row).sum::<u64>() as i64))?;
@@ -188,12 +196,6 @@ impl fmt::Display for RenderPlan {
                 writeln!(f, "  {:<22} {:>12} × {:>3} = {:>13} bytes", b.name, b.elements, b.element_bytes, row(b))?;
             }
         }
-        let each = self.bytes_per_gaussian;
-        writeln!(
-            f,
-            "in all          {:.3} MB, {each:.0} bytes for each of {} Gaussians",
-            mb(self.bytes as i64),
-            self.gaussians
-        )
+        writeln!(f, "in all          {:.3} MB for {} Gaussians", mb(self.bytes as i64), self.gaussians)
     }
 }

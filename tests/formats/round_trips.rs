@@ -72,7 +72,7 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
 #[test]
 fn every_scene_comes_back_from_every_format() {
     let folder = tempfile::tempdir().unwrap();
-    let config = Config { cases: 96, failure_persistence: None, ..Config::default() };
+    let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
     for ending in ["glb", "compressed.ply", "sog", "splat", "spz"] {
         let path = folder.path().join(format!("scene.{ending}"));
         let again = folder.path().join(format!("again.{ending}"));
