@@ -645,6 +645,28 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
 }
 
 #[test]
+fn plans_made_before_there_is_a_model_say_what_is_held() {
+    let gpu = Gpu::new();
+    for (supplement, degree, half) in [(0, 0, false), (700, 3, false), (700, 2, true)] {
+        let scene = random_scene(9, 9000, supplement, degree);
+        let room = model::Room { half, ..Default::default() };
+        let before = gpu.memory().used;
+        let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
+        let (planned, held) = (Model::plan(&gpu, &scene, room).bytes(), gpu.memory().used - before);
+        // A buffer for bindings that nobody uses, and the rounding of small ones.
+        assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
+        let needs = Needs::of_scene(&scene, half);
+        assert_eq!(needs, Needs::of(&model));
+        let limits = Limits::for_needs(needs, 320, 200);
+        let before = gpu.memory().used;
+        let frames = Frames::new(&gpu, limits.clone()).unwrap();
+        let (planned, held) = (limits.plan(&gpu).bytes(), gpu.memory().used - before);
+        assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
+        drop(frames);
+    }
+}
+
+#[test]
 fn room_that_is_not_filled_shows_nothing() {
     let gpu = Gpu::new();
     let (scene, camera) = (random_scene(7, 600, 0, 1), random_camera(61, 47));

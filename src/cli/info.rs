@@ -2,15 +2,26 @@ use std::{fmt::Write, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
+use super::{DeviceArgs, Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
     data::{DatasetOptions, Kind, is_scene_folder},
-    report::summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
+    gpu::Context,
+    report::{
+        plan::RenderPlan,
+        summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
+    },
 };
+
+const EXAMPLES: &str = "\
+Examples:
+  glint info augmented.ply
+  glint info augmented.ply --plan --resolution 3840x2160 --half     what an engine will hold to draw it
+  glint info garden                                                a dataset";
 
 /// Show what a scene or a dataset holds
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Scene, or folder or JSON file of a dataset: told apart by its contents
     #[arg(value_name = "SCENE|DATASET")]
@@ -19,15 +30,45 @@ pub(super) struct Args {
     lenient: SceneArgs,
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Print JSON; "kind" is "scene" or "dataset"
+    /// Of a scene, also what rendering compiles and stores, what it leaves out and why, and the memory that it takes
+    #[arg(long)]
+    plan: bool,
+    /// Pixels of the plan's view
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1080", value_parser = parse_size, requires = "plan")]
+    resolution: Size,
+    /// Plan with harmonics of half width
+    #[arg(long, requires = "plan")]
+    half: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Print JSON; "kind" is "scene" or "dataset", and "plan" is in a scene where it was asked for
     #[arg(long)]
     json: bool,
 }
 
+/// Width and height.
+type Size = [u32; 2];
+
+fn parse_size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once('x').map(|(width, height)| [width, height].map(str::parse::<u32>));
+    match sides {
+        Some([Ok(width @ 1..=MOST_SIDE), Ok(height @ 1..=MOST_SIDE)]) => Ok([width, height]),
+        _ => Err(format!("expected two numbers of 1 to {MOST_SIDE}, as in 1920x1080")),
+    }
+}
+
+/// Pixels of a side.
+const MOST_SIDE: u32 = 1 << 15;
+
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Found {
-    Scene(Box<SceneSummary>),
+    Scene {
+        #[serde(flatten)]
+        scene: Box<SceneSummary>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        plan: Option<Box<RenderPlan>>,
+    },
     Dataset(DatasetSummary),
 }
 
@@ -40,10 +81,18 @@ impl Args {
             false => Some(Kind::of_file(path)?),
         };
         let found = match kind {
+            None | Some(Kind::Json) if self.plan => {
+                return Err(Error::input(path, "is a dataset, expected a scene for --plan").into());
+            }
             None | Some(Kind::Json) => {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
-            Some(kind) if kind.may_be_scene() => Found::Scene(Box::new(SceneSummary::of(&self.lenient.open(path)?))),
+            Some(kind) if kind.may_be_scene() => {
+                let scene = self.lenient.open(path)?;
+                let plan = |context: &Context| Ok(RenderPlan::of(context, &scene, self.resolution, self.half));
+                let plan = if self.plan { Some(Box::new(self.device.with(plan)?)) } else { None };
+                Found::Scene { scene: Box::new(SceneSummary::of(&scene)), plan }
+            }
             Some(other) => {
                 let what = format!("is {other}; expected a scene, a transforms.json or a folder with a dataset");
                 return Err(Error::input(path, what).into());
@@ -51,7 +100,9 @@ impl Args {
         };
         match &found {
             _ if self.json => print_json(&found)?,
-            Found::Scene(scene) => print(scene_text(scene))?,
+            Found::Scene { scene, plan } => {
+                print(scene_text(scene) + &plan.as_ref().map(ToString::to_string).unwrap_or_default())?;
+            }
             Found::Dataset(dataset) => print(dataset_text(dataset))?,
         }
         Ok(())

@@ -2,14 +2,22 @@
 
 use std::path::Path;
 
-use super::{colmap, images, ply, scene_file, tensors, transforms};
+use super::{Kind, colmap, images, ply, scene_file, tensors, transforms};
 use crate::{Error, Result};
 
 /// A kind of file that glint reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A 3DGS scene, see [`super::read_scene`].
+    /// A 3DGS scene, plain or compressed, see [`super::read_scene`].
     PlyScene,
+    /// An SPZ scene of any version.
+    Spz,
+    /// The archive of an SOG scene.
+    Sog,
+    /// A `.splat` scene.
+    Splat,
+    /// glTF, binary or not, with Gaussians.
+    Gltf,
     /// A point cloud, see [`super::read_points`].
     PlyPoints,
     /// `cameras.bin` of a COLMAP model.
@@ -34,8 +42,12 @@ pub enum FileKind {
 
 impl FileKind {
     /// All kinds by name.
-    pub const ALL: [(&str, FileKind); 11] = [
+    pub const ALL: [(&str, FileKind); 15] = [
         ("ply_scene", FileKind::PlyScene),
+        ("spz", FileKind::Spz),
+        ("sog", FileKind::Sog),
+        ("splat", FileKind::Splat),
+        ("gltf", FileKind::Gltf),
         ("ply_points", FileKind::PlyPoints),
         ("colmap_cameras_bin", FileKind::ColmapCamerasBin),
         ("colmap_cameras_txt", FileKind::ColmapCamerasTxt),
@@ -56,6 +68,10 @@ impl FileKind {
         };
         match self {
             FileKind::PlyScene => scene_file::parse_ply(bytes, path).map(drop),
+            FileKind::Spz => scene_file::check(Kind::Spz, bytes, path),
+            FileKind::Sog => scene_file::check(Kind::Sog, bytes, path),
+            FileKind::Splat => scene_file::check(Kind::Splat, bytes, path),
+            FileKind::Gltf => scene_file::check(Kind::Gltf, bytes, path),
             FileKind::PlyPoints => ply::parse_points(bytes, path).map(drop),
             FileKind::ColmapCamerasBin => colmap::cameras_binary(bytes, path).map(drop),
             FileKind::ColmapCamerasTxt => colmap::cameras_text(bytes, path).map(drop),

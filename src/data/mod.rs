@@ -8,7 +8,7 @@ mod atomic;
 pub mod builtin;
 #[cfg(feature = "train")]
 mod camera_path;
-#[cfg(feature = "train")]
+#[cfg(feature = "formats")]
 mod check;
 #[cfg(feature = "train")]
 mod colmap;
@@ -53,7 +53,7 @@ mod write;
 pub use atomic::sweep;
 #[cfg(feature = "train")]
 pub use camera_path::CameraPath;
-#[cfg(feature = "train")]
+#[cfg(feature = "formats")]
 pub use check::FileKind;
 #[cfg(feature = "train")]
 pub use dataset::{

@@ -172,11 +172,20 @@ pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, D
     Ok((file, dropped))
 }
 
-#[cfg(feature = "train")]
+#[cfg(feature = "formats")]
 /// The same of a PLY file's bytes. `path` is only named in errors.
 pub(super) fn parse_ply(bytes: &[u8], path: &Path) -> Result<Scene> {
     let file = ply::parse_rows(bytes, path)?;
     Ok(checked(file, true).map_err(|what| Error::input(path, what))?.scene)
+}
+
+/// Fails where the bytes of a file of this kind are no sound scene. Files that they name are not looked for.
+#[cfg(feature = "formats")]
+pub(super) fn check(kind: Kind, bytes: &[u8], path: &Path) -> Result<()> {
+    let Some(file) = parse_other(kind, bytes, None, path)? else {
+        return Err(Error::input(path, format!("is {kind}, not a scene")));
+    };
+    checked(file, false).map_err(|what| Error::input(path, what)).map(drop)
 }
 
 /// The file, if its numbers are sound.
@@ -190,7 +199,8 @@ fn named(what: String, element: bool) -> String {
     if element { what } else { what.replacen(&format!(" of element `{}`", ply::BASE), "", 1) }
 }
 
-/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of their own.
+/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of
+/// their own; files that the bytes name are looked for beside it.
 pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
     let (file, element) = parse(bytes, path)?;
     Ok(checked(file, element).map_err(|what| Error::input(path, what))?.scene)
@@ -206,7 +216,7 @@ fn open(path: &Path) -> Result<(SceneFile, bool)> {
 fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
     let kind = Kind::of(bytes, path);
     #[cfg(feature = "formats")]
-    if let Some(gaussians) = parse_other(kind, bytes, path)? {
+    if let Some(gaussians) = parse_other(kind, bytes, path.parent(), path)? {
         return Ok((gaussians, false));
     }
     match kind {
@@ -215,16 +225,16 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
     }
 }
 
-/// Kinds other than PLY.
+/// Kinds other than PLY. Files that the bytes name are looked for in `folder`, if there is one.
 #[cfg(feature = "formats")]
-fn parse_other(kind: Kind, bytes: &[u8], path: &Path) -> Result<Option<SceneFile>> {
+fn parse_other(kind: Kind, bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<Option<SceneFile>> {
     use super::formats;
     let plain = |base| Scene { base, supplement: None }.into();
     Ok(Some(match kind {
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
-        Kind::Gltf => formats::parse_gltf(bytes, path.parent(), path)?,
+        Kind::Gltf => formats::parse_gltf(bytes, folder, path)?,
         Kind::Zip | Kind::Sog => {
-            let (base, antialiased) = formats::parse_sog(bytes, path.parent(), path)?;
+            let (base, antialiased) = formats::parse_sog(bytes, folder, path)?;
             SceneFile { antialiased, ..plain(base) }
         }
         // Version 3 and before are gzip data.

@@ -101,18 +101,24 @@ pub struct Limits {
 impl Limits {
     /// One view, one instance and two slots, for all of `model`.
     pub fn of(model: &Model, width: u32, height: u32) -> Self {
+        Limits::for_needs(Needs::of(model), width, height)
+    }
+
+    /// The same, before there is a model.
+    pub fn for_needs(needs: Needs, width: u32, height: u32) -> Self {
+        let Needs { gaussians, supplement, degrees, half } = needs;
         Limits {
             width,
             height,
-            gaussians: model.capacity(),
+            gaussians,
             instances: 1,
             views: 1,
             in_flight: 2,
             intersections: Room::Usual,
             texel: Texel::Rgba16F,
-            supplement: model.has_supplement(),
-            degrees: vec![model.sh_degree],
-            half: model.is_half(),
+            supplement,
+            degrees,
+            half,
             depth_in: false,
             depth_out: false,
             timings: false,

@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use super::views::Views;
+use super::{
+    plan::{Plan, Planned},
+    views::Views,
+};
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
@@ -163,6 +166,29 @@ pub struct Room {
     pub half: bool,
 }
 
+impl Room {
+    /// Gaussians that a model of so many in each segment has room for.
+    fn capacities(&self, counts: [u32; 2]) -> [u32; 2] {
+        // The base has a page even where it is empty: what a pixel without a Gaussian gets is written by its first.
+        [counts[0].saturating_add(self.base).max(1), counts[1].saturating_add(self.supplement)]
+    }
+
+    /// Planes of geometry, harmonics and lobes.
+    fn planes(&self, segment: Segment, sh_degree: u32) -> [usize; 3] {
+        let sh = layout::sh_planes(sh_degree);
+        let lobes = if segment == Segment::Base { 0 } else { LOBE_PLANES };
+        [GEOMETRY_PLANES, if self.half { sh.div_ceil(2) } else { sh }, lobes]
+    }
+
+    /// Gaussians of a page.
+    fn page_limit(&self, context: &Context, sh_degree: u32) -> u32 {
+        // A page's largest buffer holds two moments of every SH plane.
+        let planes = 2 * layout::sh_planes(sh_degree).max(GEOMETRY_PLANES + 1);
+        let fits = (context.info().max_storage_bytes / (4 * planes as u64)).min(u64::from(u32::MAX)) as u32;
+        self.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1)
+    }
+}
+
 /// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
 pub struct Model {
     context: Context,
@@ -194,6 +220,33 @@ impl Model {
         Self::upload_around(context, DVec3::ZERO, scene, room)
     }
 
+    /// What a model of `scene` will hold on the device.
+    pub fn plan(context: &Context, scene: &Scene, room: Room) -> Plan {
+        let sh_degree = scene.base.sh_degree;
+        let capacities = room.capacities(counts_of(scene));
+        let limit = room.page_limit(context, sh_degree);
+        let page_count: usize = capacities.iter().map(|capacity| capacity.div_ceil(limit) as usize).sum();
+        let planned = |name, elements: u64, element_bytes| Planned { name, elements, element_bytes };
+        let mut plan = Plan::default();
+        for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
+            let names = match segment {
+                Segment::Base => ["geometry", "sh", "lobes"],
+                Segment::Supplement => ["supplement geometry", "supplement sh", "supplement lobes"],
+            };
+            let rows = names.into_iter().zip(room.planes(segment, sh_degree));
+            let bytes = size_of::<f32>() as u64;
+            let rows = rows.map(|(name, planes)| planned(name, u64::from(capacity), planes as u64 * bytes));
+            plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
+        }
+        plan.0.extend([
+            planned("population", Segment::ALL.len() as u64 + 1, 4),
+            planned("population_args", args_len(page_count) as u64, 4),
+            planned("segment_counts", Segment::ALL.len() as u64, 4),
+            planned("pages", page_count as u64, size_of::<Page>() as u64),
+        ]);
+        plan
+    }
+
     /// In coordinates that count from `origin`, the views' own.
     pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let mut model = Self::allocate(context, origin, scene, room)?;
@@ -212,27 +265,22 @@ impl Model {
     /// All that a scene needs on the device, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let sh_degree = scene.base.sh_degree;
-        let counts = segments_of(scene, &Supplement::default()).map(|(gaussians, _)| gaussians.len() as u32);
-        // A page's largest buffer holds two moments of every SH plane.
-        let planes = 2 * layout::sh_planes(sh_degree).max(GEOMETRY_PLANES + 1);
-        let fits = (context.info().max_storage_bytes / (4 * planes as u64)).min(u64::from(u32::MAX)) as u32;
-        let page_limit = room.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1);
-        let sh_planes = layout::sh_planes(sh_degree);
+        let counts = counts_of(scene);
+        let page_limit = room.page_limit(context, sh_degree);
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
+            let [geometry, sh, lobes] = room.planes(segment, sh_degree);
             let mut part = Part {
                 pages: Vec::new(),
-                geometry: Planes::new(context, "geometry", GEOMETRY_PLANES, &[])?,
-                sh: Planes::new(context, "sh", if room.half { sh_planes.div_ceil(2) } else { sh_planes }, &[])?,
-                lobes: Planes::new(context, "lobes", if segment == Segment::Base { 0 } else { LOBE_PLANES }, &[])?,
+                geometry: Planes::new(context, "geometry", geometry, &[])?,
+                sh: Planes::new(context, "sh", sh, &[])?,
+                lobes: Planes::new(context, "lobes", lobes, &[])?,
                 half: room.half,
             };
             part.reserve(context, segment, capacity, page_limit)?;
             Ok(part)
         };
-        // The base has a page even where it is empty: what a pixel without a Gaussian gets is written by its first.
-        let base = part(Segment::Base, counts[0].saturating_add(room.base).max(1))?;
-        let supplement_part = part(Segment::Supplement, counts[1].saturating_add(room.supplement))?;
-        let parts = [base, supplement_part];
+        let [base, supplement] = room.capacities(counts);
+        let parts = [part(Segment::Base, base)?, part(Segment::Supplement, supplement)?];
         let page_count = parts.iter().map(|p| p.pages.len()).sum();
         let words = |name, len| Buffer::new(context, name, len, Location::Device);
         Ok(Model {
@@ -499,6 +547,11 @@ impl Part {
         }
         Ok((gaussians, out))
     }
+}
+
+/// Gaussians of each segment.
+fn counts_of(scene: &Scene) -> [u32; 2] {
+    segments_of(scene, &Supplement::default()).map(|(gaussians, _)| gaussians.len() as u32)
 }
 
 /// Base and supplement; of a scene without the latter, `none`.

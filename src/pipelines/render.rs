@@ -9,6 +9,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
+    scene::Scene,
     stages::{
         WORKGROUP, median_depth, project,
         status::{self, Resource, Status},
@@ -73,6 +74,17 @@ impl Needs {
             supplement: model.has_supplement(),
             degrees: vec![model.sh_degree],
             half: model.is_half(),
+        }
+    }
+
+    /// For all of a scene whose model has no room for more; `half` as [`Room`](super::model::Room) has it.
+    pub fn of_scene(scene: &Scene, half: bool) -> Self {
+        let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len());
+        Needs {
+            gaussians: (scene.base.len().max(1) + supplementary) as u32,
+            supplement: supplementary > 0,
+            degrees: vec![scene.base.sh_degree],
+            half,
         }
     }
 }

@@ -9,6 +9,7 @@ pub mod history;
 pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;
+pub mod plan;
 pub mod sidebyside;
 pub mod summary;
 pub mod table;

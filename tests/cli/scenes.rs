@@ -55,3 +55,44 @@ fn unsound_gaussians_are_refused_by_name_or_dropped_when_asked() {
     fs::write(work.path("text.ply"), "solid cube").unwrap();
     work.refused("info text.ply --lenient", &["text.ply"]);
 }
+
+#[test]
+fn a_plan_says_what_is_stored_and_what_is_left_out() {
+    let work = Work::new();
+    write_scene(work.path("plain.ply"), &random_scene(4, 500, 0, 1)).unwrap();
+    write_scene(work.path("lobes.ply"), &random_scene(4, 500, 60, 3)).unwrap();
+    let text = work.ok("info plain.ply --plan --resolution 640x360");
+    for words in [
+        "640 × 360 pixels",
+        "the scene's degree is 1: 48 bytes a Gaussian",
+        "the scene has none; 144 bytes a Gaussian",
+        "the scene has no supplement",
+        "a Gaussian      92 bytes",
+        "nothing learns",
+        "splat_colours",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let plan = |options: &str| work.json(&format!("info {options} --plan --json"))["plan"].clone();
+    let (whole, half) = (plan("lobes.ply"), plan("lobes.ply --half"));
+    assert_eq!((&whole["plain_bytes"], &whole["lobed_bytes"]), (&236.into(), &256.into()));
+    assert_eq!((&half["plain_bytes"], &half["lobed_bytes"]), (&140.into(), &160.into()));
+    let saved = whole["bytes"].as_i64().unwrap() - half["bytes"].as_i64().unwrap();
+    assert_eq!(saved, 96 * 560);
+    let feature = |plan: &serde_json::Value, name: &str| {
+        plan["features"].as_array().unwrap().iter().find(|f| f["name"] == name).unwrap().clone()
+    };
+    assert_eq!(feature(&whole, "half width")["bytes"], -saved);
+    let included = |plan, name: &str| feature(plan, name)["included"].as_bool().unwrap();
+    assert!(included(&whole, "lobes") && !included(&whole, "half width") && included(&half, "half width"));
+    assert!(plan("plain.ply --resolution 64x64")["bytes"].as_i64() < plan("plain.ply")["bytes"].as_i64());
+    assert!(work.json("info plain.ply --json").get("plan").is_none());
+    work.refused("info data --plan", &["data", "expected a scene"]);
+    for (command, word) in
+        [("info plain.ply --plan --resolution 0x9", "1920x1080"), ("info plain.ply --half", "--plan")]
+    {
+        let output = work.run(command);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && text.contains(word), "{text}");
+    }
+}

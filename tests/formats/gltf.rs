@@ -158,6 +158,7 @@ fn drafts_with_logarithms_of_scales_are_read() {
     // A single negative number among linear ones is a fault.
     binary[at..at + 24].copy_from_slice(&[1.0f32, 1.0, 1.0, 1.0, -1.0, 1.0].map(f32::to_le_bytes).concat());
     refused("a.glb", &glb(&document, &binary), &["row 1", "`scale_1` is not a finite number"]);
+    dropped("a.glb", &glb(&document, &binary), 1, 1);
 }
 
 #[test]
@@ -273,7 +274,7 @@ fn what_is_not_understood_is_said() {
     says(&set("/nodes/0", json!({"mesh": 0, "rotation": [0, 0, 0, 0]})), &["matrix"]);
     says(&set("/nodes/0", json!({"mesh": 7})), &["mesh 7, but has 1"]);
     says(&set("/accessors/0/count", json!(3)), &["accessor 0 (POSITION)", "3 elements", "24 bytes"]);
-    says(&set("/accessors/0/count", json!(u64::MAX)), &["Gaussians"]);
+    says(&set("/accessors/0/count", json!(u64::MAX)), &["accessor 0 (POSITION)", "18446744073709551615 elements"]);
     says(&set("/accessors/1/count", json!(1)), &["1 values of `KHR_gaussian_splatting:ROTATION`, expected 2"]);
     says(&set("/accessors/0/type", json!("VEC4")), &["VEC4, expected VEC3"]);
     says(&set("/accessors/0/componentType", json!(5124)), &["type 5124"]);
@@ -292,14 +293,33 @@ fn what_is_not_understood_is_said() {
     says(&set("/buffers/0/byteLength", json!(1_000_000)), &["buffer 0 has", "expected 1000000"]);
     says(&set("/accessors", json!("none")), &["is not a sound glTF"]);
     // 1,000 nodes with one mesh of two are 2,000 Gaussians of a small file; a million of them are a bomb.
-    let many = |count: usize| {
+    let many = |count: usize, name: usize| {
         let text = vec![json!({"mesh": 0}); count];
         changed(|document| {
+            document["meshes"][0]["name"] = "m".repeat(name).into();
             document["nodes"] = text.into();
             document["scenes"][0]["nodes"] = (0..count).collect::<Vec<_>>().into();
         })
     };
-    assert_eq!(many(1000).unwrap().scene.base.len(), 2000);
+    assert_eq!(many(1000, 1).unwrap().scene.base.len(), 2000);
+    let bomb = many(10_000, 100_000).map(drop).unwrap_err();
+    assert!(bomb.contains("bytes of meshes") && bomb.contains("expected no more than"), "{bomb}");
+}
+
+/// The document is a hundredth of what it names.
+#[test]
+fn buffers_in_files_of_their_own_may_be_large() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = sample(3, 30_000, 0);
+    write_scene_file(folder.path().join("a.glb"), &scene.into()).unwrap();
+    let bytes = fs::read(folder.path().join("a.glb")).unwrap();
+    let json = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut document: Value = serde_json::from_slice(&bytes[20..20 + json]).unwrap();
+    document["buffers"][0]["uri"] = "a.bin".into();
+    fs::write(folder.path().join("a.bin"), &bytes[28 + json..]).unwrap();
+    fs::write(folder.path().join("a.gltf"), document.to_string()).unwrap();
+    let there = |name: &str| read_scene(folder.path().join(name)).unwrap();
+    assert_eq!(there("a.gltf"), there("a.glb"));
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 mod gltf;
 mod packed_ply;
+mod readers;
+mod round_trips;
 #[path = "../common/shared.rs"]
 mod shared;
 mod sog;
@@ -11,7 +13,7 @@ mod spz;
 use std::{fs, path::Path};
 
 use glint::{
-    data::{SceneFile, read_scene, read_scene_file, write_scene_file},
+    data::{SceneFile, parse_scene, read_scene, read_scene_file, read_scene_file_leniently, write_scene_file},
     reference::sample::random_scene,
     scene::{Gaussians, Scene},
 };
@@ -47,31 +49,35 @@ fn refused(name: &str, bytes: &[u8], words: &[&str]) {
     assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
 }
 
+/// Refused by row; leniently read, so many Gaussians go and so many stay.
+#[track_caller]
+fn dropped(name: &str, bytes: &[u8], gone: usize, left: usize) {
+    refused(name, bytes, &["row "]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    let (file, dropped) = read_scene_file_leniently(&path).unwrap();
+    assert_eq!((dropped.base, file.scene.base.len()), (gone, left), "{name}");
+    assert!(dropped.first.is_some_and(|first| first.starts_with("row ")));
+}
+
 /// Cuts a file at every length and changes every byte. Neither may do worse than an error that names the file. What a cut file gives
 /// must be refused, unless its length is one of `whole`.
 #[track_caller]
 fn damage(name: &str, bytes: &[u8], whole: impl Fn(usize) -> bool) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(name);
-    let check = |bytes: &[u8], whole: bool, what: String| {
-        fs::write(&path, bytes).unwrap();
-        match read_scene(&path) {
-            Ok(_) => assert!(whole, "{what} is read"),
-            Err(error) => assert!(error.to_string().contains(name) && !whole, "{what}: {error}"),
-        }
-    };
     for length in 0..bytes.len() {
-        check(&bytes[..length], whole(length), format!("{name} of {length} bytes"));
-    }
-    for at in 0..bytes.len() {
-        for change in [0x01, 0x80, 0xff] {
-            let mut bytes = bytes.to_vec();
-            bytes[at] ^= change;
-            fs::write(&path, bytes).unwrap();
-            if let Err(error) = read_scene(&path) {
-                assert!(error.to_string().contains(name), "{error}");
-            }
+        match parse_scene(&bytes[..length], Path::new(name)) {
+            Ok(_) => assert!(whole(length), "{name} of {length} bytes is read"),
+            Err(error) => assert!(error.to_string().contains(name) && !whole(length), "{length} bytes: {error}"),
         }
+    }
+    let mut changed = bytes.to_vec();
+    for (at, change) in (0..bytes.len()).flat_map(|at| [(at, 0x01), (at, 0x80), (at, 0xff)]) {
+        changed[at] ^= change;
+        if let Err(error) = parse_scene(&changed, Path::new(name)) {
+            assert!(error.to_string().contains(name), "{error}");
+        }
+        changed[at] = bytes[at];
     }
 }
 

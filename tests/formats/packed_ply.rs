@@ -155,6 +155,10 @@ fn damage_is_an_error() {
     let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     broken[body..body + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     refused(NAME, &broken, &["row 0", "`x` is not a finite number"]);
+    let (_, mut two) = round_trip(&sample(3, 300, 0), "compressed.ply");
+    let body = two.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    two[body + 18 * 4..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    dropped(NAME, &two, 300 - 256, 256);
 }
 
 /// SuperSplat wrote both, with the Gaussians in the same order, so that frames, signs and components are as its authors have them.

@@ -218,6 +218,11 @@ fn what_is_not_understood_is_said() {
     says(&set("/shN/count", json!(65)), &["has 64 entries, expected 65"]);
     says(&set("/shN/codebook", json!([0])), &["shN have entry"]);
     says(&set("/means/mins", json!([1e300, 0, 0])), &["row 0", "`x` is not a finite number"]);
+    let (mut meta, mut files) = files();
+    // The first has share 0 of the range in x, the second 1.
+    meta["means"]["maxs"][0] = 1e300.into();
+    files.insert("meta.json".into(), meta.to_string().into_bytes());
+    dropped("a.sog", &zip(&files), 1, 1);
     says(
         &|_, files| drop(files.insert("sh0.webp".into(), b"RIFF\0\0\0\0WEBP".to_vec())),
         &["`sh0.webp` cannot be decoded"],
@@ -243,4 +248,26 @@ fn images_that_are_far_larger_than_their_file_are_refused() {
 fn damage_is_an_error() {
     let (_, files) = files();
     damage("damaged.sog", &zip(&files), |_| false);
+}
+
+/// The archive's checksums keep [`damage`] from its files, so these are changed before they are packed.
+#[test]
+fn damage_within_an_archives_files_is_an_error() {
+    let (_, files) = files();
+    for (name, whole) in &files {
+        let judge = |bytes: Vec<u8>| {
+            let mut files = files.clone();
+            files.insert(name.clone(), bytes);
+            if let Err(error) = parse_scene(&zip(&files), Path::new("a.sog")) {
+                assert!(error.to_string().contains("a.sog"), "{error}");
+            }
+        };
+        let places = || (0..whole.len()).step_by(whole.len().div_ceil(150));
+        places().for_each(|length| judge(whole[..length].to_vec()));
+        for (at, change) in places().flat_map(|at| [(at, 0x01), (at, 0x80), (at, 0xff)]) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= change;
+            judge(bytes);
+        }
+    }
 }

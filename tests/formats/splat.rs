@@ -58,6 +58,7 @@ fn damage_is_an_error() {
     let mut broken = bytes;
     broken[32..36].copy_from_slice(&f32::NAN.to_le_bytes());
     refused("broken.splat", &broken, &["row 1: `x` is not a finite number"]);
+    dropped("broken.splat", &broken, 1, 3);
     broken[32..36].copy_from_slice(&0f32.to_le_bytes());
     broken[76..80].copy_from_slice(&(-1f32).to_le_bytes());
     refused("broken.splat", &broken, &["row 2: `scale_0` is not a finite number"]);

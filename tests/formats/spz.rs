@@ -200,6 +200,10 @@ fn damage_is_an_error() {
     refused("other.gz", &zipped(&[0; 100]), &["not an SPZ scene"]);
     refused("new.spz", &zipped(&legacy(9, 1)), &["SPZ version 9", "expected 1 to 3"]);
     refused("many.spz", &zipped(&legacy(3, 2)), &["expected", "2 Gaussians"]);
+    let mut broken = legacy(1, 1);
+    broken[16..18].copy_from_slice(&[0x00, 0x7e]);
+    refused("broken.spz", &zipped(&broken), &["row 0: `x` is not a finite number"]);
+    dropped("broken.spz", &zipped(&broken), 1, 0);
     // A header promises; the file is too small for it to be true.
     refused("bomb.spz", &zipped(&legacy(3, u32::MAX)), &["4294967295 Gaussians", "expected no more than"]);
     let promising = |at: usize, byte: u8| {

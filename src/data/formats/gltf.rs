@@ -137,8 +137,11 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     if let Some(unknown) = document.root.extensions_required.iter().find(|name| !KNOWN.contains(&&name[..])) {
         return Err(format!("requires the extension `{unknown}`, which is not read"));
     }
-    let mut found = Found { have: bytes.len(), ..Default::default() };
+    let mut found = Found::default();
     for (mesh, matrix) in placed_meshes(&document)? {
+        // A mesh that many nodes name is read as often, and text takes longer than numbers.
+        let text = document.root.meshes.get(mesh).map_or(0, |text| text.get().len());
+        found.promise(&document, 4 * text as u64, "meshes")?;
         let primitives: Mesh = Document::object(&document.root.meshes, mesh, "mesh")?;
         for (i, text) in primitives.primitives.iter().enumerate() {
             let place = || format!("primitive {i} of mesh {mesh}");
@@ -192,8 +195,7 @@ struct Splats<'a> {
 /// What was read so far.
 #[derive(Default)]
 struct Found {
-    /// Bytes of the file, and Gaussians that it promised.
-    have: usize,
+    /// Bytes that it was and will be made of.
     promised: u64,
     shown: Option<Gaussians>,
     /// Where any primitive has such.
@@ -267,6 +269,12 @@ impl Found {
         Ok(())
     }
 
+    /// Fails where all that was promised is more than such a file may become.
+    fn promise(&mut self, document: &Document, bytes: u64, what: &str) -> Result<(), String> {
+        self.promised = self.promised.saturating_add(bytes);
+        inflate::check_promise(document.bytes(), self.promised, what)
+    }
+
     /// The Gaussians of these attributes, in the frame of PLY.
     fn gaussians(
         &mut self,
@@ -275,14 +283,6 @@ impl Found {
         placing: Placing,
     ) -> Result<Gaussians, String> {
         let place = |name: &str| attribute(attributes, name);
-        // Attributes may share their bytes, and nodes their meshes.
-        self.promised = self.promised.saturating_add(document.count(place("POSITION")?)?);
-        let least = std::mem::size_of::<[f32; 14]>() as u64;
-        inflate::check_promise(
-            self.have,
-            self.promised.saturating_mul(least),
-            &format!("{} Gaussians", self.promised),
-        )?;
         let degree = (1..=4).find(|&l: &usize| !attributes.contains_key(&harmonic(l * l)[..])).unwrap_or(1) - 1;
         if degree == 3 && attributes.contains_key(&harmonic(16)[..]) {
             return Err("has harmonics of degree 4; 0 to 3 are known".into());
@@ -290,6 +290,8 @@ impl Found {
         let mut out = Gaussians { sh_degree: degree as u32, ..Default::default() };
         out.means = document.numbers(place("POSITION")?, "POSITION")?;
         let count = out.means.len();
+        let bytes = size_of::<[f32; 11]>() + out.sh_coefficients() * size_of::<[f32; 3]>();
+        self.promise(document, (bytes * count) as u64, "Gaussians")?;
         let scales = document.numbers::<3>(place(SCALE)?, SCALE)?;
         same(SCALE, scales.len(), count)?;
         // Linear scales are never negative, logarithms of scenes that fit a room nearly all.

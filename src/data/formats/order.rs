@@ -5,8 +5,8 @@ use crate::scene::Gaussians;
 /// Of each axis: enough that a far outlier does not put all others into one cell.
 const BITS: u32 = 21;
 
-/// Indices by Morton code, as G. M. Morton has it ("A computer oriented geodetic data base", 1966): the bits of x, y and z in turn.
-pub(super) fn morton(means: &[[f32; 3]]) -> Vec<usize> {
+/// Indices along Hilbert's curve, on which whoever comes next is a neighbour in space, and so is what lies in a run of it.
+pub(super) fn along_curve(means: &[[f32; 3]]) -> Vec<usize> {
     let bound = |pick: fn(f32, f32) -> f32, start: f32| {
         means
             .iter()
@@ -19,10 +19,31 @@ pub(super) fn morton(means: &[[f32; 3]]) -> Vec<usize> {
         let share = if size > 0.0 { (f64::from(mean[axis]) - low[axis]) / size } else { 0.0 };
         (share * f64::from((1u32 << BITS) - 1)) as u64
     };
-    let code = |mean: [f32; 3]| (0..3).map(|axis| spread(cell(mean, axis)) << axis).sum::<u64>();
+    let code = |mean: [f32; 3]| on_curve([0, 1, 2].map(|axis| cell(mean, axis)));
     let mut codes: Vec<(u64, usize)> = means.iter().map(|&mean| code(mean)).zip(0..).collect();
     codes.sort_unstable();
     codes.into_iter().map(|(_, i)| i).collect()
+}
+
+/// Where a cell lies on the curve, by J. Skilling's transform ("Programming the Hilbert curve", 2004).
+fn on_curve(mut cell: [u64; 3]) -> u64 {
+    let bits = || (1..BITS).rev().map(|i| 1u64 << i);
+    for bit in bits() {
+        let below = bit - 1;
+        for axis in 0..3 {
+            if cell[axis] & bit != 0 {
+                cell[0] ^= below;
+            } else {
+                let swap = (cell[0] ^ cell[axis]) & below;
+                cell[0] ^= swap;
+                cell[axis] ^= swap;
+            }
+        }
+    }
+    cell[1] ^= cell[0];
+    cell[2] ^= cell[1];
+    let turn = bits().filter(|bit| cell[2] & bit != 0).fold(0, |turn, bit| turn ^ (bit - 1));
+    cell.into_iter().fold(0, |code, v| code << 1 | spread(v ^ turn))
 }
 
 /// Two zeros between any two of 21 bits.
@@ -64,11 +85,17 @@ mod tests {
     }
 
     #[test]
-    fn the_eighths_of_a_cube_follow_one_another() {
-        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0f32 } else { -1.0 });
-        let means: Vec<[f32; 3]> = (0..8).rev().map(corner).collect();
-        assert_eq!(morton(&means), [7, 6, 5, 4, 3, 2, 1, 0]);
-        assert_eq!(morton(&[[2.0; 3]; 3]), [0, 1, 2]);
-        assert!(morton(&[]).is_empty());
+    fn who_comes_next_is_a_neighbour() {
+        let points: Vec<[f32; 3]> = (0..512).map(|i| [i % 8, i / 8 % 8, i / 64].map(|v| v as f32)).collect();
+        let order = along_curve(&points);
+        let mut once = order.clone();
+        once.sort_unstable();
+        assert_eq!(once, (0..512).collect::<Vec<_>>());
+        for pair in order.windows(2) {
+            let [a, b] = [points[pair[0]], points[pair[1]]];
+            assert_eq!((0..3).map(|axis| (a[axis] - b[axis]).abs()).sum::<f32>(), 1.0, "{a:?} {b:?}");
+        }
+        assert_eq!(along_curve(&[[2.0; 3]; 3]), [0, 1, 2]);
+        assert!(along_curve(&[]).is_empty());
     }
 }

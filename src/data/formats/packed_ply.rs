@@ -180,7 +180,7 @@ fn harmonic_byte(value: f32) -> u8 {
 
 /// The file's bytes. Gaussians are put into another order, in which those of a chunk are neighbours.
 pub(in crate::data) fn write(gaussians: &Gaussians) -> Vec<u8> {
-    let sorted = order::take(gaussians, &order::morton(&gaussians.means));
+    let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let mut out = Vec::new();
     // Writing to memory does not fail.
     let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1);

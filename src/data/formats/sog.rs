@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub(in crate::data) use write::write;
 
-use super::{quantise, room};
+use super::{inflate, quantise, room};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 use files::Files;
@@ -59,7 +59,7 @@ struct Means {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Coded {
-    codebook: Vec<f64>,
+    codebook: Vec<f32>,
     files: Vec<String>,
 }
 
@@ -72,7 +72,7 @@ struct Images {
 struct Palette {
     count: usize,
     bands: u32,
-    codebook: Vec<f64>,
+    codebook: Vec<f32>,
     files: Vec<String>,
 }
 
@@ -122,6 +122,9 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String
         }
         _ => None,
     };
+    let coefficients = palette.as_ref().map_or(1, |palette| (u64::from(palette.bands) + 1).pow(2));
+    let bytes = (size_of::<[f32; 11]>() as u64 + 12 * coefficients).saturating_mul(count as u64);
+    inflate::check_promise(files.bytes(), bytes, &format!("{count} Gaussians"))?;
     let mut out = room(count, palette.as_ref().map_or(0, |palette| palette.bands));
     for i in 0..count {
         let [[lr, lg, lb, _], [hr, hg, hb, _]] = [means[0].pixels[i], means[1].pixels[i]];
@@ -150,11 +153,11 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String
 }
 
 /// What three bytes stand for.
-fn entries(bytes: [u8; 3], codebook: &[f64], what: &str) -> Result<[f32; 3], String> {
+fn entries(bytes: [u8; 3], codebook: &[f32], what: &str) -> Result<[f32; 3], String> {
     let mut out = [0.0; 3];
     for (slot, byte) in out.iter_mut().zip(bytes) {
         let entry = codebook.get(usize::from(byte));
-        *slot = *entry.ok_or_else(|| format!("{what} have entry {byte} of a codebook of {}", codebook.len()))? as f32;
+        *slot = *entry.ok_or_else(|| format!("{what} have entry {byte} of a codebook of {}", codebook.len()))?;
     }
     Ok(out)
 }

@@ -73,6 +73,8 @@ struct Buffer<'a> {
 /// A document and its buffers, which are read when something in them is asked for.
 pub(super) struct Document<'a> {
     pub(super) root: Root<'a>,
+    /// Of the document itself.
+    bytes: usize,
     binary: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
     /// Where files that the document names are; `None` where they are not looked for.
@@ -84,7 +86,7 @@ impl<'a> Document<'a> {
         let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
         let root: Root = serde_json::from_slice(json).map_err(|error| format!("is not a sound glTF: {error}"))?;
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
-        Ok(Document { root, binary, buffers, folder })
+        Ok(Document { root, bytes: bytes.len(), binary, buffers, folder })
     }
 
     /// An object of one of the document's lists.
@@ -93,9 +95,13 @@ impl<'a> Document<'a> {
         serde_json::from_str(text.get()).map_err(|error| format!("{what} {index} is not understood: {error}"))
     }
 
-    /// How many elements an accessor has.
-    pub(super) fn count(&self, index: usize) -> Result<u64, String> {
-        Ok(Self::object::<Accessor>(&self.root.accessors, index, "accessor")?.count)
+    /// Bytes of the document and of the files that were read for it.
+    pub(super) fn bytes(&self) -> usize {
+        let files = self.buffers.iter().filter_map(OnceCell::get).map(|bytes| match bytes {
+            Cow::Owned(bytes) => bytes.len(),
+            Cow::Borrowed(_) => 0,
+        });
+        self.bytes + files.sum::<usize>()
     }
 
     /// The numbers of an accessor whose elements have `N` components. `what` it is of is named in errors.

@@ -60,11 +60,6 @@ impl Codebook {
         let candidates = [after.saturating_sub(1), after.min(ENTRIES - 1)];
         candidates.into_iter().min_by(|a, b| nearer(a).total_cmp(&nearer(b))).unwrap_or(0) as u8
     }
-
-    /// As the description has them.
-    pub(super) fn numbers(&self) -> Vec<f64> {
-        self.0.iter().map(|&v| f64::from(v)).collect()
-    }
 }
 
 #[cfg(test)]

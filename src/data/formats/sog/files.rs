@@ -21,6 +21,8 @@ pub(super) enum Files<'a> {
     Folder {
         meta: &'a [u8],
         folder: Option<&'a Path>,
+        /// Of what was read so far.
+        have: usize,
     },
 }
 
@@ -33,7 +35,7 @@ pub(super) struct Pixels {
 impl<'a> Files<'a> {
     pub(super) fn open(bytes: &'a [u8], folder: Option<&'a Path>) -> Result<Self, String> {
         if bytes.trim_ascii_start().starts_with(b"{") {
-            return Ok(Files::Folder { meta: bytes, folder });
+            return Ok(Files::Folder { meta: bytes, folder, have: bytes.len() });
         }
         let archive =
             ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a sound ZIP archive: {error}"))?;
@@ -45,6 +47,13 @@ impl<'a> Files<'a> {
         };
         let prefix = meta[..meta.len() - META.len()].to_owned();
         Ok(Files::Archive { archive: Box::new(archive), prefix, have: bytes.len() })
+    }
+
+    /// Of the archive, or of the folder's files that were read so far.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Files::Archive { have, .. } | Files::Folder { have, .. } => *have,
+        }
     }
 
     /// The contents of a file.
@@ -61,13 +70,15 @@ impl<'a> Files<'a> {
                 if out.len() as u64 == size { Ok(out) } else { Err(fail(format!("it is not {size} bytes"))) }
             }
             Files::Folder { meta, .. } if name == META => Ok(meta.to_vec()),
-            Files::Folder { folder, .. } => {
+            Files::Folder { folder, have, .. } => {
                 let inside = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
                 let Some(folder) = folder.filter(|_| inside && !name.is_empty()) else {
                     return Err(format!("names `{name}`, expected a file beside it"));
                 };
-                std::fs::read(folder.join(name))
-                    .map_err(|error| format!("names `{name}`, which cannot be read: {error}"))
+                let bytes = std::fs::read(folder.join(name))
+                    .map_err(|error| format!("names `{name}`, which cannot be read: {error}"))?;
+                *have += bytes.len();
+                Ok(bytes)
             }
         }
     }
@@ -75,10 +86,7 @@ impl<'a> Files<'a> {
     /// An image that is said to hold about `count` values.
     pub(super) fn image(&mut self, name: &str, count: usize) -> Result<Pixels, String> {
         let bytes = self.read(name)?;
-        let have = match self {
-            Files::Archive { have, .. } => *have,
-            Files::Folder { .. } => bytes.len(),
-        };
+        let have = self.bytes();
         let fail = |error: image::ImageError| format!("`{name}` cannot be decoded: {error}");
         let decoded = match &bytes[..] {
             [b'R', b'I', b'F', b'F', ..] => decode(WebPDecoder::new(Cursor::new(&bytes)), have, name),

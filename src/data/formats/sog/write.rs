@@ -25,7 +25,7 @@ const LONGEST_SIDE: usize = 16383;
 /// # Errors
 /// [`Error::Usage`] where they are more than an image has pixels.
 pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
-    let sorted = order::take(gaussians, &order::morton(&gaussians.means));
+    let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
     // Nearly square, both sides whole blocks of four.
     let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
@@ -64,7 +64,7 @@ impl Archive {
                     let [x, y, z] = scales.map(|v| book.index(v));
                     [x, y, z, 255]
                 });
-                Coded { codebook: book.numbers(), files: vec![self.pixels("scales.webp", pixels)?] }
+                Coded { files: vec![self.pixels("scales.webp", pixels)?], codebook: book.0 }
             },
             quats: Images {
                 files: vec![self.pixels("quats.webp", gaussians.quats.iter().map(|&quat| rotation(quat)))?],
@@ -76,7 +76,7 @@ impl Archive {
                     let [r, g, b] = rgb.map(|v| book.index(v));
                     [r, g, b, quantise::opacity_byte(opacity)]
                 });
-                Coded { codebook: book.numbers(), files: vec![self.pixels("sh0.webp", pixels)?] }
+                Coded { files: vec![self.pixels("sh0.webp", pixels)?], codebook: book.0 }
             },
             sh_n: if higher.is_empty() { None } else { Some(self.harmonics(&higher, gaussians.sh_degree)?) },
         })
@@ -132,7 +132,7 @@ impl Archive {
         });
         let files =
             vec![self.image("shN_centroids.webp", size, entries.into_iter())?, self.pixels("shN_labels.webp", pixels)?];
-        Ok(Palette { count, bands, codebook: book.numbers(), files })
+        Ok(Palette { count, bands, codebook: book.0, files })
     }
 
     /// A pixel a Gaussian.

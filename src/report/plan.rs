@@ -1,0 +1,201 @@
+//! What rendering a scene takes: what is compiled and stored, what is left out and why, and the memory. Known before anything is made.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::{
+    gpu::Context,
+    pipelines::{
+        frames::Limits,
+        model::{Model, Room},
+        plan::Plan,
+        render::Needs,
+    },
+    scene::{
+        Scene,
+        layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+    },
+};
+
+/// A buffer of the plan.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct PlannedBuffer {
+    /// Its debug name.
+    pub name: &'static str,
+    /// How many elements it has.
+    pub elements: u64,
+    /// Bytes of each.
+    pub element_bytes: u64,
+}
+
+/// Something that rendering can do or store.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Feature {
+    /// What it is.
+    pub name: &'static str,
+    /// Whether it is compiled and stored.
+    pub included: bool,
+    /// Why it is, or is not.
+    pub why: String,
+    /// Device memory that it takes, or would take more (less, if negative).
+    pub bytes: i64,
+}
+
+/// What rendering a scene takes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RenderPlan {
+    /// The device's name; sizes of tiles follow from it.
+    pub device: String,
+    /// Pixels of a frame.
+    pub width: u32,
+    /// See `width`.
+    pub height: u32,
+    /// Frames in flight.
+    pub in_flight: u32,
+    /// Base and supplementary Gaussians.
+    pub gaussians: u64,
+    /// Bytes of a plain Gaussian in the model.
+    pub plain_bytes: u64,
+    /// Bytes of one with a lobe.
+    pub lobed_bytes: u64,
+    /// What frames hold for each Gaussian: its splat, its place in the order, room for four intersections with tiles.
+    pub work_bytes: f64,
+    /// What frames hold for each pixel.
+    pub pixel_bytes: f64,
+    /// All that is held.
+    pub bytes: u64,
+    /// What is in and what is out.
+    pub features: Vec<Feature>,
+    /// The scene on the device.
+    pub model: Vec<PlannedBuffer>,
+    /// What frames share.
+    pub frames: Vec<PlannedBuffer>,
+}
+
+impl RenderPlan {
+    /// Of one view of `width` × `height` pixels. `half`: harmonics of half width.
+    pub fn of(context: &Context, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
+        let model_of = |half| Model::plan(context, scene, Room { half, ..Default::default() });
+        let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
+        let (model, frames) = (model_of(half), limits.plan(context));
+        let more = |change: &dyn Fn(&mut Limits)| {
+            let mut other = limits.clone();
+            change(&mut other);
+            difference(&other.plan(context), &frames)
+        };
+        let degree = scene.base.sh_degree;
+        let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len() as u64);
+        let gaussians = scene.base.len() as u64 + supplementary;
+        let bytes_of = |planes: usize| 4 * planes as u64;
+        let harmonics = |degree| match half {
+            true => bytes_of(sh_planes(degree).div_ceil(2)),
+            false => bytes_of(sh_planes(degree)),
+        };
+        let (geometry, lobe) = (bytes_of(GEOMETRY_PLANES), bytes_of(LOBE_PLANES));
+        let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
+        let all = |bytes: u64| (bytes * gaussians) as i64;
+        let mut features = vec![
+            feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry)),
+            feature(
+                "harmonics",
+                true,
+                format!("the scene's degree is {degree}: {} bytes a Gaussian", harmonics(degree)),
+                all(harmonics(degree)),
+            ),
+        ];
+        if degree < 3 {
+            let more = harmonics(3) - harmonics(degree);
+            let why = format!("the scene has none; {more} bytes a Gaussian");
+            features.push(feature("harmonics up to degree 3", false, why, all(more)));
+        }
+        let halved = difference(&model_of(true), &model_of(false));
+        features.extend([
+            match half {
+                true => feature("half width", true, "harmonics are 16-bit floats".into(), halved),
+                false => {
+                    feature("half width", false, "harmonics are 32-bit floats; --half shows the other".into(), halved)
+                }
+            },
+            match supplementary {
+                0 => feature("lobes", false, format!("the scene has no supplement; {lobe} bytes a Gaussian"), 0),
+                _ => {
+                    let why = format!("{supplementary} Gaussians have one, of {lobe} bytes");
+                    feature("lobes", true, why, (supplementary * lobe) as i64)
+                }
+            },
+            feature("depths and ids of pixels", false, "no view asks for them".into(), more(&|l| l.depth_out = true)),
+            feature("depths that hide", false, "no mesh is drawn before".into(), more(&|l| l.depth_in = true)),
+            feature(
+                "background image",
+                false,
+                "one colour, or blended over the target".into(),
+                16 * i64::from(width) * i64::from(height),
+            ),
+            feature(
+                "gradients and Adam's moments",
+                false,
+                "nothing learns while it is rendered".into(),
+                all(2 * (geometry + bytes_of(sh_planes(degree)))) + (2 * supplementary * lobe) as i64,
+            ),
+        ]);
+        let bytes = model.bytes() + frames.bytes();
+        let many = 1 << 20;
+        let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many)) as f64 / f64::from(many);
+        let pixels = f64::from(width) * f64::from(height);
+        RenderPlan {
+            device: context.info().name.clone(),
+            width,
+            height,
+            in_flight: limits.in_flight,
+            gaussians,
+            plain_bytes: geometry + harmonics(degree),
+            lobed_bytes: geometry + harmonics(degree) + lobe,
+            work_bytes,
+            pixel_bytes: (frames.bytes() as f64 - work_bytes * gaussians as f64) / pixels,
+            bytes,
+            features,
+            model: buffers(&model),
+            frames: buffers(&frames),
+        }
+    }
+}
+
+fn difference(a: &Plan, b: &Plan) -> i64 {
+    a.bytes() as i64 - b.bytes() as i64
+}
+
+fn buffers(plan: &Plan) -> Vec<PlannedBuffer> {
+    let buffer = |b: &crate::pipelines::plan::Planned| PlannedBuffer {
+        name: b.name,
+        elements: b.elements,
+        element_bytes: b.element_bytes,
+    };
+    plan.0.iter().map(buffer).collect()
+}
+
+impl fmt::Display for RenderPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mb = |bytes: i64| bytes as f64 / 1e6;
+        let RenderPlan { width, height, device, .. } = self;
+        writeln!(f, "plan            one view of {width} × {height} pixels, {} frames in flight", self.in_flight)?;
+        writeln!(f, "device          {device}")?;
+        for (title, included) in [("compiled and stored", true), ("left out", false)] {
+            writeln!(f, "{title}")?;
+            for Feature { name, why, bytes, .. } in self.features.iter().filter(|x| x.included == included) {
+                writeln!(f, "  {name:<29} {:>+10.3} MB  {why}", mb(*bytes))?;
+            }
+        }
+        let (plain, lobed, work) = (self.plain_bytes, self.lobed_bytes, self.work_bytes);
+        writeln!(f, "a Gaussian      {plain} bytes, with a lobe {lobed}; in frames {work:.0} more")?;
+        writeln!(f, "a pixel         {:.0} bytes", self.pixel_bytes)?;
+        for (title, buffers) in [("model", &self.model), ("frames", &self.frames)] {
+            let row = |b: &PlannedBuffer| b.elements.max(1) * b.element_bytes;
+            writeln!(f, "{title:<16}{:.3} MB", mb(buffers.iter().map(row).sum::<u64>() as i64))?;
+            for b in buffers.iter() {
+                writeln!(f, "  {:<22} {:>12} × {:>3} = {:>13} bytes", b.name, b.elements, b.element_bytes, row(b))?;
+            }
+        }
+        writeln!(f, "in all          {:.3} MB for {} Gaussians", mb(self.bytes as i64), self.gaussians)
+    }
+}

@@ -1,0 +1,160 @@
+//! Other people's readers, of what glint writes: an augmented PLY is to all of them exactly its base, and a GLB is what its
+//! specification says.
+
+use std::{collections::BTreeMap, process::Command};
+
+use ::gltf::{Semantic, json::validation::Error};
+use glint::data::write_augmented;
+use ply_rs_bw::{
+    parser::Parser,
+    ply::{DefaultElement, Property},
+};
+use serde::Deserialize;
+
+use super::*;
+
+/// An augmented scene, whose base has learned since.
+fn augmented() -> (SceneFile, Vec<u8>) {
+    let scene = random_scene(6, 200, 40, 3);
+    let mut shown = scene.base.clone();
+    shown.opacities.iter_mut().for_each(|v| *v -= 0.5);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("augmented.ply");
+    write_augmented(&path, &shown, &scene).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    assert!(bytes.windows(15).any(|text| text == b"element learned"), "nothing is behind the base");
+    (SceneFile { shown: Some(shown), ..scene.into() }, bytes)
+}
+
+/// The properties of Gaussian `i` by name, as a PLY of the reference trainer has them.
+fn properties(g: &Gaussians, i: usize) -> BTreeMap<String, f32> {
+    let k = g.sh_coefficients();
+    let sh = &g.sh[i * k..(i + 1) * k];
+    let numbered = |name: &str, values: &[f32]| -> Vec<(String, f32)> {
+        values.iter().enumerate().map(|(n, &v)| (format!("{name}_{n}"), v)).collect()
+    };
+    let rest: Vec<f32> = (0..3).flat_map(|channel| sh[1..].iter().map(move |rgb| rgb[channel])).collect();
+    let [x, y, z] = g.means[i];
+    let plain = [("x", x), ("y", y), ("z", z), ("nx", 0.0), ("ny", 0.0), ("nz", 0.0), ("opacity", g.opacities[i])];
+    let plain = plain.into_iter().map(|(name, v)| (name.to_owned(), v));
+    let others = [("f_dc", &sh[0][..]), ("f_rest", &rest), ("scale", &g.log_scales[i]), ("rot", &g.quats[i])];
+    plain.chain(others.into_iter().flat_map(|(name, values)| numbered(name, values))).collect()
+}
+
+#[track_caller]
+fn assert_is_base(rows: &[BTreeMap<String, f32>], file: &SceneFile) {
+    let base = file.shown.as_ref().unwrap();
+    assert_eq!(rows.len(), base.len());
+    for (i, row) in rows.iter().enumerate() {
+        assert_eq!(row, &properties(base, i), "row {i}");
+    }
+}
+
+/// The reader of Brush.
+#[test]
+fn serde_ply_reads_the_base_of_an_augmented_scene() {
+    #[derive(Deserialize)]
+    struct File {
+        vertex: Vec<BTreeMap<String, f32>>,
+    }
+    let (file, bytes) = augmented();
+    let read: File = serde_ply::from_reader(&bytes[..]).unwrap();
+    assert_is_base(&read.vertex, &file);
+}
+
+#[test]
+fn ply_rs_reads_the_base_of_an_augmented_scene() {
+    let (file, bytes) = augmented();
+    let ply = Parser::<DefaultElement>::new().read_ply(&mut &bytes[..]).unwrap();
+    assert_eq!(ply.payload.len(), 1);
+    let number = |(name, value): (&String, &Property)| match value {
+        Property::Float(v) => (name.clone(), *v),
+        other => panic!("{name} is {other:?}"),
+    };
+    let rows: Vec<BTreeMap<String, f32>> = ply.payload["vertex"]
+        .iter()
+        .map(|row| row.iter().map(|(name, value)| number((name, value))).collect())
+        .collect();
+    assert_is_base(&rows, &file);
+}
+
+/// Prints the values of element `vertex`, property by property in the order of their names.
+const PLYFILE: &str = "
+import sys, numpy, plyfile
+ply = plyfile.PlyData.read(sys.argv[1])
+assert [element.name for element in ply.elements] == ['vertex']
+vertex = ply['vertex']
+columns = [vertex[name] for name in sorted(p.name for p in vertex.properties)]
+sys.stdout.buffer.write(numpy.stack(columns, 1).astype('<f4').tobytes())
+";
+/// As the loaders of 3DGS viewers do it: rows of floats from the header's end on.
+const BY_HAND: &str = "
+import sys
+data = open(sys.argv[1], 'rb').read()
+end = data.index(b'end_header\\n') + 11
+lines = data[:end].decode().split('\\n')
+count = int([line for line in lines if line.startswith('element vertex')][0].split()[-1])
+names = [line.split()[-1] for line in lines if line.startswith('property float')]
+import array
+floats = array.array('f', data[end:end + 4 * count * len(names)])
+order = sorted(range(len(names)), key=lambda i: names[i])
+out = array.array('f', [floats[row * len(names) + i] for row in range(count) for i in order])
+sys.stdout.buffer.write(out.tobytes())
+";
+
+/// Where Python or its modules are not there, these are not asked.
+#[test]
+fn readers_in_python_read_the_base_of_an_augmented_scene() {
+    let (file, bytes) = augmented();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("augmented.ply");
+    fs::write(&path, bytes).unwrap();
+    for (script, needs) in [(PLYFILE, "import plyfile"), (BY_HAND, "import array")] {
+        let python = |script: &str| Command::new("python3").args(["-c", script]).arg(&path).output();
+        if !python(needs).is_ok_and(|output| output.status.success()) {
+            eprintln!("skipped: python3 does not `{needs}`");
+            continue;
+        }
+        let output = python(script).unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let wanted = file.shown.as_ref().unwrap();
+        let wanted = (0..wanted.len()).flat_map(|i| properties(wanted, i).into_values());
+        let wanted: Vec<u8> = wanted.flat_map(f32::to_ne_bytes).collect();
+        assert!(output.stdout == wanted, "{needs}: other numbers");
+    }
+}
+
+/// The crate `gltf` knows neither extension: it judges the rest of the document, and reads the accessors.
+#[test]
+fn the_crate_gltf_takes_a_glb_and_reads_its_numbers() {
+    let (file, _) = augmented();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    write_scene_file(&path, &file).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let gltf = ::gltf::Gltf::from_slice_without_validation(&bytes).unwrap();
+    let mut faults = Vec::new();
+    let root = gltf.document.as_json();
+    ::gltf::json::validation::Validate::validate(root, root, ::gltf::json::Path::new, &mut |path, error| {
+        faults.push((path().to_string(), error));
+    });
+    // Names of attributes that it does not know are what extensions are for.
+    faults.retain(|(path, error)| !(path.contains("attributes") && matches!(error, Error::Invalid)));
+    assert!(faults.is_empty(), "{faults:?}");
+
+    let blob = gltf.blob.as_deref().unwrap();
+    let shown = file.shown.as_ref().unwrap();
+    let primitive = gltf.meshes().next().unwrap().primitives().next().unwrap();
+    assert_eq!(primitive.mode(), ::gltf::mesh::Mode::Points);
+    let reader = primitive.reader(|_| Some(blob));
+    let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+    assert_eq!(positions, shown.means.iter().map(|&[x, y, z]| [-x, -y, z]).collect::<Vec<_>>());
+    assert_eq!(primitive.get(&Semantic::Colors(0)).unwrap().count(), shown.len());
+    let document: serde_json::Value =
+        serde_json::from_slice(&::gltf::binary::Glb::from_slice(&bytes).unwrap().json).unwrap();
+    let attributes = &document["meshes"][0]["primitives"][0]["attributes"];
+    let scales = attributes["KHR_gaussian_splatting:SCALE"].as_u64().unwrap() as usize;
+    let scales = gltf.accessors().nth(scales).unwrap();
+    let scales = ::gltf::accessor::Iter::<[f32; 3]>::new(scales, |_| Some(blob)).unwrap();
+    assert_eq!(scales.collect::<Vec<_>>(), shown.log_scales.iter().map(|s| s.map(f32::exp)).collect::<Vec<_>>());
+}

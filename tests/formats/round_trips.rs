@@ -1,0 +1,112 @@
+//! Any scene whose numbers are finite is written in every format and read again, sound, and as near as the format says.
+
+use proptest::{
+    array::{uniform3, uniform4},
+    collection::vec,
+    num::f32::{NEGATIVE, NORMAL, POSITIVE, ZERO},
+    prelude::*,
+    test_runner::{Config, TestRunner},
+};
+
+use super::*;
+
+/// Mostly what scenes have, now and then any finite number.
+fn number(most: f32) -> impl Strategy<Value = f32> {
+    prop_oneof![9 => -most..most, 1 => POSITIVE | NEGATIVE | NORMAL | ZERO]
+}
+
+/// Of lengths whose squares float32 holds.
+fn rotation() -> impl Strategy<Value = [f32; 4]> {
+    let long_enough = |v: &[f32; 4]| v.iter().any(|x| x.abs() > 0.1);
+    (uniform4(-1f32..1.0).prop_filter("a direction", long_enough), -30..30i32)
+        .prop_map(|(v, e)| v.map(|x| x * 2f32.powi(e)))
+}
+
+fn scene() -> impl Strategy<Value = Gaussians> {
+    (0..=40usize, 0..=3u32).prop_flat_map(|(n, sh_degree)| {
+        let coefficients = ((sh_degree + 1) * (sh_degree + 1)) as usize;
+        let parts = (
+            vec(uniform3(number(10.0)), n),
+            vec(uniform3(number(8.0)), n),
+            vec(rotation(), n),
+            vec(number(6.0), n),
+            vec(uniform3(number(2.0)), n * coefficients),
+        );
+        parts.prop_map(move |(means, log_scales, quats, opacities, sh)| Gaussians {
+            sh_degree,
+            means,
+            log_scales,
+            quats,
+            opacities,
+            sh,
+        })
+    })
+}
+
+/// What must hold of a scene that came back, Gaussian by Gaussian where their order is kept.
+fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestCaseError> {
+    prop_assert_eq!(before.len(), back.len());
+    if before.is_empty() {
+        return Ok(());
+    }
+    prop_assert_eq!(back.sh_degree, if ending == "splat" { 0 } else { before.sh_degree });
+    if !["glb", "spz", "splat"].contains(&ending) {
+        return Ok(());
+    }
+    prop_assert!(largest(before, back, opacity) <= 0.5 / 255.0 + ROUNDING);
+    let (angle, exact) = match ending {
+        "glb" => (ROUNDING, true),
+        "spz" => (2.0 * 2.0 * 3f64.sqrt() * 0.5 / (511.0 * 2f64.sqrt()), false),
+        _ => (2.0 / 128.0 * 1.01, true),
+    };
+    prop_assert!(turned(before, back) <= angle, "turned by {}", turned(before, back));
+    if exact {
+        prop_assert_eq!(&before.means, &back.means);
+        // Logarithms within which float32 holds the number itself.
+        let held = |g: &Gaussians, i: usize| log_scales(g, i).iter().map(|v| v.clamp(-87.0, 88.0)).collect();
+        prop_assert!(largest(before, back, held) <= 1e-5);
+    }
+    Ok(())
+}
+
+#[test]
+fn every_scene_comes_back_from_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
+    for ending in ["glb", "compressed.ply", "sog", "splat", "spz"] {
+        let path = folder.path().join(format!("scene.{ending}"));
+        let again = folder.path().join(format!("again.{ending}"));
+        let round = |base: Gaussians| {
+            let fail = |error: glint::Error| TestCaseError::fail(format!("{ending}: {error}"));
+            let file = |base: &Gaussians| SceneFile::from(Scene { base: base.clone(), supplement: None });
+            if ending == "splat" && base.is_empty() {
+                // A file without bytes is none.
+                return Ok(());
+            }
+            match write_scene_file(&path, &file(&base)) {
+                // What is too far for 24 bits is refused, and nothing else.
+                Err(error) if ending == "spz" && error.to_string().contains("beyond what SPZ holds") => {
+                    let far = base.means.iter().flatten().any(|v| v.abs() > 8_388_607.0);
+                    prop_assert!(far, "{}", error);
+                    return Ok(());
+                }
+                other => other.map_err(fail)?,
+            }
+            let back = read_scene(&path).map_err(fail)?.base;
+            check(ending, &base, &back)?;
+            // What was read can be written and read once more.
+            write_scene_file(&again, &file(&back)).map_err(fail)?;
+            check(ending, &back, &read_scene(&again).map_err(fail)?.base)
+        };
+        TestRunner::new(config.clone()).run(&scene(), round).unwrap_or_else(|failure| panic!("{ending}: {failure}"));
+    }
+}
+
+#[test]
+fn every_number_of_a_glb_with_lobes_comes_back() {
+    for degree in 0..=3 {
+        let scene = random_scene(30 + u64::from(degree), 60, 20, degree);
+        let (back, _) = round_trip(&scene, "glb");
+        assert_eq!(back.supplement.unwrap().lobes, scene.supplement.unwrap().lobes);
+    }
+}
