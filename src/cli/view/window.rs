@@ -49,7 +49,7 @@ const STAGES: usize = 5;
 
 /// Shows `scene` until the window is closed; how many faults the validation layers found.
 pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: Option<Dataset>) -> Outcome<usize> {
-    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(error.to_string());
+    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(reason(&error.to_string()));
     let events = EventLoop::new().map_err(no_window)?;
     let mut viewer = Viewer { args, options, start: Some(scene), dataset, open: None, outcome: Ok(()), faults: 0 };
     let ended = events.run_app(&mut viewer);
@@ -57,6 +57,12 @@ pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: 
     viewer.outcome?;
     ended.map_err(no_window)?;
     Ok(viewer.faults)
+}
+
+/// What an error of the window's library says, without the place in its source that it begins with.
+fn reason(text: &str) -> String {
+    let behind = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
+    behind.map_or(text, |(_, reason)| reason).trim_end_matches('.').to_owned()
 }
 
 struct Viewer<'a> {
@@ -222,7 +228,7 @@ impl Viewer<'_> {
         let size = self.args.size.or(first.map(|i| [photos[i].camera.width, photos[i].camera.height])).unwrap_or(SIZE);
         let attributes =
             Window::default_attributes().with_title("glint").with_inner_size(PhysicalSize::new(size[0], size[1]));
-        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(error.to_string()))?;
+        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(reason(&error.to_string())))?;
         let window = Arc::new(window);
         let screen =
             Screen::new(window.clone(), self.options).map_err(|error| self.args.device.explain(self.options, error))?;
@@ -464,7 +470,8 @@ impl Open {
 
     fn title(&self, dataset: Option<&Dataset>) {
         let photo = self.photo.zip(dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
-        let time = self.screen.time().map(|time| {
+        // A photograph takes no time.
+        let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
             let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
         });
@@ -493,7 +500,8 @@ impl Open {
         let file = free(&args.output, |i| format!("{}-path-{i}.json", self.name));
         self.path.write(&file)?;
         print(format_args!("{}\n", file.display()))?;
-        self.say(format!("{}: {} poses", file.display(), self.path.len()));
+        let n = self.path.len();
+        self.say(format!("{}: {n} pose{}", file.display(), if n == 1 { "" } else { "s" }));
         Ok(())
     }
 
@@ -610,6 +618,13 @@ mod tests {
         // y points down.
         assert!(camera.eye().y < middle.y);
         assert_eq!(ball(&Scene::default()), (DVec3::ZERO, 1.0));
+    }
+
+    #[test]
+    fn a_reason_is_said_without_the_place_in_somebodys_source() {
+        let text = "os error at /home/a/winit-0.30.13/src/platform_impl/linux/mod.rs:765: DISPLAY: it is not set.";
+        assert_eq!(reason(text), "DISPLAY: it is not set");
+        assert_eq!(reason("Exit Failure: 1"), "Exit Failure: 1");
     }
 
     #[test]
