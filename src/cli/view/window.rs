@@ -37,9 +37,9 @@ const SIZE: [u32; 2] = [1280, 720];
 /// The vertical angle of view where there is no photograph, radians.
 const FIELD: f64 = 0.9;
 /// Distance from a scene's middle at first, in radii of the ball that has nine of ten Gaussians.
-const AWAY: f64 = 2.2;
-/// Seconds that a frame moves the camera at most: after a long one it does not leap.
-const LEAP: f64 = 0.1;
+const AWAY: f64 = 3.0;
+/// Seconds that a frame moves the camera at most: after a very long one it does not leap.
+const LEAP: f64 = 0.5;
 /// What Shift does to the speed.
 const HURRY: f64 = 4.0;
 /// Pixels of a touchpad that are a notch of a wheel.
