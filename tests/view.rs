@@ -444,19 +444,10 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     viewer.says("| a.png");
     let larger = ConfigureWindowAux::new().width(210).height(160);
     display.client.configure_window(viewer.window, &larger).unwrap().check().unwrap();
-    let at = until("larger window", || {
-        let found = display.client.get_geometry(viewer.window).unwrap().reply().unwrap();
-        (found.width == 210).then_some(camera(0.0).fitted(210, 160))
-    });
+    let at = camera(0.0).fitted(210, 160);
     let expected = Shot { size: [210, 160], rgb: render(&at).iter().map(|&v| glint::data::to_byte(v)).collect() };
-    // The window hears of it in its own time.
-    until("screenshot of the new size", || {
-        let shot = viewer.shot("scene");
-        (shot.size == expected.size).then(|| {
-            let (most, count) = shot.from(&expected);
-            assert!(most <= 1 && count <= shot.rgb.len() / 500, "{most}, {count}");
-        })
-    });
+    let (most, count) = viewer.shot("scene").from(&expected);
+    assert!(most <= 1 && count <= expected.rgb.len() / 500, "{most}, {count}");
 
     // What is dropped takes the scene's place, unless it is none.
     display.press('t');
@@ -486,8 +477,8 @@ fn a_scene_without_a_dataset_is_seen_whole() {
     let shot = viewer.shot("scene");
     assert_eq!(shot.size, [120, 90]);
     let pixel = |x: usize, y: usize| &shot.rgb[3 * (120 * y + x)..][..3];
-    // Gaussians in the middle, background in a corner.
-    assert!(pixel(60, 45) != [255; 3] && pixel(0, 0) == [255; 3]);
+    // Gaussians in the middle, and little but background in a corner.
+    assert!(pixel(60, 45).iter().any(|v| *v < 200) && pixel(0, 0).iter().all(|v| *v > 200));
     assert_eq!(viewer.quit(), ["./scene-0001.png"]);
 }
 
