@@ -238,15 +238,16 @@ impl Viewer<'_> {
         let focus = self.dataset.as_ref().and_then(Dataset::focus);
         let pivot = focus.map_or(middle, |focus| focus.center);
         let origin = if cameras.is_empty() { origin_around(middle, radius) } else { origin_for(&cameras) };
-        let home = first.map_or_else(|| overview(middle, radius, size), |i| photos[i].camera);
-        let up = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
+        let above = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
+        let up = self.args.up.or(above.try_normalize()).unwrap_or(DVec3::NEG_Y);
+        let home = first.map_or_else(|| overview(middle, radius, up, size), |i| photos[i].camera);
         let scenery = Scenery::new(screen.context(), scene, origin, self.args.draw.policy())?;
         Ok(Open {
             scenery,
             screen,
             window,
             name: stem(&self.args.scene),
-            flight: Flight::new(home, pivot, up.try_normalize().unwrap_or(DVec3::NEG_Y)),
+            flight: Flight::new(home, pivot, up),
             home,
             pivot,
             mode: Mode::Augmented,
@@ -583,10 +584,12 @@ fn ball(scene: &Scene) -> (DVec3, f64) {
     (middle, if radius > 0.0 { radius } else { 1.0 })
 }
 
-/// A camera that sees a ball from a little above, y down as in COLMAP's scenes.
-fn overview(middle: DVec3, radius: f64, [width, height]: [u32; 2]) -> Camera {
+/// A camera that sees a ball from a little above.
+fn overview(middle: DVec3, radius: f64, up: DVec3, [width, height]: [u32; 2]) -> Camera {
     let focal = f64::from(height) / (2.0 * (FIELD / 2.0).tan());
-    let rotation = DMat3::from_rotation_x(0.3);
+    let ahead = if up.z.abs() < 0.5 { DVec3::Z } else { DVec3::Y };
+    let level = DMat3::from_cols(ahead.cross(up), -up, ahead).transpose();
+    let rotation = DMat3::from_rotation_x(0.3) * level;
     let camera = Camera {
         width,
         height,
@@ -612,11 +615,13 @@ mod tests {
         let scene = Scene { base: Gaussians { means, ..Default::default() }, supplement: None };
         let (middle, radius) = ball(&scene);
         assert!((middle - DVec3::new(49.0, 10.0, 4.9)).length() < 0.1 && (40.0..50.0).contains(&radius));
-        let camera = overview(middle, radius, [64, 48]);
-        let (x, y, z) = camera.project(middle);
-        assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && (z - AWAY * radius).abs() < 1e-9);
-        // y points down.
-        assert!(camera.eye().y < middle.y);
+        for up in [DVec3::NEG_Y, DVec3::Z, DVec3::X] {
+            let camera = overview(middle, radius, up, [64, 48]);
+            let (x, y, z) = camera.project(middle);
+            assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && (z - AWAY * radius).abs() < 1e-9);
+            assert!((camera.eye() - middle).dot(up) > 0.1 * radius && camera.project(middle + up).1 < 24.0);
+            assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
+        }
         assert_eq!(ball(&Scene::default()), (DVec3::ZERO, 1.0));
     }
 
