@@ -370,10 +370,11 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
         viewer.says(&format!("| {name} |"));
         let shot = viewer.shot("scene");
         let expected = Shot::read(&rendered(folder, &format!("{arguments} --split all")).join("b.png"));
-        // Colours are rounded to bytes by the kernel that writes the window's pixels and not on the host, and the reciprocal of a
-        // depth is rounded once more than the depth: a byte may be the next where a value lies between two.
+        // The same kernels on the same device give the same bits. Only a depth is rounded once more on its way through its
+        // reciprocal: its grey may be the next byte where it lies between two.
         let (most, count) = shot.from(&expected);
-        assert!(most <= 1 && count <= shot.rgb.len() / 500, "{name}: {most}, {count} of {}", shot.rgb.len());
+        let (steps, bytes) = if name == "depth" { (1, shot.rgb.len() / 500) } else { (0, 0) };
+        assert!(most <= steps && count <= bytes, "{name}: {most}, {count} of {}", shot.rgb.len());
         assert!(!shots.contains(&shot), "{name} is like another");
         shots.push(shot);
     }
@@ -388,9 +389,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut layers = Layers::new(&context, &scene, &cameras, RenderOptions::default()).unwrap();
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
     let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb, FULL_ERROR) };
-    let (most, count) = viewer.shot("scene").from(&map);
-    // Frames and renderer differ in the last bits of their floats.
-    assert!(most <= 1 && count <= map.rgb.len() / 500, "{most}, {count}");
+    assert_eq!(viewer.shot("scene").from(&map), (0, 0));
 
     // Away from the photograph: the error of what is seen now is nobody's. Poses are kept on the way.
     let mut on_the_way = Vec::new();
@@ -425,7 +424,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
     for (i, shot) in on_the_way.iter().enumerate() {
         let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
-        // As above; and the pose is written as a quaternion, whose rotation differs in float64's last bits.
+        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and the coordinates may count from
+        // another origin: float32 is rounded otherwise, and a byte may be the next.
         assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
         assert!(!shots.contains(shot) && !on_the_way[..i].contains(shot));
     }
@@ -446,8 +446,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     display.client.configure_window(viewer.window, &larger).unwrap().check().unwrap();
     let at = camera(0.0).fitted(210, 160);
     let expected = Shot { size: [210, 160], rgb: render(&at).iter().map(|&v| glint::data::to_byte(v)).collect() };
-    let (most, count) = viewer.shot("scene").from(&expected);
-    assert!(most <= 1 && count <= expected.rgb.len() / 500, "{most}, {count}");
+    assert_eq!(viewer.shot("scene").from(&expected), (0, 0));
 
     // What is dropped takes the scene's place, unless it is none.
     display.press('t');
