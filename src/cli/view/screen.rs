@@ -507,7 +507,12 @@ impl Screen {
     pub(super) fn show(&mut self, shown: Shown<'_>, save: bool) -> Result<Drawn> {
         let nothing = Drawn { shown: false, pixels: None };
         let size = self.size()?;
-        if size == [0, 0] {
+        let fits = match &shown {
+            Shown::Scene(scene) => [scene.camera.width, scene.camera.height] == size,
+            Shown::Picture(rgb) => rgb.len() == 3 * (size[0] as usize) * (size[1] as usize),
+        };
+        // Hidden, or of another size since the picture was made.
+        if size == [0, 0] || !fits {
             return Ok(nothing);
         }
         let slot = self.next;

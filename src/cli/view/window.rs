@@ -289,6 +289,12 @@ impl Open {
         self.touch();
     }
 
+    /// Something that was asked for could not be done; all else goes on.
+    fn complain(&mut self, error: &Error) {
+        note(error.to_string());
+        self.say(error.to_string());
+    }
+
     fn key(&mut self, event: &KeyEvent, dataset: Option<&Dataset>, args: &Args) -> Outcome {
         let PhysicalKey::Code(code) = event.physical_key else { return Ok(()) };
         let pressed = event.state == ElementState::Pressed;
@@ -412,14 +418,18 @@ impl Open {
             self.stale = false;
             return Ok(());
         }
-        self.fit_photo(dataset, args, size)?;
+        if let Err(error) = self.fit_photo(dataset, args, size) {
+            self.mode = Mode::Augmented;
+            self.complain(&error);
+        }
         let look = Look {
             camera: self.flight.camera().fitted(size[0], size[1]),
             background: args.photos.background,
             photo: self.fitted.as_ref().filter(|_| self.photo.is_some()).map(|(_, _, fitted)| fitted),
         };
-        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, self.save)?;
-        if self.save && drawn.shown {
+        let asked = self.save;
+        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, asked)?;
+        if asked && drawn.shown {
             // A first frame may have had too little room.
             if self.scenery.make_room(&mut self.screen)? {
                 drawn = self.scenery.show(&mut self.screen, self.mode, &look, true)?;
@@ -431,10 +441,14 @@ impl Open {
         self.running = drawn.shown;
         if let Some(pixels) = drawn.pixels {
             let file = free(&args.output, |i| format!("{}-{i:04}.png", self.name));
-            write_png_bytes(&file, size[0], size[1], &pixels)?;
-            print(format_args!("{}\n", file.display()))?;
-            self.note = file.display().to_string();
-        } else if drawn.shown && self.save {
+            match write_png_bytes(&file, size[0], size[1], &pixels) {
+                Ok(()) => {
+                    print(format_args!("{}\n", file.display()))?;
+                    self.note = file.display().to_string();
+                }
+                Err(error) => self.complain(&error),
+            }
+        } else if drawn.shown && asked {
             self.note = "this window's pixels cannot be read".into();
         }
         self.title(dataset);
@@ -499,7 +513,10 @@ impl Open {
             return Ok(());
         }
         let file = free(&args.output, |i| format!("{}-path-{i}.json", self.name));
-        self.path.write(&file)?;
+        if let Err(error) = self.path.write(&file) {
+            self.complain(&error);
+            return Ok(());
+        }
         print(format_args!("{}\n", file.display()))?;
         let n = self.path.len();
         self.say(format!("{}: {n} pose{}", file.display(), if n == 1 { "" } else { "s" }));
@@ -525,10 +542,7 @@ impl Open {
                 self.say("");
             }
             // The window stays as it was.
-            Err(error) => {
-                note(error.to_string());
-                self.say(error.to_string());
-            }
+            Err(error) => self.complain(&error),
         }
     }
 }
