@@ -370,10 +370,11 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
         viewer.says(&format!("| {name} |"));
         let shot = viewer.shot("scene");
         let expected = Shot::read(&rendered(folder, &format!("{arguments} --split all")).join("b.png"));
-        // Colours are rounded to bytes by the kernel that writes the window's pixels and not on the host, and the reciprocal of a
-        // depth is rounded once more than the depth: a byte may be the next where a value lies between two.
+        // The same kernels on the same device give the same bits. Only a depth is rounded once more on its way through its
+        // reciprocal: its grey may be the next byte where it lies between two.
         let (most, count) = shot.from(&expected);
-        assert!(most <= 1 && count <= shot.rgb.len() / 500, "{name}: {most}, {count} of {}", shot.rgb.len());
+        let (steps, bytes) = if name == "depth" { (1, shot.rgb.len() / 500) } else { (0, 0) };
+        assert!(most <= steps && count <= bytes, "{name}: {most}, {count} of {}", shot.rgb.len());
         assert!(!shots.contains(&shot), "{name} is like another");
         shots.push(shot);
     }
@@ -388,9 +389,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut layers = Layers::new(&context, &scene, &cameras, RenderOptions::default()).unwrap();
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
     let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb, FULL_ERROR) };
-    let (most, count) = viewer.shot("scene").from(&map);
-    // Frames and renderer differ in the last bits of their floats.
-    assert!(most <= 1 && count <= map.rgb.len() / 500, "{most}, {count}");
+    assert_eq!(viewer.shot("scene").from(&map), (0, 0));
 
     // Away from the photograph: the error of what is seen now is nobody's. Poses are kept on the way.
     let mut on_the_way = Vec::new();
@@ -425,7 +424,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
     for (i, shot) in on_the_way.iter().enumerate() {
         let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
-        // As above; and the pose is written as a quaternion, whose rotation differs in float64's last bits.
+        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and the coordinates may count from
+        // another origin: float32 is rounded otherwise, and a byte may be the next.
         assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
         assert!(!shots.contains(shot) && !on_the_way[..i].contains(shot));
     }
@@ -444,19 +444,9 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     viewer.says("| a.png");
     let larger = ConfigureWindowAux::new().width(210).height(160);
     display.client.configure_window(viewer.window, &larger).unwrap().check().unwrap();
-    let at = until("larger window", || {
-        let found = display.client.get_geometry(viewer.window).unwrap().reply().unwrap();
-        (found.width == 210).then_some(camera(0.0).fitted(210, 160))
-    });
+    let at = camera(0.0).fitted(210, 160);
     let expected = Shot { size: [210, 160], rgb: render(&at).iter().map(|&v| glint::data::to_byte(v)).collect() };
-    // The window hears of it in its own time.
-    until("screenshot of the new size", || {
-        let shot = viewer.shot("scene");
-        (shot.size == expected.size).then(|| {
-            let (most, count) = shot.from(&expected);
-            assert!(most <= 1 && count <= shot.rgb.len() / 500, "{most}, {count}");
-        })
-    });
+    assert_eq!(viewer.shot("scene").from(&expected), (0, 0));
 
     // What is dropped takes the scene's place, unless it is none.
     display.press('t');
@@ -486,8 +476,8 @@ fn a_scene_without_a_dataset_is_seen_whole() {
     let shot = viewer.shot("scene");
     assert_eq!(shot.size, [120, 90]);
     let pixel = |x: usize, y: usize| &shot.rgb[3 * (120 * y + x)..][..3];
-    // Gaussians in the middle, background in a corner.
-    assert!(pixel(60, 45) != [255; 3] && pixel(0, 0) == [255; 3]);
+    // Gaussians in the middle, and little but background in a corner.
+    assert!(pixel(60, 45).iter().any(|v| *v < 200) && pixel(0, 0).iter().all(|v| *v > 200));
     assert_eq!(viewer.quit(), ["./scene-0001.png"]);
 }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::{
     Result,
-    data::{to_byte, write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb},
+    data::{write_exr_channel, write_exr_rgb, write_png_gray, write_png_rgb},
     report::decompose::srgb_from_linear,
 };
 
@@ -38,6 +38,7 @@ impl Picture {
     /// The same pixels as those of the PNG, 3 bytes each.
     #[cfg(feature = "view")]
     pub(super) fn rgb(&self) -> Vec<u8> {
+        use crate::data::to_byte;
         match &self.content {
             Content::Srgb(rgb) => rgb.iter().map(|&v| to_byte(v)).collect(),
             Content::Linear(rgb) => encoded(rgb).iter().map(|&v| to_byte(v)).collect(),

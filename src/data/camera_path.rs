@@ -238,13 +238,15 @@ mod tests {
         assert!(CameraPath::default().write(folder.path().join("none.json")).is_err());
     }
 
+    type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
+
     #[test]
     fn a_wrong_path_is_refused_by_key_and_field() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
         path().write(&file).unwrap();
         let good: serde_json::Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
-        let says = |change: &dyn Fn(&mut serde_json::Value)| {
+        let says = |change: Change<'_>| {
             let mut value = good.clone();
             change(&mut value);
             fs::write(&file, value.to_string()).unwrap();
@@ -252,7 +254,7 @@ mod tests {
             assert_eq!(error.exit_code(), 2);
             error.to_string()
         };
-        let wrong: [(&dyn Fn(&mut serde_json::Value), &str); 7] = [
+        let wrong: [(Change<'_>, &str); 7] = [
             (&|v| v["width"] = 0.into(), "width is 0, expected 1 to 16384 pixels"),
             (&|v| v["keys"] = serde_json::json!([]), "keys is empty"),
             (&|v| v["keys"][2]["rotation"][0] = 7.into(), "keys[2].rotation: expected a quaternion of length 1"),

@@ -131,6 +131,7 @@ fn completions_and_manual_pages_are_made() {
     work.ok("man pages");
     let commands = [
         "completions",
+        "convert",
         "demo",
         "devices",
         "enhance",
@@ -142,6 +143,7 @@ fn completions_and_manual_pages_are_made() {
         "synth",
         "train",
         "verify",
+        "view",
     ];
     let mut expected: Vec<String> = commands.iter().map(|command| format!("glint-{command}.1")).collect();
     expected.push("glint.1".into());

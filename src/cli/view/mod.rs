@@ -7,6 +7,8 @@ mod window;
 
 use std::path::PathBuf;
 
+use glam::DVec3;
+
 use super::{DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, SceneArgs, output::writable};
 use crate::{Error, Result};
 
@@ -30,13 +32,13 @@ The title has what is shown, the time of the last frame on the device, the Gauss
 use, and what just happened. Screenshots and paths are named on stdout; none replaces a file that is there.
 
 Photograph and error (bright: a mean error of 0.25 or more) are shown from a photograph's camera only; diffuse, specular, depth \
-and error are what `glint render` and `glint report` make, on the CPU. Of two photographs that do not have the window's shape the \
-window shows more than they do, black or grey in photograph and error.
+and error are what `glint render` and `glint report` make, on the CPU. A window of another shape than \
+the photograph shows more around it, black or grey in photograph and error.
 
 Examples:
   glint view base.ply
   glint view augmented.ply garden --size 1280x720
-  glint view scene.spz --output pictures
+  glint view scene.spz --up z --output pictures
   glint render augmented.ply --path augmented-path-1.json -o frames";
 
 /// Look at a scene in a window
@@ -50,6 +52,9 @@ pub(super) struct Args {
     /// The window's size, pixels [default: that of the first photograph, else 1280x720]
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<[u32; 2]>,
+    /// The axis that points up, of x, -x, y, -y, z and -z [default: what the photographs have above, else -y as in COLMAP's scenes]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = parse_axis)]
+    up: Option<DVec3>,
     /// Folder for screenshots and camera paths, which must be there
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     output: PathBuf,
@@ -71,6 +76,16 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
     match sides {
         Some([Some(w), Some(h)]) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok([w, h]),
         _ => Err(format!("expected two numbers from 1 to {MAX_SIDE} such as 1280x720")),
+    }
+}
+
+fn parse_axis(text: &str) -> Result<DVec3, String> {
+    let (sign, axis) = text.strip_prefix('-').map_or((1.0, text), |axis| (-1.0, axis));
+    match axis {
+        "x" => Ok(sign * DVec3::X),
+        "y" => Ok(sign * DVec3::Y),
+        "z" => Ok(sign * DVec3::Z),
+        _ => Err("expected x, -x, y, -y, z or -z".into()),
     }
 }
 
@@ -103,6 +118,14 @@ mod tests {
         assert_eq!(parse_size("64x48"), Ok([64, 48]));
         for bad in ["", "64", "0x4", "4x", "64x48x2", "-1x2", "99999x2"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_axis_has_a_sign() {
+        assert_eq!((parse_axis("z"), parse_axis("-y")), (Ok(DVec3::Z), Ok(DVec3::NEG_Y)));
+        for bad in ["", "w", "--z", "zz", "+z"] {
+            assert!(parse_axis(bad).is_err(), "{bad}");
         }
     }
 }

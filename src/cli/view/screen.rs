@@ -85,6 +85,8 @@ struct Slot {
     acquired: vk::Semaphore,
     /// Submitted, and not waited for since.
     pending: bool,
+    /// It draws a scene, and not only copies a picture.
+    draws: bool,
     /// What copies hold on to.
     kept: Kept,
 }
@@ -118,7 +120,7 @@ pub(super) struct Screen {
     chain: Chain,
     format: vk::SurfaceFormatKHR,
     texel: Texel,
-    /// Of the device for the last frame that was waited for.
+    /// Of the device for the last scene that was waited for.
     time: Option<Duration>,
     // Last, as it must be dropped.
     display: Display,
@@ -299,6 +301,7 @@ impl Screen {
                     fence: device.create_fence(&Default::default(), None).map_err(named("vkCreateFence"))?,
                     acquired: device.create_semaphore(&semaphore, None).map_err(named("vkCreateSemaphore"))?,
                     pending: false,
+                    draws: false,
                     kept: Kept::default(),
                 });
             }
@@ -317,7 +320,7 @@ impl Screen {
         self.display.messages.clone()
     }
 
-    /// Of the device for the last frame that was waited for.
+    /// Of the device for drawing the last scene that was waited for.
     pub(super) fn time(&self) -> Option<Duration> {
         self.time
     }
@@ -403,15 +406,16 @@ impl Screen {
 
     /// Waits for a slot's frame.
     fn settle(&mut self, slot: usize) -> Result<(), GpuError> {
-        let Slot { fence, pending, .. } = &mut self.slots[slot];
+        let Slot { fence, pending, draws, .. } = &mut self.slots[slot];
         if !std::mem::take(pending) {
             return Ok(());
         }
+        let (fence, draws) = (*fence, *draws);
         // SAFETY: the fence was submitted; of the slot's two timestamps both are written once it is signalled.
         unsafe {
-            self.device.wait_for_fences(&[*fence], true, u64::MAX).map_err(named("vkWaitForFences"))?;
+            self.device.wait_for_fences(&[fence], true, u64::MAX).map_err(named("vkWaitForFences"))?;
             let period = f64::from(self.context().info().timestamp_period);
-            if period > 0.0 {
+            if period > 0.0 && draws {
                 let mut stamps = [0u64; 2];
                 let flags = vk::QueryResultFlags::TYPE_64;
                 let read = self.device.get_query_pool_results(self.queries, 2 * slot as u32, &mut stamps, flags);
@@ -503,7 +507,12 @@ impl Screen {
     pub(super) fn show(&mut self, shown: Shown<'_>, save: bool) -> Result<Drawn> {
         let nothing = Drawn { shown: false, pixels: None };
         let size = self.size()?;
-        if size == [0, 0] {
+        let fits = match &shown {
+            Shown::Scene(scene) => [scene.camera.width, scene.camera.height] == size,
+            Shown::Picture(rgb) => rgb.len() == 3 * (size[0] as usize) * (size[1] as usize),
+        };
+        // Hidden, or of another size since the picture was made.
+        if size == [0, 0] || !fits {
             return Ok(nothing);
         }
         let slot = self.next;
@@ -530,6 +539,7 @@ impl Screen {
         self.turn(commands, image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         let target = Pixels::Image(ImageRegion::of(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL));
         let mut kept = std::mem::take(&mut self.slots[slot].kept);
+        let draws = matches!(shown, Shown::Scene(_));
         match shown {
             Shown::Scene(scene) => {
                 let Scene { frames, instance, camera, background } = *scene;
@@ -570,6 +580,7 @@ impl Screen {
         }
         self.turn(commands, image, from, vk::ImageLayout::PRESENT_SRC_KHR);
         self.slots[slot].kept = kept;
+        self.slots[slot].draws = draws;
         self.submit(slot, Some([acquired, drawn]))?;
         self.next = (slot + 1) % self.slots.len();
         let (waits, chains, indices) = ([drawn], [self.chain.handle], [index]);
@@ -635,6 +646,7 @@ impl Screen {
             let frame = Frame { slot: 0, instances: &[scene.instance], views: &[view] };
             // SAFETY: the buffer is as large as the picture and nobody else's, the slot's commands have run.
             unsafe { scene.frames.record(commands, &frame) }?;
+            self.slots[0].draws = true;
             self.submit(0, None)?;
             self.settle(0)?;
             match scene.frames.report(0)?.needed {

@@ -37,9 +37,9 @@ const SIZE: [u32; 2] = [1280, 720];
 /// The vertical angle of view where there is no photograph, radians.
 const FIELD: f64 = 0.9;
 /// Distance from a scene's middle at first, in radii of the ball that has nine of ten Gaussians.
-const AWAY: f64 = 2.2;
-/// Seconds that a frame moves the camera at most: after a long one it does not leap.
-const LEAP: f64 = 0.1;
+const AWAY: f64 = 3.0;
+/// Seconds that a frame moves the camera at most: after a very long one it does not leap.
+const LEAP: f64 = 0.5;
 /// What Shift does to the speed.
 const HURRY: f64 = 4.0;
 /// Pixels of a touchpad that are a notch of a wheel.
@@ -49,7 +49,7 @@ const STAGES: usize = 5;
 
 /// Shows `scene` until the window is closed; how many faults the validation layers found.
 pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: Option<Dataset>) -> Outcome<usize> {
-    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(error.to_string());
+    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(reason(&error.to_string()));
     let events = EventLoop::new().map_err(no_window)?;
     let mut viewer = Viewer { args, options, start: Some(scene), dataset, open: None, outcome: Ok(()), faults: 0 };
     let ended = events.run_app(&mut viewer);
@@ -57,6 +57,12 @@ pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: 
     viewer.outcome?;
     ended.map_err(no_window)?;
     Ok(viewer.faults)
+}
+
+/// What an error of the window's library says, without the place in its source that it begins with.
+fn reason(text: &str) -> String {
+    let behind = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
+    behind.map_or(text, |(_, reason)| reason).trim_end_matches('.').to_owned()
 }
 
 struct Viewer<'a> {
@@ -222,7 +228,7 @@ impl Viewer<'_> {
         let size = self.args.size.or(first.map(|i| [photos[i].camera.width, photos[i].camera.height])).unwrap_or(SIZE);
         let attributes =
             Window::default_attributes().with_title("glint").with_inner_size(PhysicalSize::new(size[0], size[1]));
-        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(error.to_string()))?;
+        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(reason(&error.to_string())))?;
         let window = Arc::new(window);
         let screen =
             Screen::new(window.clone(), self.options).map_err(|error| self.args.device.explain(self.options, error))?;
@@ -232,15 +238,16 @@ impl Viewer<'_> {
         let focus = self.dataset.as_ref().and_then(Dataset::focus);
         let pivot = focus.map_or(middle, |focus| focus.center);
         let origin = if cameras.is_empty() { origin_around(middle, radius) } else { origin_for(&cameras) };
-        let home = first.map_or_else(|| overview(middle, radius, size), |i| photos[i].camera);
-        let up = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
+        let above = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
+        let up = self.args.up.or(above.try_normalize()).unwrap_or(DVec3::NEG_Y);
+        let home = first.map_or_else(|| overview(middle, radius, up, size), |i| photos[i].camera);
         let scenery = Scenery::new(screen.context(), scene, origin, self.args.draw.policy())?;
         Ok(Open {
             scenery,
             screen,
             window,
             name: stem(&self.args.scene),
-            flight: Flight::new(home, pivot, up.try_normalize().unwrap_or(DVec3::NEG_Y)),
+            flight: Flight::new(home, pivot, up),
             home,
             pivot,
             mode: Mode::Augmented,
@@ -280,6 +287,12 @@ impl Open {
     fn say(&mut self, text: impl Into<String>) {
         self.note = text.into();
         self.touch();
+    }
+
+    /// Something that was asked for could not be done; all else goes on.
+    fn complain(&mut self, error: &Error) {
+        note(error.to_string());
+        self.say(error.to_string());
     }
 
     fn key(&mut self, event: &KeyEvent, dataset: Option<&Dataset>, args: &Args) -> Outcome {
@@ -405,14 +418,18 @@ impl Open {
             self.stale = false;
             return Ok(());
         }
-        self.fit_photo(dataset, args, size)?;
+        if let Err(error) = self.fit_photo(dataset, args, size) {
+            self.mode = Mode::Augmented;
+            self.complain(&error);
+        }
         let look = Look {
             camera: self.flight.camera().fitted(size[0], size[1]),
             background: args.photos.background,
             photo: self.fitted.as_ref().filter(|_| self.photo.is_some()).map(|(_, _, fitted)| fitted),
         };
-        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, self.save)?;
-        if self.save && drawn.shown {
+        let asked = self.save;
+        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, asked)?;
+        if asked && drawn.shown {
             // A first frame may have had too little room.
             if self.scenery.make_room(&mut self.screen)? {
                 drawn = self.scenery.show(&mut self.screen, self.mode, &look, true)?;
@@ -424,10 +441,14 @@ impl Open {
         self.running = drawn.shown;
         if let Some(pixels) = drawn.pixels {
             let file = free(&args.output, |i| format!("{}-{i:04}.png", self.name));
-            write_png_bytes(&file, size[0], size[1], &pixels)?;
-            print(format_args!("{}\n", file.display()))?;
-            self.note = file.display().to_string();
-        } else if drawn.shown && self.save {
+            match write_png_bytes(&file, size[0], size[1], &pixels) {
+                Ok(()) => {
+                    print(format_args!("{}\n", file.display()))?;
+                    self.note = file.display().to_string();
+                }
+                Err(error) => self.complain(&error),
+            }
+        } else if drawn.shown && asked {
             self.note = "this window's pixels cannot be read".into();
         }
         self.title(dataset);
@@ -464,7 +485,8 @@ impl Open {
 
     fn title(&self, dataset: Option<&Dataset>) {
         let photo = self.photo.zip(dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
-        let time = self.screen.time().map(|time| {
+        // A photograph takes no time.
+        let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
             let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
         });
@@ -491,9 +513,13 @@ impl Open {
             return Ok(());
         }
         let file = free(&args.output, |i| format!("{}-path-{i}.json", self.name));
-        self.path.write(&file)?;
+        if let Err(error) = self.path.write(&file) {
+            self.complain(&error);
+            return Ok(());
+        }
         print(format_args!("{}\n", file.display()))?;
-        self.say(format!("{}: {} poses", file.display(), self.path.len()));
+        let n = self.path.len();
+        self.say(format!("{}: {n} pose{}", file.display(), if n == 1 { "" } else { "s" }));
         Ok(())
     }
 
@@ -516,10 +542,7 @@ impl Open {
                 self.say("");
             }
             // The window stays as it was.
-            Err(error) => {
-                note(error.to_string());
-                self.say(error.to_string());
-            }
+            Err(error) => self.complain(&error),
         }
     }
 }
@@ -575,10 +598,12 @@ fn ball(scene: &Scene) -> (DVec3, f64) {
     (middle, if radius > 0.0 { radius } else { 1.0 })
 }
 
-/// A camera that sees a ball from a little above, y down as in COLMAP's scenes.
-fn overview(middle: DVec3, radius: f64, [width, height]: [u32; 2]) -> Camera {
+/// A camera that sees a ball from a little above.
+fn overview(middle: DVec3, radius: f64, up: DVec3, [width, height]: [u32; 2]) -> Camera {
     let focal = f64::from(height) / (2.0 * (FIELD / 2.0).tan());
-    let rotation = DMat3::from_rotation_x(0.3);
+    let ahead = if up.z.abs() < 0.5 { DVec3::Z } else { DVec3::Y };
+    let level = DMat3::from_cols(ahead.cross(up), -up, ahead).transpose();
+    let rotation = DMat3::from_rotation_x(0.3) * level;
     let camera = Camera {
         width,
         height,
@@ -604,12 +629,21 @@ mod tests {
         let scene = Scene { base: Gaussians { means, ..Default::default() }, supplement: None };
         let (middle, radius) = ball(&scene);
         assert!((middle - DVec3::new(49.0, 10.0, 4.9)).length() < 0.1 && (40.0..50.0).contains(&radius));
-        let camera = overview(middle, radius, [64, 48]);
-        let (x, y, z) = camera.project(middle);
-        assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && (z - AWAY * radius).abs() < 1e-9);
-        // y points down.
-        assert!(camera.eye().y < middle.y);
+        for up in [DVec3::NEG_Y, DVec3::Z, DVec3::X] {
+            let camera = overview(middle, radius, up, [64, 48]);
+            let (x, y, z) = camera.project(middle);
+            assert!((x - 32.0).abs() < 1e-9 && (y - 24.0).abs() < 1e-9 && (z - AWAY * radius).abs() < 1e-9);
+            assert!((camera.eye() - middle).dot(up) > 0.1 * radius && camera.project(middle + up).1 < 24.0);
+            assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
+        }
         assert_eq!(ball(&Scene::default()), (DVec3::ZERO, 1.0));
+    }
+
+    #[test]
+    fn a_reason_is_said_without_the_place_in_somebodys_source() {
+        let text = "os error at /home/a/winit-0.30.13/src/platform_impl/linux/mod.rs:765: DISPLAY: it is not set.";
+        assert_eq!(reason(text), "DISPLAY: it is not set");
+        assert_eq!(reason("Exit Failure: 1"), "Exit Failure: 1");
     }
 
     #[test]
