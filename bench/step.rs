@@ -10,7 +10,7 @@ use clap::Parser;
 use glint::{
     Error, Result,
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
-    gpu::{Context, ContextOptions},
+    gpu::{Context, ContextOptions, Kernel},
     pipelines::{
         model::{Model, Room},
         render::{Needs, RenderOptions, Renderer},
@@ -22,6 +22,7 @@ use glint::{
     reference::{self, Background, Options, Params, random_camera, random_scene},
     report::table::{Cell, Column, Table},
     scene::{Scene, from_points},
+    stages::step_done,
 };
 use serde_json::json;
 
@@ -89,7 +90,7 @@ fn run(args: &Args) -> Result<()> {
     let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);
     let timed = train_base(&session, &model, &views, &options, true, |_| ())?;
 
-    let steps = timed.steps.stages.iter().filter(|s| s.name == "step_done").count().max(1) as f64;
+    let steps = timed.steps.stages.iter().filter(|s| s.name == step_done::Kernel::NAME).count().max(1) as f64;
     let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
     for stage in &timed.steps.stages {
         let entry = stages.entry(stage.name).or_default();

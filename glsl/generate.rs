@@ -400,7 +400,8 @@ impl Kernel {
         writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
         writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
         writeln!(s, "    const LABEL: &'static std::ffi::CStr = c{name:?};").unwrap();
-        let module = |file: &str| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))");
+        let module =
+            |file: &str| format!("&crate::gpu::Words(*include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))).0");
         writeln!(s, "    const SPIRV: &'static [u8] = {};", module(name)).unwrap();
         if software {
             let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };

@@ -8,6 +8,7 @@ const MAX_WHAT: usize = 800;
 
 /// Everything that can go wrong. [`Error::exit_code`] is what the command line returns for it.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "fields are what the messages say of them")]
 pub enum Error {
     /// A file's contents are not what they should be. `what` names the field and what was expected.
     #[error("{}: {}", one_line(&path.to_string_lossy(), usize::MAX), one_line(what, MAX_WHAT))]

@@ -2,6 +2,10 @@
 //!
 //! Data flows one way: `data → scene → pipelines (stages) → report`.
 
+#![warn(missing_docs)]
+
+#[cfg(feature = "c")]
+pub mod c;
 pub mod data;
 mod error;
 pub mod gpu;

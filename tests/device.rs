@@ -2,15 +2,18 @@
 
 mod common;
 
-use std::process::Command;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    process::Command,
+};
 
 use common::Gpu;
 use glint::{
     gpu::{
         Buffer, Context, ContextOptions, Feature, GpuError, Location, Reconvergence,
         spirv::{
-            MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW, shared_bytes,
-            with_modes, words,
+            MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW, instructions, op,
+            opcode, shared_bytes, with_modes, words,
         },
     },
     stages::{blend, kernels, radix_upsweep, step_done},
@@ -47,6 +50,123 @@ fn every_kernel_is_valid_as_it_is_and_with_all_that_is_added_to_it() {
     // Where the validator knows the newest mode, it holds it valid too.
     let said = spirv_val(&with_modes(&module, &[MAXIMALLY_RECONVERGES]).unwrap());
     assert!(said.is_empty() || said.contains("6023"), "{said}");
+}
+
+/// A name as SPIR-V keeps it: UTF-8 in words, ended by a zero byte.
+fn text(words: &[u32]) -> String {
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();
+    String::from_utf8(bytes).unwrap()
+}
+
+/// Where two kernels, or two passes of one, must come to the same decision, no compiler may turn a product and a sum into one operation in
+/// one of them only. llvmpipe never does, so that no image would show it: what is looked at is the promise itself, `NoContraction`.
+#[test]
+fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
+    const NO_CONTRACTION: u32 = 42;
+    // Negation, sum, difference, product and quotient, dot product, and the products with vectors and matrices.
+    let contracts = |code: u32| matches!(code, 127 | 129 | 131 | 133 | 136 | 142..=148);
+    // By kernel and function: operations of float32, and those that are kept as they are.
+    let mut found = BTreeMap::<(&str, String), [usize; 2]>::new();
+    for kernel in kernels::ALL {
+        let module = words(kernel.spirv).unwrap();
+        let (mut names, mut kept, mut function) = (BTreeMap::new(), BTreeSet::new(), String::new());
+        for i in instructions(&module).unwrap() {
+            match opcode(i) {
+                op::NAME => drop(names.insert(i[1], text(&i[2..]))),
+                op::DECORATE if i[2] == NO_CONTRACTION => drop(kept.insert(i[1])),
+                op::FUNCTION => function = names[&i[2]].split('(').next().unwrap().to_owned(),
+                code if contracts(code) => {
+                    let counts = found.entry((kernel.name, function.clone())).or_default();
+                    counts[0] += 1;
+                    counts[1] += usize::from(kept.contains(&i[2]));
+                }
+                _ => {}
+            }
+        }
+    }
+    for (function, in_kernels) in [
+        // What is counted is listed.
+        ("tile_span", &["emit", "project", "screen_project"][..]),
+        ("tile_rows", &["emit", "project", "screen_project"]),
+        // The backward pass stops where the forward pass did.
+        ("respond", &["blend", "blend_backward", "blend_backward_atomic"]),
+        // Points that are counted are written.
+        ("screen_covariance", &["lift_count", "lift_pca", "lift_points", "screen_prune"]),
+        ("make_footprint", &["lift_count", "lift_points", "screen_prune"]),
+        ("footprint_weight", &["lift_count", "lift_points", "screen_prune"]),
+        // A distance to a block's box is never above that to a point in it; every pass over the keys sees the same keys.
+        ("squared_length", &["lift_join"]),
+        ("key_of", &["screen_draw"]),
+    ] {
+        let of = found.iter().filter(|((_, name), _)| name == function);
+        let (kernels, counts): (Vec<_>, Vec<_>) = of.map(|((kernel, _), counts)| (*kernel, *counts)).unzip();
+        assert_eq!(kernels, in_kernels, "{function}");
+        assert!(counts.iter().all(|[all, kept]| all == kept && *all > 0), "{function}: {counts:?}");
+    }
+    // Of these a part: the splat that is counted and stored, what is left behind a splat, and what compensates a sum.
+    for (kernel, function, least) in [
+        ("project", "main", 10),
+        ("screen_project", "main", 3),
+        ("blend", "main", 4),
+        ("blend_backward", "tile_backward", 4),
+        ("blend_backward_atomic", "tile_backward", 4),
+        ("project_backward", "main", 4),
+    ] {
+        let [_, kept] = found[&(kernel, function.to_owned())];
+        assert!(kept >= least, "{kernel}: {kept} operations are kept as they are");
+    }
+}
+
+/// Lanes that read what others write at the same time read it by atomics, or Vulkan's memory model gives what they read no meaning.
+/// No run on a CPU shows a difference.
+#[test]
+fn a_buffer_that_a_kernel_writes_by_atomics_is_touched_by_nothing_else() {
+    const STORAGE_BUFFER: u32 = 12;
+    // Written in one dispatch and read in the next, of which a specialisation constant tells which it is.
+    let apart = BTreeSet::from([("pursuit_claim", "Claims".to_owned())]);
+    let (mut atomics, mut mixed) = (BTreeSet::new(), BTreeSet::new());
+    for kernel in kernels::ALL {
+        let module = words(kernel.spirv).unwrap();
+        let list = instructions(&module).unwrap();
+        let (mut names, mut pointees, mut buffers) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        // By buffer: whether it is touched by plain loads and stores, and by atomics.
+        let mut touched = BTreeMap::<String, [bool; 2]>::new();
+        for i in &list {
+            match opcode(i) {
+                op::NAME => drop(names.insert(i[1], text(&i[2..]))),
+                op::TYPE_POINTER => drop(pointees.insert(i[1], i[3])),
+                op::VARIABLE if i[3] == STORAGE_BUFFER => drop(buffers.insert(i[2], i[2])),
+                // Chains into a buffer are of the buffer.
+                65 | 66 => {
+                    if let Some(&buffer) = buffers.get(&i[3]) {
+                        buffers.insert(i[2], buffer);
+                    }
+                }
+                code => {
+                    let pointer = match code {
+                        // A load and the atomics that have a result; a store and the atomic one.
+                        61 | 227 | 229..=242 | 6035 => i[3],
+                        62 | 228 => i[1],
+                        _ => continue,
+                    };
+                    let Some(buffer) = buffers.get(&pointer) else { continue };
+                    let variable = list.iter().find(|v| opcode(v) == op::VARIABLE && v[2] == *buffer).unwrap();
+                    let name: &String = &names[&pointees[&variable[1]]];
+                    touched.entry(name.clone()).or_default()[usize::from(code > 62)] = true;
+                }
+            }
+        }
+        for (name, [plain, atomic]) in touched {
+            if atomic {
+                atomics.insert((kernel.name, name.clone()));
+                if plain {
+                    mixed.insert((kernel.name, name));
+                }
+            }
+        }
+    }
+    assert!(atomics.len() >= 12 && atomics.contains(&("lift_join", "Labels".to_owned())), "{atomics:?}");
+    assert_eq!(mixed, apart);
 }
 
 #[test]

@@ -152,6 +152,37 @@ fn training_neither_submits_nor_waits_for_every_step() {
     assert!(long.1 <= long.0, "{long:?} after {short:?}");
 }
 
+/// A stage may take longer late in a run than in its first steps.
+#[test]
+fn steps_are_timed_all_through_a_run() {
+    let gpu = Gpu::new();
+    let camera = random_camera(32, 24);
+    let photo = vec![120u8; 3 * 32 * 24];
+    let views = Views::upload(&gpu, &[camera], &[&photo]).unwrap();
+    let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    // 17 submissions of 16 steps, of which the first, the ninth and the seventeenth are timed.
+    let options = BaseOptions { iterations: 17 * 16, sh_degree: 1 };
+    let report = train_base(&Session::new(&gpu), &model, &views, &options, true, |_| ()).unwrap();
+    let steps = report.steps.stages.iter().filter(|stage| stage.name == "step_done").count();
+    assert_eq!(steps, if gpu.info().timestamp_period > 0.0 { 3 * 16 } else { 0 });
+    let means = report.steps.milliseconds();
+    assert!(means.is_empty() == (steps == 0) && means.iter().all(|(_, mean)| mean.is_finite()));
+}
+
+#[test]
+fn what_a_renderer_was_not_made_for_is_an_error() {
+    let gpu = Gpu::new();
+    let views = Views::upload(&gpu, &[random_camera(32, 24)], &[]).unwrap();
+    let [plain, augmented] = [0, 20].map(|m| Model::upload(&gpu, &random_scene(3, 50, m, 1), 0).unwrap());
+    let mut renderer = Renderer::new(&gpu, Needs::of(&plain), &views, RenderOptions::default()).unwrap();
+    let mut says =
+        |model: &Model, view: u32| renderer.render(model, &views, view, [0.0; 3]).err().map(|e| e.to_string());
+    assert_eq!(says(&plain, 0), None);
+    assert!(says(&plain, 1).unwrap().contains("1 views, not for degree 1 and view 1"));
+    assert!(says(&augmented, 0).unwrap().contains("without supplement"));
+}
+
 #[test]
 fn a_loop_that_is_ended_early_has_done_what_it_says() {
     let gpu = Gpu::new();

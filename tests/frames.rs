@@ -574,10 +574,9 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
         let eyes = [camera(n), camera(n + 500)];
         // The slot's last frame has run: some of them are looked at.
         if n >= 3 && n % 167 == 4 {
-            for eye in 0..2 {
-                let camera = camera(n - 3 + 500 * eye as u32);
-                let want = rendered(&gpu, &scene, &camera);
-                let got = targets[slot as usize][eye].pixels();
+            for (eye, target) in (0..).zip(&targets[slot as usize]) {
+                let want = rendered(&gpu, &scene, &camera(n - 3 + 500 * eye));
+                let got = target.pixels();
                 assert!(got.iter().zip(&want).all(|(g, w)| g[..3] == w[..3]), "frame {n}, eye {eye}");
                 checked += 1;
             }

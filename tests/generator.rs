@@ -215,6 +215,24 @@ fn what_a_kernel_asks_of_a_device_is_found_in_its_spirv() {
     }
 }
 
+/// The shaders of the renderer that stands outside, which has no compiler. `tools/kernels` writes these too.
+#[test]
+fn the_shaders_of_the_example_are_what_the_compiler_makes_of_their_sources() {
+    for (file, kind) in [("mesh.vert", shaderc::ShaderKind::Vertex), ("mesh.frag", shaderc::ShaderKind::Fragment)] {
+        let path = Path::new("tests/outside/mesh").join(file);
+        let source = fs::read_to_string(&path).unwrap();
+        let compiler = shaderc::Compiler::new().unwrap();
+        let mut options = shaderc::CompileOptions::new().unwrap();
+        options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+        let made = compiler.compile_into_spirv(&source, kind, file, "main", Some(&options)).unwrap();
+        let kept = path.with_extension(format!("{}.spv", path.extension().unwrap().to_str().unwrap()));
+        if env::var_os("GLINT_WRITE_KERNELS").is_some() {
+            fs::write(&kept, made.as_binary_u8()).unwrap();
+        }
+        assert!(fs::read(&kept).unwrap() == made.as_binary_u8(), "{}: run tools/kernels", kept.display());
+    }
+}
+
 /// `tools/kernels` runs this with GLINT_WRITE_KERNELS set, and then it writes them.
 #[test]
 fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() {

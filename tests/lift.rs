@@ -396,8 +396,9 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
 }
 
 /// Points into sets that are said to be smaller by one than they are.
+/// Counting and writing decide alike, but a pixel of difference must neither lie in a neighbour's place nor leave one empty.
 #[test]
-fn what_does_not_fit_is_not_written() {
+fn counts_of_points_that_differ_from_what_is_found_harm_no_neighbour() {
     let context = Gpu::new();
     let case = Case::new(11, 60, DVec3::ZERO);
     let phase = LiftPhase::new(&context, LiftOptions::default()).unwrap();
@@ -405,18 +406,43 @@ fn what_does_not_fit_is_not_written() {
     let mut recorder = context.recorder("count").unwrap();
     phase.record_count(&mut recorder, &there.flat(), &there.lift);
     recorder.submit().unwrap().wait().unwrap();
-    let counts = there.lift.point_counts.download().unwrap();
-    let fewer: Vec<u32> = counts.iter().map(|&n| n.saturating_sub(1)).collect();
-    there.lift.point_counts.upload(0, &fewer).unwrap();
-    let p = PointBuffers::new(&context, &counts.iter().sum()).unwrap();
-    let mut recorder = context.recorder("points").unwrap();
-    recorder.fill(&p.points, 0);
-    phase.record_points(&mut recorder, &there.flat(), &there.lift, &p);
-    recorder.submit().unwrap().wait().unwrap();
-    let points = p.points.download().unwrap();
-    for (&first, &n) in exclusive_scan(&counts).iter().zip(&counts).filter(|(_, n)| **n > 1) {
-        let set = &points[first as usize..][..n as usize];
-        assert!(set[..n as usize - 1].iter().all(|p| p[3] > 0.0) && set[n as usize - 1] == [0.0; 4]);
+    let found = there.lift.point_counts.download().unwrap();
+    assert!(found.iter().filter(|&&n| n > 1).count() > 20);
+    // With places between the sets that nobody may touch.
+    let room: Vec<u32> = found.iter().map(|&n| n + 20).collect();
+    let firsts = exclusive_scan(&room);
+    there.lift.point_firsts.upload(0, &firsts).unwrap();
+    let written = |counts: &[u32]| {
+        there.lift.point_counts.upload(0, counts).unwrap();
+        let p = PointBuffers::new(&context, &room.iter().sum()).unwrap();
+        let mut recorder = context.recorder("points").unwrap();
+        for words in [&p.point_sets, &p.labels] {
+            recorder.fill(words, u32::MAX);
+        }
+        phase.record_points(&mut recorder, &there.flat(), &there.lift, &p);
+        recorder.submit().unwrap().wait().unwrap();
+        let (points, sets, labels) =
+            (p.points.download().unwrap(), p.point_sets.download().unwrap(), p.labels.download().unwrap());
+        let of = |item: usize| {
+            let (first, n) = (firsts[item] as usize, counts[item] as usize);
+            let (own, beyond) = (first..first + n, first + n..first + room[item] as usize);
+            assert!(sets[own.clone()].iter().all(|&set| set == item as u32), "{item}");
+            assert!(labels[own.clone()].iter().copied().eq(0..counts[item]), "{item}");
+            assert!(sets[beyond.clone()].iter().chain(&labels[beyond]).all(|&word| word == u32::MAX), "{item}");
+            points[own].to_vec()
+        };
+        (0..counts.len()).map(of).collect::<Vec<_>>()
+    };
+    let right = written(&found);
+    let fewer = written(&found.iter().map(|&n| n.saturating_sub(1)).collect::<Vec<_>>());
+    // None where none is there: that one is lifted from nothing.
+    let more = written(&found.iter().map(|&n| if n > 0 { n + 9 } else { 0 }).collect::<Vec<_>>());
+    for ((right, fewer), more) in right.iter().zip(&fewer).zip(&more) {
+        let n = right.len();
+        assert!(right.iter().all(|p| p[3] > 0.0) && fewer[..] == right[..n.saturating_sub(1)]);
+        if let Some(&[x, y, z, _]) = right.last() {
+            assert!(more[..n] == right[..] && more[n..].iter().all(|&p| p == [x, y, z, 0.0]));
+        }
     }
 }
 

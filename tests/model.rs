@@ -5,7 +5,7 @@ mod common;
 #[path = "common/probe.rs"]
 mod probe;
 
-use common::{Gpu, session};
+use common::{Gpu, peak_memory, session};
 use glam::DVec3;
 use glint::{
     gpu::Buffer,
@@ -191,6 +191,7 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
     for v in [0, 1, 32, 33, 66, 67, 100, 133, 134, 159] {
         assert!(views.download_photograph(v).unwrap() == photograph(v as u32), "photograph {v}");
     }
+    println!("160 photographs: {} bytes of buffers, {} of the whole process at most", gpu.memory().used, peak_memory());
     let page = views.same_page(0);
     assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
 }

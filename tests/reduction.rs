@@ -61,6 +61,23 @@ fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     }
 }
 
+/// Sizes are known before anything is made: what buffers take beside their plan does not depend on how many elements they have.
+#[test]
+fn a_plan_is_what_buffers_take() {
+    let gpu = Gpu::new();
+    let rest = |isects: u32, pixels: u32| {
+        let options = RasterOptions { pixels, splats: 3 * pixels, ..options(isects, Reduction::Deterministic) };
+        let (plan, before) = (Raster::plan(&options), gpu.memory().used);
+        let raster = Raster::new(&gpu, options).unwrap();
+        let used = gpu.memory().used - before;
+        assert!(plan.to_string().lines().last().unwrap().ends_with(&plan.bytes().to_string()), "{plan}");
+        drop(raster);
+        used - plan.bytes()
+    };
+    let [little, much] = [rest(1000, 64), rest(1_000_000, 640_000)];
+    assert!(little == much && little < 1 << 16, "{little} and {much} bytes");
+}
+
 /// Growth holds what there was and one new buffer at most; without that much room the raster stays as it was.
 #[test]
 fn growth_needs_the_room_of_one_buffer_more() {
@@ -80,6 +97,14 @@ fn growth_needs_the_room_of_one_buffer_more() {
     let (gpu, mut raster) = made(Some(after + largest_old));
     raster.grow(new).unwrap();
     assert_eq!((gpu.memory().used, raster.capacity()), (after, room));
+    // What it really takes lies between: half of what is open six times.
+    let (mut low, mut high) = (before, after + largest_old);
+    for _ in 0..6 {
+        let budget = (low + high) / 2;
+        let (_gpu, mut raster) = made(Some(budget));
+        if raster.grow(new).is_ok() { high = budget } else { low = budget }
+    }
+    println!("growth from {before} to {after} bytes held {high} at most; the largest old buffer has {largest_old}");
     // The lists fit, the records do not; and not even the first list does.
     for budget in [after - largest_old, before + 1] {
         let (gpu, mut raster) = made(Some(budget));

@@ -83,8 +83,6 @@ const FRAMES: Stages = &[
     ("resolve", Near::Within(1e-5)),
 ];
 
-const ATOMICS: Stages = &[("blend_backward_atomic", Near::Within(1e-4)), ("project_backward", Near::Within(1e-4))];
-
 /// Three steps: Adam's are as long as their rate however small the gradient, so what rounding makes of a small one counts.
 const TRAINING: Stages = &[
     ("step_done", Near::Same),
@@ -153,8 +151,10 @@ const PURSUIT: Stages = &[
 
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, FRAMES, ATOMICS, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
-    let tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
+    let lists = [VIEW, FRAMES, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
+    let mut tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
+    // Those of reductions are tried where the device can.
+    tried.extend(twins().iter().map(|twin| twin.stage).filter(|name| name.starts_with("blend_backward")));
     assert_eq!(tried, twins().iter().map(|twin| twin.stage).collect());
 }
 
@@ -277,12 +277,13 @@ fn the_stages_of_a_frame_have_twins() {
 }
 
 #[test]
-fn the_reduction_by_atomics_has_a_twin() {
-    if !Gpu::new().info().float_atomics {
-        println!("no float atomics");
-        return;
+fn every_reduction_has_a_twin() {
+    let (gpu, camera) = (Gpu::new(), random_camera(80, 60));
+    for reduction in Reduction::offered(&gpu) {
+        let setup = || Setup { reduction, ..Default::default() };
+        let stage = Probe::new(&gpu, 1, &camera, setup()).renderer.raster.backward_stage().unwrap();
+        stand_in(|gpu| shot(gpu, setup()), &[(stage, Near::Within(1e-4)), ("project_backward", Near::Within(1e-4))]);
     }
-    stand_in(|gpu| shot(gpu, Setup { reduction: Reduction::Atomic, ..Default::default() }), ATOMICS);
 }
 
 /// A base that learns all, or a base that learns its opacities where it is seen and a supplement that learns all; three steps of

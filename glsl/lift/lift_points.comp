@@ -60,6 +60,8 @@ void main() {
     float best_weight = 0.0;
     float best_depth = 0.0;
     uint best = 0;
+    vec3 last = vec3(0.0); // this lane's last point, and its place
+    uint last_at = NONE;
     for (uint base = 0; base < pixels; base += gl_SubgroupSize) {
         uint k = base + gl_SubgroupInvocationID;
         float weight = 0.0;
@@ -72,10 +74,12 @@ void main() {
         bool taken = weight > 0.0 && is_depth(depth);
         uvec4 ballot = subgroupBallot(taken);
         uint at = written + subgroupBallotExclusiveBitCount(ballot);
-        // at < n holds as the count was taken by the same arithmetic; tested, for a point out of place would be another's.
+        // at < n holds as the count was taken by the same arithmetic; asked all the same, for a point out of place would be another's.
         if (taken && at < n) { // guard: points within the count
             vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
-            points[first + at] = vec4(ray * depth, depth, weight);
+            last = vec3(ray * depth, depth);
+            last_at = at;
+            points[first + at] = vec4(last, weight);
             point_sets[first + at] = item;
             labels[first + at] = at;
             if (weight > best_weight) {
@@ -85,6 +89,19 @@ void main() {
             }
         }
         written += subgroupBallotBitCount(ballot);
+    }
+    // Were fewer found than counted, what clusters the points must find one in each place all the same: the last one again, without a
+    // weight.
+    // guard: points as many as counted (10 lines)
+    if (written < n) {
+        uvec4 ends = subgroupBallot(last_at != NONE && last_at + 1 == written);
+        vec3 again = vec3(0.0);
+        if (written > 0) again = subgroupShuffle(last, subgroupBallotFindLSB(ends));
+        for (uint at = written + gl_SubgroupInvocationID; at < n; at += gl_SubgroupSize) {
+            points[first + at] = vec4(again, 0.0);
+            point_sets[first + at] = item;
+            labels[first + at] = at;
+        }
     }
     float top = subgroupMax(best_weight);
     uint winner = subgroupMin(best_weight == top ? best : 0xFFFFFFFFu);

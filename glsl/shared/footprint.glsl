@@ -19,12 +19,14 @@ struct Footprint {
 vec3 screen_covariance(vec2 log_scale, float angle) {
     vec2 s = exp(log_scale);
     float c = cos(angle), n = sin(angle);
-    vec2 v = s * s;
-    return vec3(c * c * v.x + n * n * v.y, c * n * (v.x - v.y), n * n * v.x + c * c * v.y);
+    precise vec2 v = s * s;
+    precise vec3 covariance = vec3(c * c * v.x + n * n * v.y, c * n * (v.x - v.y), n * n * v.x + c * c * v.y);
+    return covariance;
 }
 
+// `precise`, with all that it is made of: counting and writing points must take the same decisions.
 Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, uvec2 image, bool compensate) {
-    Footprint f;
+    precise Footprint f;
     f.centre = centre;
     f.low = uvec2(0);
     f.size = uvec2(0);
@@ -39,17 +41,18 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     f.opacity = (compensate ? sqrt(v.x * v.y / whole) : 1.0) / (1.0 + exp(-logit));
     if (!(f.opacity >= ALPHA_MIN) || !(max(abs(centre.x), abs(centre.y)) <= 1e9)) return f;
     // alpha >= 1/255 <=> |L d|^2 <= 2 ln(255*opacity): an ellipse with these half extents. floor and ceil leave the slack for rounding.
-    vec2 reach = sqrt(2.0 * log(255.0 * f.opacity) * vec2(a, c));
+    precise vec2 reach = sqrt(2.0 * log(255.0 * f.opacity) * vec2(a, c));
     if (!(max(reach.x, reach.y) <= 1e9)) return f;
-    uvec2 low = uvec2(clamp(floor(centre - reach - 0.5), vec2(0.0), vec2(image)));
-    uvec2 high = uvec2(clamp(ceil(centre + reach - 0.5) + 1.0, vec2(0.0), vec2(image)));
+    precise vec2 first = floor(centre - reach - 0.5), last = ceil(centre + reach - 0.5);
+    uvec2 low = uvec2(clamp(first, vec2(0.0), vec2(image)));
+    uvec2 high = uvec2(clamp(last + 1.0, vec2(0.0), vec2(image)));
     if (high.x <= low.x || high.y <= low.y) return f;
     f.low = low;
     f.size = high - low;
     return f;
 }
 
-// alpha at a pixel, 0 where it is not covered. `precise`: counting and writing points must take the same decisions.
+// alpha at a pixel, 0 where it is not covered. `precise` as make_footprint.
 float footprint_weight(Footprint f, uvec2 pixel) {
     precise vec2 d = vec2(pixel) + 0.5 - f.centre;
     precise float u = f.l11 * d.x + f.l12 * d.y;

@@ -14,6 +14,7 @@ const uint ERROR_BLOCK = 256;   // pixels
 const uint CELL = 2;            // px
 const float REACH = 2.5;        // standard deviations within which a choice changes what is left
 const float CORE = 0.5;         // standard deviations that a candidate has for itself in its round
+const float WINDOW_SLACK = 1e-3; // px: whole numbers of pixels, as 2.5 deviations of 2 px, are not rounded up for a rounding
 const float HALVING = 65536.0;  // of `explained`: half of a residual is explained
 const float WIDEST = 3.2;       // px: footprints beyond are scored as this one
 
@@ -136,10 +137,10 @@ float footprint_px(View view, float z, float sigma) {
     return min(sqrt(px * px + DILATION), WIDEST);
 }
 
-// The pixels within `px` of a candidate's: first and last column and row, as (x, y, x, y).
+// The pixels within `px` of a candidate's, and what it takes to make that a whole number: first and last column and row, as (x, y, x, y).
 uvec4 window_of(View view, Sight s, float px) {
     ivec2 centre = ivec2(s.pixel % view.width, s.pixel / view.width);
-    int reach = int(ceil(px));
+    int reach = int(ceil(px - WINDOW_SLACK));
     return uvec4(max(centre - reach, ivec2(0)), min(centre + reach, ivec2(view.width, view.height) - 1));
 }
 #endif

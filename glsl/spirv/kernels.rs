@@ -255,7 +255,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_apply";
     const LABEL: &'static std::ffi::CStr = c"density_apply";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -320,7 +320,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_draw";
     const LABEL: &'static std::ffi::CStr = c"density_draw";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -383,7 +383,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_image";
     const LABEL: &'static std::ffi::CStr = c"density_image";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -447,7 +447,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_noise";
     const LABEL: &'static std::ffi::CStr = c"density_noise";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -511,7 +511,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_place";
     const LABEL: &'static std::ffi::CStr = c"density_place";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -574,7 +574,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_plan";
     const LABEL: &'static std::ffi::CStr = c"density_plan";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -663,7 +663,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_score";
     const LABEL: &'static std::ffi::CStr = c"density_score";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -738,7 +738,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_weigh";
     const LABEL: &'static std::ffi::CStr = c"density_weigh";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -818,7 +818,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_append";
     const LABEL: &'static std::ffi::CStr = c"lift_append";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -887,7 +887,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_count";
     const LABEL: &'static std::ffi::CStr = c"lift_count";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -974,7 +974,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_groups";
     const LABEL: &'static std::ffi::CStr = c"lift_groups";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -1049,7 +1049,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_join";
     const LABEL: &'static std::ffi::CStr = c"lift_join";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -1153,7 +1153,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_pca";
     const LABEL: &'static std::ffi::CStr = c"lift_pca";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -1246,7 +1246,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_points";
     const LABEL: &'static std::ffi::CStr = c"lift_points";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -1309,7 +1309,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_sum";
     const LABEL: &'static std::ffi::CStr = c"loss_sum";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -1389,7 +1389,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_backward";
     const LABEL: &'static std::ffi::CStr = c"ssim_backward";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = true;
@@ -1474,7 +1474,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_forward";
     const LABEL: &'static std::ffi::CStr = c"ssim_forward";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -1542,7 +1542,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "gather";
     const LABEL: &'static std::ffi::CStr = c"gather";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -1617,7 +1617,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "recount";
     const LABEL: &'static std::ffi::CStr = c"recount";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -1715,7 +1715,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "adam";
     const LABEL: &'static std::ffi::CStr = c"adam";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -1831,7 +1831,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project_backward";
     const LABEL: &'static std::ffi::CStr = c"project_backward";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -1881,7 +1881,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "step_done";
     const LABEL: &'static std::ffi::CStr = c"step_done";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -1971,7 +1971,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_attenuate";
     const LABEL: &'static std::ffi::CStr = c"pursuit_attenuate";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -2032,7 +2032,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_blur";
     const LABEL: &'static std::ffi::CStr = c"pursuit_blur";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2115,7 +2115,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_claim";
     const LABEL: &'static std::ffi::CStr = c"pursuit_claim";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2205,7 +2205,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_draw";
     const LABEL: &'static std::ffi::CStr = c"pursuit_draw";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2270,7 +2270,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_fit";
     const LABEL: &'static std::ffi::CStr = c"pursuit_fit";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2357,7 +2357,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_gain";
     const LABEL: &'static std::ffi::CStr = c"pursuit_gain";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2439,7 +2439,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_place";
     const LABEL: &'static std::ffi::CStr = c"pursuit_place";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2494,7 +2494,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_quanta";
     const LABEL: &'static std::ffi::CStr = c"pursuit_quanta";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -2581,7 +2581,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_residual";
     const LABEL: &'static std::ffi::CStr = c"pursuit_residual";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -2659,7 +2659,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_score";
     const LABEL: &'static std::ffi::CStr = c"pursuit_score";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -2762,7 +2762,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend";
     const LABEL: &'static std::ffi::CStr = c"blend";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Read, crate::gpu::Access::Read];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -2864,7 +2864,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward";
     const LABEL: &'static std::ffi::CStr = c"blend_backward";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -2966,7 +2966,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward_atomic";
     const LABEL: &'static std::ffi::CStr = c"blend_backward_atomic";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -3060,7 +3060,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "emit";
     const LABEL: &'static std::ffi::CStr = c"emit";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -3133,7 +3133,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "median_depth";
     const LABEL: &'static std::ffi::CStr = c"median_depth";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3226,7 +3226,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project";
     const LABEL: &'static std::ffi::CStr = c"project";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3295,7 +3295,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "resolve";
     const LABEL: &'static std::ffi::CStr = c"resolve";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3354,7 +3354,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "tile_ranges";
     const LABEL: &'static std::ffi::CStr = c"tile_ranges";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3452,7 +3452,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_backward";
     const LABEL: &'static std::ffi::CStr = c"screen_backward";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3547,7 +3547,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_draw";
     const LABEL: &'static std::ffi::CStr = c"screen_draw";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -3633,7 +3633,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_project";
     const LABEL: &'static std::ffi::CStr = c"screen_project";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3701,7 +3701,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_prune";
     const LABEL: &'static std::ffi::CStr = c"screen_prune";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -3782,7 +3782,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_tiles";
     const LABEL: &'static std::ffi::CStr = c"screen_tiles";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3845,7 +3845,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "dispatch_args";
     const LABEL: &'static std::ffi::CStr = c"dispatch_args";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
@@ -3925,7 +3925,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_downsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_downsweep";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -3986,7 +3986,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_spine";
     const LABEL: &'static std::ffi::CStr = c"radix_spine";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -4049,7 +4049,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_upsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_upsweep";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -4118,7 +4118,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_apply";
     const LABEL: &'static std::ffi::CStr = c"scan_apply";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -4183,7 +4183,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_reduce";
     const LABEL: &'static std::ffi::CStr = c"scan_reduce";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
@@ -4240,7 +4240,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_spine";
     const LABEL: &'static std::ffi::CStr = c"scan_spine";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
@@ -4296,7 +4296,7 @@ pub type Stage = crate::gpu::Pipeline<Kernel>;
 impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "fma_rate";
     const LABEL: &'static std::ffi::CStr = c"fma_rate";
-    const SPIRV: &'static [u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"));
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
     const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Write];
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;

@@ -7,28 +7,40 @@ use std::{
 use serde::Serialize;
 
 use super::{
-    Outcome, SceneArgs,
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     output::{Inputs, OutputArgs},
     print, print_json,
-    progress::note,
+    progress::{Progress, note},
 };
 use crate::{
     Error, Result,
-    data::{SceneFile, SceneFormat, write_scene_file},
+    data::{Dataset, SceneFile, SceneFormat, read_scene, write_scene_file},
+    pipelines::{
+        layers::{Layer, Layers},
+        render::RenderOptions,
+        start::photos_of,
+    },
+    scene::Scene,
 };
 
 const EXAMPLES: &str = "\
 The ending of the output's name says what it becomes:
   .ply             everything, bit for bit
-  .splat           positions and sizes, colours and rotations as bytes; no view-dependent colour
+  .glb             glTF with KHR_gaussian_splatting: everything, as 32-bit floats; lobes in an extension of glint's
+  .compressed.ply  PlayCanvas: positions of 11, 10 and 11 bits within chunks of 256 Gaussians
+  .sog             PlayCanvas: positions of 16 bits, colours and sizes by codebooks, in lossless images
+  .spz             Niantic, version 4: positions of 24 bits, all else bytes or less
+  .splat           positions and sizes, colours and rotations as bytes; no colour that depends on the view
 
-Gaussians with lobes are an error where the output has no place for them; with --base-only they are left out, and what \
-other viewers show of an augmented PLY is written. All commands that take a scene read these files too.
+Only .ply and .glb have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
+out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
+SPZ since version 1, SOG also as a folder, and .gltf.
 
 Examples:
-  glint convert base.ply base.splat
-  glint convert augmented.ply base.splat --base-only
-  glint convert download.splat scene.ply --lenient";
+  glint convert base.ply base.spz
+  glint convert augmented.ply base.sog --base-only
+  glint convert download.splat scene.ply --lenient
+  glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
 
 /// Write a scene as a file of another kind
 #[derive(Debug, clap::Args)]
@@ -45,9 +57,21 @@ pub(super) struct Args {
     lenient: SceneArgs,
     #[command(flatten)]
     replace: OutputArgs,
-    /// Print JSON
+    /// Render the views of a dataset before and after, and print the mean PSNR of the one to the other
+    #[arg(long, value_name = "DATASET")]
+    compare: Option<PathBuf>,
+    /// Photos whose cameras are used to compare
+    #[arg(long, value_enum, default_value_t = SplitArg::Test)]
+    split: SplitArg,
+    /// Print JSON; "psnr" is null where there is no difference
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 #[derive(Serialize)]
@@ -58,6 +82,9 @@ struct Report {
     /// Bytes of the input; of a folder, of all files in it.
     input_bytes: u64,
     output_bytes: u64,
+    /// dB, of renders of the output to renders of the input; only where asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    psnr: Option<f64>,
 }
 
 impl Args {
@@ -65,7 +92,12 @@ impl Args {
         let (input, output) = (&self.input, &self.output);
         let format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         let ending = output.extension().unwrap_or_default().to_string_lossy();
-        self.replace.check_file(output, &ending, "a scene", &Inputs::default().scene(input))?;
+        let dataset = self.compare.as_ref().map(|path| self.photos.open(path)).transpose()?;
+        let mut inputs = Inputs::default().scene(input);
+        if let Some(dataset) = &dataset {
+            inputs = inputs.dataset(dataset);
+        }
+        self.replace.check_file(output, &ending, "a scene", &inputs)?;
         let mut file = self.lenient.open_file(input)?;
         if self.base_only {
             file = file.into_base();
@@ -86,6 +118,7 @@ impl Args {
             sh_degree: degree.min(format.greatest_sh_degree()),
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
+            psnr: dataset.map(|dataset| self.compare(&file.scene, &dataset)).transpose()?,
         };
         match self.json {
             true => print_json(&report)?,
@@ -93,6 +126,34 @@ impl Args {
         }
         Ok(())
     }
+
+    /// Mean PSNR over the views.
+    fn compare(&self, before: &Scene, dataset: &Dataset) -> Outcome<f64> {
+        let after = read_scene(&self.output)?;
+        let photos = photos_of(dataset, self.split.split())?;
+        self.device.with(|context| {
+            let cameras = || photos.iter().map(|photo| &photo.camera);
+            let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            let mut before = Layers::new(context, before, cameras(), options())?;
+            let mut after = Layers::new(context, &after, cameras(), options())?;
+            let progress = Progress::new("comparing", "views", photos.len() as u64);
+            let mut sum = 0.0;
+            for camera in cameras() {
+                let color = |layers: &mut Layers| -> Result<Vec<f32>> {
+                    Ok(layers.render(Layer::Whole, camera, self.photos.background)?.color)
+                };
+                sum += psnr(&color(&mut before)?, &color(&mut after)?);
+                progress.advance();
+            }
+            Ok(sum / photos.len() as f64)
+        })
+    }
+}
+
+/// Of sRGB values, clamped to 0 to 1; infinite where there is no difference.
+fn psnr(a: &[f32], b: &[f32]) -> f64 {
+    let off = |(&a, &b): (&f32, &f32)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2);
+    -10.0 * (a.iter().zip(b).map(off).sum::<f64>() / a.len() as f64).log10()
 }
 
 impl Report {
@@ -103,7 +164,11 @@ impl Report {
         }
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
-        text + &format!(", SH degree {}, {now:.3} MB of {before:.3}\n", self.sh_degree)
+        let _ = write!(text, ", SH degree {}, {now:.3} MB of {before:.3}", self.sh_degree);
+        if let Some(psnr) = self.psnr {
+            let _ = write!(text, ", renders {psnr:.2} dB from those of the input");
+        }
+        text + "\n"
     }
 }
 

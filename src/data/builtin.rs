@@ -59,7 +59,9 @@ const SEED: u64 = 0x0067_6c69_6e74;
 pub struct BuiltinPhoto {
     /// File name without extension, `view_00` to `view_55` in grid order.
     pub name: String,
+    /// Pose and lens it was traced with; pixels as `rgb` has them.
     pub camera: Camera,
+    /// Of the held-out views; all others are for training.
     pub is_test: bool,
     /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
     pub rgb: Vec<u8>,
@@ -81,6 +83,7 @@ pub struct BuiltinScene {
 /// Which part of the light [`render_truth`] gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
+    /// All light, as a photograph shows it.
     All,
     /// What does not depend on the view: albedo times irradiance, and the background.
     Diffuse,
@@ -193,6 +196,7 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::srgb::srgb_from_linear;
 
     /// Real spherical harmonics up to degree 3 span the polynomials of degree 3 on the sphere, and so do these.
     fn cubics(v: DVec3) -> [f64; 16] {
@@ -229,8 +233,7 @@ mod tests {
     }
 
     fn srgb(v: DVec3) -> DVec3 {
-        let encode = |l: f64| if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-        DVec3::from_array(v.min(DVec3::ONE).to_array().map(encode))
+        DVec3::from_array(v.min(DVec3::ONE).to_array().map(srgb_from_linear))
     }
 
     /// What the scene is for: at surface points that test cameras see, harmonics of degree 3 fitted to all training views leave

@@ -12,15 +12,23 @@ pub enum FileKind {
     PlyScene,
     /// A point cloud, see [`super::read_points`].
     PlyPoints,
+    /// `cameras.bin` of a COLMAP model.
     ColmapCamerasBin,
+    /// `cameras.txt`.
     ColmapCamerasTxt,
+    /// `images.bin`.
     ColmapImagesBin,
+    /// `images.txt`.
     ColmapImagesTxt,
+    /// `points3D.bin`.
     ColmapPointsBin,
+    /// `points3D.txt`.
     ColmapPointsTxt,
+    /// `transforms.json` of NeRF Synthetic, instant-ngp or nerfstudio.
     TransformsJson,
     /// A photo.
     Image,
+    /// What an augmentation keeps: [`super::read_tensors`].
     Safetensors,
 }
 

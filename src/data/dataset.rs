@@ -19,6 +19,7 @@ const DECODING: u64 = 1 << 30;
 
 /// The folders beside a photo's own, by the same names, that hold its diffuse and its specular part where the truth is known.
 pub const DIFFUSE: &str = "diffuse";
+/// See [`DIFFUSE`].
 pub const SPECULAR: &str = "specular";
 
 /// How photos are found and prepared.
@@ -34,7 +35,9 @@ pub struct DatasetOptions {
     pub images: Option<PathBuf>,
     /// The folder of the COLMAP model, in the dataset or a path of its own; by default the first of the usual places.
     pub model: Option<PathBuf>,
+    /// Which photos are for testing, where the dataset does not say.
     pub holdout: Holdout,
+    /// What transparency means.
     pub alpha: Alpha,
 }
 
@@ -81,13 +84,16 @@ pub enum Alpha {
 /// What a photo is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
+    /// Photos that scenes learn from.
     Train,
+    /// Photos that they are measured on.
     Test,
 }
 
 /// Where a dataset comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DatasetKind {
+    /// A COLMAP model, binary or text.
     Colmap,
     /// NeRF Synthetic: transforms.json whose focal length is an angle, and cameras around the cube of those scenes.
     Blender,
@@ -100,6 +106,7 @@ pub enum DatasetKind {
 /// An image file and what its pixels go through.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageFile {
+    /// Where it was found.
     pub path: PathBuf,
     /// Width and height of the file.
     pub size: [u32; 2],
@@ -118,6 +125,7 @@ pub struct ImageFile {
 /// Where a photo's pixels are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PixelSource {
+    /// Decoded when it is asked for.
     File(Box<ImageFile>),
     /// Of the photo's camera's size.
     Memory(Arc<Image>),

@@ -5,13 +5,21 @@
 //! believed only as far as the file's own size allows.
 
 mod axes;
+mod gltf;
 mod inflate;
+mod order;
+mod packed_ply;
 mod quantise;
+mod sog;
 mod splat;
 mod spz;
+mod turn;
 
 use std::path::Path;
 
+pub(super) use gltf::{parse as parse_gltf, write as write_gltf};
+pub(super) use packed_ply::{is_packed, unpack, write as write_packed_ply};
+pub(super) use sog::{parse as parse_sog, write as write_sog};
 pub(super) use splat::{parse as parse_splat, write as write_splat};
 pub(super) use spz::{parse as parse_spz, write as write_spz};
 

@@ -31,8 +31,11 @@ const WHOLE: f32 = 0.999;
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
     pub rgb: Vec<u8>,
     /// By pixel, `false` where it says nothing of the scene and is left out of losses and metrics; all count where there is no
     /// mask.

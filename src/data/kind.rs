@@ -11,6 +11,7 @@ use crate::{Error, Result};
 /// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
+    /// A scene or a point cloud.
     Ply,
     /// Something in braces: a transforms.json, perhaps.
     Json,
@@ -28,10 +29,15 @@ pub enum Kind {
     Gzip,
     /// Binary, or in JSON if the name says so.
     Gltf,
+    /// Tensors, such as an augmentation keeps.
     Safetensors,
+    /// An image of floats.
     Exr,
+    /// A photo.
     Image,
+    /// No bytes.
     Empty,
+    /// None of these.
     Unknown,
 }
 

@@ -8,18 +8,23 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 /// How a lens maps rays to its image, before focal length and principal point. Nothing here depends on the image's size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distortion {
+    /// Radial and tangential polynomials: OpenCV's, COLMAP's, fisheyes.
     Polynomial(Polynomial),
     /// Devernay and Faugeras 2001: the distance from the middle is atan(2 r tan(ω/2)) / ω.
     Fov {
+        /// ω, radians.
         omega: f64,
     },
     /// Fitzgibbon 2001: r = r' / (1 + k r'²), r' being the distance in the image.
     Division {
+        /// Coefficient of r'², r' relative to the focal length.
         k: f64,
     },
     /// Khomutenko et al. 2016, the enhanced unified camera model.
     Unified {
+        /// Part of the distance from the centre of projection in the depth, 0 to 1.
         alpha: f64,
+        /// Weight of the distance across.
         beta: f64,
     },
     /// Longitude and latitude of the whole sphere, as shares of a turn and of half a turn.
@@ -33,6 +38,7 @@ pub struct Polynomial {
     pub fisheye: bool,
     /// The radius is multiplied by (1 + Σ radial[i] r²⁽ⁱ⁺¹⁾) / (1 + Σ divisor[i] r²⁽ⁱ⁺¹⁾).
     pub radial: [f64; 6],
+    /// See `radial`.
     pub divisor: [f64; 3],
     /// OpenCV's p1 and p2.
     pub tangential: [f64; 2],
@@ -202,11 +208,17 @@ impl Distortion {
 /// Size, focal lengths and principal point, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// Focal lengths, px.
     pub fx: f64,
+    /// Focal length, px.
     pub fy: f64,
+    /// Principal point, px from the upper left corner.
     pub cx: f64,
+    /// Principal point, px.
     pub cy: f64,
 }
 
@@ -215,6 +227,7 @@ pub struct Frame {
 pub struct Lens {
     /// Of the image file.
     pub file: Frame,
+    /// From a ray to its place in the file.
     pub distortion: Distortion,
     /// Of the picture, before it is reduced.
     pub view: Frame,

@@ -39,6 +39,7 @@ mod sector;
 #[cfg(feature = "train")]
 mod shot;
 mod sound;
+pub mod srgb;
 #[cfg(feature = "train")]
 pub mod tensors;
 #[cfg(feature = "train")]
@@ -70,7 +71,7 @@ pub use region::{Focus, NEAR};
 #[cfg(feature = "train")]
 pub use scene_file::write_scene_file;
 pub use scene_file::{
-    SceneFile, SceneFormat, is_scene_folder, read_scene, read_scene_file, read_scene_file_leniently,
+    SceneFile, SceneFormat, is_scene_folder, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
     read_scene_leniently,
 };
 pub use sound::Dropped;

@@ -22,7 +22,9 @@ use crate::{Error, Result};
 /// A sparse point cloud, scene units and 8-bit sRGB.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
+    /// Scene units.
     pub positions: Vec<[f32; 3]>,
+    /// 8-bit sRGB; as many as positions, grey where the file has none.
     pub colors: Vec<[u8; 3]>,
 }
 
@@ -225,6 +227,11 @@ impl LearnedColumns {
 pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
+    #[cfg(feature = "formats")]
+    if super::formats::is_packed(&ply) {
+        let base = super::formats::unpack(&ply, path)?;
+        return Ok(Scene { base, supplement: None }.into());
+    }
     if let Some(kind) = describe_non_splats(&ply) {
         return Err(fail(format!("is {kind}, not a 3DGS PLY")));
     }
@@ -266,7 +273,7 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
 fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
     let vertex = ply.element(BASE)?;
     if vertex.scalar("packed_position").is_some() {
-        return Some("a compressed PLY (as SuperSplat writes them; export it uncompressed)");
+        return Some("a compressed PLY, which this build of glint does not read");
     }
     let splat = |name: &&str| vertex.scalar(name).is_some();
     if FIXED[3..].iter().any(&splat) || !FIXED[..3].iter().all(splat) {

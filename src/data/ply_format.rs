@@ -50,7 +50,7 @@ impl Number {
         })
     }
 
-    fn bytes(self) -> usize {
+    pub(super) fn bytes(self) -> usize {
         match self {
             Number::I8 | Number::U8 => 1,
             Number::I16 | Number::U16 => 2,

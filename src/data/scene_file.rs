@@ -51,16 +51,28 @@ impl SceneFile {
 pub enum SceneFormat {
     /// All there is, bit for bit.
     Ply,
+    /// PlayCanvas's compressed PLY: all in few bits, between bounds of 256 Gaussians each.
+    PackedPly,
+    /// Binary glTF with `KHR_gaussian_splatting`: all there is, as float32.
+    Gltf,
     /// Niantic's: all in few bits, compressed; 8 for what is not a position.
     Spz,
+    /// PlayCanvas's: pixels of lossless images, numbers of codebooks.
+    Sog,
     /// `.splat`: the constant harmonic alone, bytes for all but positions and scales.
     Splat,
 }
 
 impl SceneFormat {
     /// All, with the endings of their names.
-    pub const ALL: [(&str, SceneFormat); 3] =
-        [("ply", SceneFormat::Ply), ("splat", SceneFormat::Splat), ("spz", SceneFormat::Spz)];
+    pub const ALL: [(&str, SceneFormat); 6] = [
+        ("ply", SceneFormat::Ply),
+        ("compressed.ply", SceneFormat::PackedPly),
+        ("glb", SceneFormat::Gltf),
+        ("sog", SceneFormat::Sog),
+        ("splat", SceneFormat::Splat),
+        ("spz", SceneFormat::Spz),
+    ];
 
     /// What `path` is called.
     pub fn of(path: &Path) -> Option<SceneFormat> {
@@ -71,7 +83,7 @@ impl SceneFormat {
 
     /// Whether a supplement can be kept.
     pub fn keeps_lobes(self) -> bool {
-        matches!(self, SceneFormat::Ply)
+        matches!(self, SceneFormat::Ply | SceneFormat::Gltf)
     }
 
     /// The greatest degree of harmonics that is kept.
@@ -113,6 +125,9 @@ fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()>
     let base = &file.scene.base;
     let bytes = match format {
         SceneFormat::Ply => return ply_write::write_scene(path, &file.scene),
+        SceneFormat::PackedPly => formats::write_packed_ply(base),
+        SceneFormat::Gltf => formats::write_gltf(file, path)?,
+        SceneFormat::Sog => formats::write_sog(base, file.antialiased, path)?,
         SceneFormat::Splat => formats::write_splat(base),
         SceneFormat::Spz => formats::write_spz(base, file.antialiased, path)?,
     };
@@ -175,17 +190,27 @@ fn named(what: String, element: bool) -> String {
     if element { what } else { what.replacen(&format!(" of element `{}`", ply::BASE), "", 1) }
 }
 
+/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of their own.
+pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let (file, element) = parse(bytes, path)?;
+    Ok(checked(file, element).map_err(|what| Error::input(path, what))?.scene)
+}
+
 /// The scene, whatever its numbers are, and whether its Gaussians are rows of PLY elements.
 fn open(path: &Path) -> Result<(SceneFile, bool)> {
     let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let kind = Kind::of(&bytes, path);
+    parse(&bytes, path)
+}
+
+fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
+    let kind = Kind::of(bytes, path);
     #[cfg(feature = "formats")]
-    if let Some(gaussians) = parse_other(kind, &bytes, path)? {
+    if let Some(gaussians) = parse_other(kind, bytes, path)? {
         return Ok((gaussians, false));
     }
     match kind {
-        Kind::Ply => Ok((ply::parse_rows(&bytes, path)?, true)),
+        Kind::Ply => Ok((ply::parse_rows(bytes, path)?, true)),
         kind => Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice()))),
     }
 }
@@ -197,6 +222,11 @@ fn parse_other(kind: Kind, bytes: &[u8], path: &Path) -> Result<Option<SceneFile
     let plain = |base| Scene { base, supplement: None }.into();
     Ok(Some(match kind {
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
+        Kind::Gltf => formats::parse_gltf(bytes, path.parent(), path)?,
+        Kind::Zip | Kind::Sog => {
+            let (base, antialiased) = formats::parse_sog(bytes, path.parent(), path)?;
+            SceneFile { antialiased, ..plain(base) }
+        }
         // Version 3 and before are gzip data.
         Kind::Spz | Kind::Gzip => {
             let (base, antialiased) = formats::parse_spz(bytes, path)?;

@@ -11,6 +11,7 @@ const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 pub struct Dropped {
     /// Base and supplementary Gaussians.
     pub base: usize,
+    /// See `base`.
     pub supplementary: usize,
     /// What is wrong with the first of them: element, row and property.
     pub first: Option<String>,

@@ -17,21 +17,27 @@ const ABOUT: &str = "glint";
 /// A tensor's values, row-major.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
+    /// `F32` of the file.
     F32(Vec<f32>),
+    /// `U32` of the file.
     U32(Vec<u32>),
 }
 
 /// A tensor that was read. The product of `shape` is the number of values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor {
+    /// Lengths of its dimensions; the last varies fastest.
     pub shape: Vec<usize>,
+    /// Row by row, as many as the product of the dimensions.
     pub values: Values,
 }
 
 /// Borrowed values of a tensor to write, row-major.
 #[derive(Debug, Clone, Copy)]
 pub enum ValuesRef<'a> {
+    /// `F32` of the file.
     F32(&'a [f32]),
+    /// `U32` of the file.
     U32(&'a [u32]),
 }
 

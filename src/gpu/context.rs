@@ -73,13 +73,17 @@ impl ContextOptions {
 /// The caller's device. glint destroys none of it and submits to `queue` only through [`Recorder::submit`];
 /// while glint uses the queue the caller must not (Vulkan's external synchronisation).
 pub struct BorrowedDevice {
+    /// Of the loader that `instance` was made with.
     pub entry: ash::Entry,
+    /// Of Vulkan 1.1 at least.
     pub instance: ash::Instance,
+    /// What `device` was made of.
     pub physical_device: vk::PhysicalDevice,
     /// Made with the extensions and features that [`Context::requirements`] names.
     pub device: ash::Device,
     /// Of `queue`; it must take compute.
     pub queue_family: u32,
+    /// Taken for [`Recorder::submit`] only.
     pub queue: vk::Queue,
     /// Which of the optional features it was made with, and with their extensions.
     pub optional: BTreeSet<Feature>,
@@ -93,9 +97,12 @@ pub struct BorrowedDevice {
     pub memory_budget: Option<u64>,
 }
 
-/// Calls what it is given, once, while nobody else uses the queue: an engine's own lock goes in here.
+/// Calls what it is given, once, while nobody else uses the queue.
+type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
+
+/// An engine's own lock of a queue that it shares with glint.
 #[derive(Clone)]
-pub struct QueueLock(pub Arc<dyn Fn(&mut dyn FnMut()) + Send + Sync>);
+pub struct QueueLock(pub Arc<WithQueue>);
 
 /// What a borrowed device must have been made with, and what it may have been.
 #[derive(Debug, Clone)]

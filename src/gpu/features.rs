@@ -8,6 +8,7 @@ use ash::{ext, khr, vk};
 /// A device feature, named as Vulkan names it. glsl/generate.rs finds which a kernel needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "train", derive(serde::Serialize), serde(rename_all = "camelCase"))]
+#[allow(missing_docs, reason = "named as the Vulkan specification names them")]
 pub enum Feature {
     ScalarBlockLayout,
     HostQueryReset,
@@ -26,6 +27,7 @@ pub enum Feature {
 }
 
 impl Feature {
+    /// Every feature that glint knows of, required or not.
     pub const ALL: [Self; 14] = [
         Self::ScalarBlockLayout,
         Self::HostQueryReset,

@@ -60,7 +60,9 @@ pub struct BufferRange {
 /// Where a caller's pixels lie, in a buffer with rows that follow each other.
 #[derive(Debug, Clone, Copy)]
 pub enum Pixels {
+    /// As many texels as the view has pixels, from the region's corner on.
     Image(ImageRegion),
+    /// One row after the other.
     Buffer(BufferRange),
 }
 

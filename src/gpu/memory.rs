@@ -77,6 +77,12 @@ fn host_memory() -> Option<u64> {
     kib.parse::<u64>().ok()?.checked_mul(1024)
 }
 
+/// What a context that has `used` bytes may have in all, at most `most`, where the driver gives the process `heap_budget` and it has
+/// `heap_usage` already, with what is not glint's.
+fn budget(most: u64, used: u64, heap_budget: u64, heap_usage: u64) -> u64 {
+    most.min(used.saturating_add(heap_budget.saturating_sub(heap_usage)))
+}
+
 impl Context {
     /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
     /// has `VK_EXT_memory_budget`.
@@ -90,8 +96,7 @@ impl Context {
         let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut heaps);
         // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
         unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
-        let free = heaps.heap_budget[heap].saturating_sub(heaps.heap_usage[heap]);
-        Memory { budget: most.min(used + free), used }
+        Memory { budget: budget(most, used, heaps.heap_budget[heap], heaps.heap_usage[heap]), used }
     }
 }
 
@@ -380,5 +385,20 @@ impl Drop for RawBuffer {
         {
             let _ = allocator.free(allocation);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No CPU device here has `VK_EXT_memory_budget`.
+    #[test]
+    fn others_memory_is_left_to_them() {
+        // Alone: 10 of 10; others have 3; with 4 of our own in what the process has.
+        assert_eq!([budget(10, 0, 10, 0), budget(10, 0, 7, 0), budget(10, 4, 7, 4)], [10, 7, 7]);
+        // The caller's own 2 count too, and what others took meanwhile leaves nothing more than there is.
+        assert_eq!([budget(10, 4, 7, 6), budget(10, 4, 3, 6)], [5, 4]);
+        assert_eq!((budget(5, 4, 10, 4), budget(u64::MAX, 4, u64::MAX, 0)), (5, u64::MAX));
     }
 }

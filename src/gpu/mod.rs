@@ -24,7 +24,7 @@ pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
-pub use pipeline::{Access, Kernel, KernelInfo, Pipeline};
+pub use pipeline::{Access, Kernel, KernelInfo, Pipeline, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 
@@ -32,33 +32,45 @@ use ash::vk;
 
 /// What the device, the driver or its memory could not do.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "fields are what the messages say of them")]
 pub enum GpuError {
+    /// The library that finds drivers is not installed.
     #[error("no Vulkan loader: {0} (on Debian and Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)")]
     NoLoader(String),
+    /// None at all, or none of the name that was asked for: which there are.
     #[error("no usable Vulkan device{0}")]
     NoDevice(String),
+    /// See [`Context::requirements`]; or what one kernel needs besides.
     #[error("device {device} lacks {feature}")]
     Missing { device: String, feature: String },
+    /// A kernel could not be given all of it.
     #[error(
         "buffer {name} needs {bytes} bytes, more than the {limit} that the device binds at once: \
          use fewer Gaussians or smaller images"
     )]
     BufferTooLarge { name: String, bytes: u64, limit: u64 },
+    /// A limit of the device's is below what a kernel takes.
     #[error("device {device} allows {has} {what}, {needs} are needed")]
     Limit { device: String, what: String, needs: u64, has: u64 },
+    /// Constants that a kernel cannot be made with, or a module that cannot be read.
     #[error("{kernel}: {what}")]
     Kernel { kernel: &'static str, what: String },
+    /// A twin could not stand in for its kernel.
     #[error("the twin of {stage}: {what}")]
     Twin { stage: &'static str, what: String },
+    /// Of a recorder that was borrowed.
     #[error("a command buffer of the caller's is submitted by the caller")]
     NotOurs,
+    /// The driver was not asked: it might have moved memory to the host instead of refusing.
     #[error(
         "buffer {name} needs {bytes} bytes, more than the device's memory has left ({used} of {budget} are in use): use \
          fewer Gaussians or smaller images"
     )]
     OverBudget { name: String, bytes: u64, used: u64, budget: u64 },
+    /// The driver refused.
     #[error("out of device memory for buffer {name} ({bytes} bytes): {source}")]
     Allocation { name: String, bytes: u64, source: gpu_allocator::AllocationError },
+    /// Anything else that a call of Vulkan's gave.
     #[error("{call}: {result}")]
     Vulkan { call: &'static str, result: vk::Result },
 }

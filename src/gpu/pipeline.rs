@@ -18,8 +18,11 @@ use super::{
 /// What a kernel does to a binding; the recorder makes its barriers from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
+    /// Loads only.
     Read,
+    /// Stores only; what was there may stay in parts.
     Write,
+    /// Both, atomics among them.
     ReadWrite,
 }
 
@@ -35,6 +38,7 @@ pub trait Kernel {
     const NAME: &'static str;
     /// The same for debuggers.
     const LABEL: &'static CStr;
+    /// The module as it was compiled: little-endian words, SPIR-V 1.5.
     const SPIRV: &'static [u8];
     /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
     #[cfg(feature = "software-subgroups")]
@@ -45,9 +49,13 @@ pub trait Kernel {
     const SUBGROUPS: bool;
     /// The threads of a workgroup meet at barriers, where all of its subgroups come.
     const BARRIERS: bool;
+    /// What its SPIR-V needs of the device.
     const FEATURES: &'static [Feature];
+    /// Its push constants, in scalar layout; at most 128 bytes.
     type Push: Pod;
+    /// Its specialisation constants.
     type Spec;
+    /// A buffer, or an [`Unused`](super::Unused), for each binding.
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
@@ -55,22 +63,36 @@ pub trait Kernel {
     fn raw_buffers<R>(buffers: &Self::Buffers<'_>, with: impl FnOnce(&[&Arc<RawBuffer>]) -> R) -> R;
 }
 
+/// Bytes of a module, where words can be read.
+#[repr(align(4))]
+pub struct Words<const N: usize>(pub [u8; N]);
+
 /// A kernel's constants, where its types do not matter.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelInfo {
+    /// [`Kernel::NAME`].
     pub name: &'static str,
+    /// [`Kernel::LABEL`].
+    pub label: &'static CStr,
+    /// [`Kernel::SPIRV`].
     pub spirv: &'static [u8],
+    /// [`Kernel::SOFTWARE_SPIRV`].
     #[cfg(feature = "software-subgroups")]
     pub software_spirv: &'static [u8],
+    /// [`Kernel::SUBGROUPS`].
     pub subgroups: bool,
+    /// [`Kernel::BARRIERS`].
     pub barriers: bool,
+    /// [`Kernel::FEATURES`].
     pub features: &'static [Feature],
 }
 
 impl KernelInfo {
+    /// Of one kernel.
     pub const fn of<K: Kernel>() -> Self {
         KernelInfo {
             name: K::NAME,
+            label: K::LABEL,
             spirv: K::SPIRV,
             #[cfg(feature = "software-subgroups")]
             software_spirv: K::SOFTWARE_SPIRV,
@@ -250,5 +272,34 @@ impl Drop for RawPipeline {
             device.destroy_pipeline_layout(self.layout, None);
             device.destroy_descriptor_set_layout(self.set_layout, None);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{gpu::ContextOptions, stages::radix_upsweep};
+
+    /// Where a device offers several sizes, kernels must be told which one they have, and that no lane is missing. No CPU device offers
+    /// several; that the demand is made shows in what the validation layers say of one that no device could meet.
+    #[test]
+    fn a_pipeline_demands_full_subgroups_of_the_contexts_size() {
+        let env = ContextOptions::from_env();
+        if !env.validation {
+            return println!("needs the validation layers, as tools/test has them");
+        }
+        // Software subgroups make no demand.
+        let options = ContextOptions { validation: true, device: env.device, ..Default::default() };
+        let mut context = Context::new(&options).unwrap();
+        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false };
+        radix_upsweep::Stage::new(&context, &spec).unwrap();
+        assert_eq!(context.validation_messages(), [""; 0]);
+        let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
+        (subgroups.lanes, subgroups.require) = (256, true);
+        // Whatever the driver makes of it.
+        let _ = radix_upsweep::Stage::new(&context, &spec);
+        let said = context.validation_messages().concat();
+        // Above the largest size; and no whole number of subgroups, which counts where they must be full.
+        assert!(said.contains("requiredSubgroupSize-02762") && said.contains("StageCreateInfo-pNext-02757"), "{said}");
     }
 }

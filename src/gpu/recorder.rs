@@ -44,7 +44,9 @@ pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
 /// One stage's time on the device.
 #[derive(Debug, Clone, Copy)]
 pub struct StageTime {
+    /// The kernel's; `fill` and `copy` of the two commands that are none.
     pub name: &'static str,
+    /// Between the timestamps before and after it, its barrier included.
     pub time: Duration,
 }
 

@@ -8,6 +8,7 @@ const HEADER: usize = 5;
 const MAGIC: u32 = 0x0723_0203;
 
 /// Opcodes, as far as they are asked for here and in glsl/generate.rs.
+#[allow(missing_docs, reason = "named as the SPIR-V specification names them")]
 pub mod op {
     pub const NAME: u32 = 5;
     pub const EXTENSION: u32 = 10;
@@ -78,9 +79,13 @@ pub fn opcode(instruction: &[u32]) -> u32 {
 /// An execution mode, with what it needs to be declared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mode {
+    /// Its number in the SPIR-V specification.
     pub mode: u32,
+    /// Literals behind the mode.
     pub operands: &'static [u32],
+    /// Number of the capability that declares it.
     pub capability: Option<u32>,
+    /// Name of the extension that brings it.
     pub extension: Option<&'static str>,
 }
 

@@ -18,6 +18,7 @@ pub struct Twin {
 /// How many workgroups a dispatch has, and of how many threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Workgroups {
+    /// In each dimension; kernels fold them into one number.
     pub count: [u32; 3],
     /// Threads of each.
     pub size: u32,
@@ -44,9 +45,11 @@ impl Workgroups {
 
 /// What a kernel would have been given. Each kernel's generated `Host` has it with types.
 pub struct TwinCall {
+    /// How many, and how large they are.
     pub workgroups: Workgroups,
     /// Ids and values, as the pipeline was made with.
     pub spec: Vec<(u32, u32)>,
+    /// Push constants, in scalar layout.
     pub push: Vec<u8>,
     /// One for each binding, even where the same buffer is bound twice.
     pub bindings: Vec<HostBuffer>,
@@ -67,10 +70,12 @@ pub struct HostBuffer {
 }
 
 impl HostBuffer {
+    /// A copy of a buffer's contents.
     pub fn new(bytes: &[u8]) -> Self {
         HostBuffer { words: bytemuck::pod_collect_to_vec(bytes), bytes: bytes.len() }
     }
 
+    /// What the twin left.
     pub fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.bytes]
     }

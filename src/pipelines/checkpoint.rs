@@ -28,7 +28,9 @@ pub struct Checkpoint {
 /// What there is at a checkpoint's path.
 #[derive(Debug)]
 pub enum Found {
+    /// No file: the run begins.
     Nothing,
+    /// Of this run, and whole.
     Sound(Checkpoint),
     /// Of other settings; the first that differs.
     Foreign(String),

@@ -84,6 +84,7 @@ pub const NOISE: f32 = 5e5;
 pub const MEAN_WEIGHT: f32 = 0.01;
 /// MCMC: first opacity, and first scale relative to that of 3DGS.
 pub const FIRST_OPACITY: f32 = 0.5;
+/// See [`FIRST_OPACITY`].
 pub const FIRST_SCALE: f32 = 0.1;
 /// MCMC and the budget: rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;

@@ -36,15 +36,20 @@ pub enum Method {
     Augs,
 }
 
+/// How a base is augmented. [`EnhanceOptions::paper`] has the paper's numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct EnhanceOptions {
+    /// How supplementary Gaussians are found.
     pub method: Method,
     /// Of [`Method::Pursuit`].
     pub pursuit: PursuitOptions,
     /// Supplementary Gaussians for each Gaussian of the base, at most.
     pub ratio: f64,
+    /// Of [`Method::Augs`]: rounds and steps of the screen phase.
     pub schedule: Schedule,
+    /// Of [`Method::Augs`]: inverse splatting.
     pub lift: LiftOptions,
+    /// The joint phase.
     pub join: JoinOptions,
     /// ⚖ Transmittance at which a pixel has its depth: 0.5, the release 0.7.
     pub median_threshold: f32,
@@ -82,8 +87,9 @@ impl EnhanceOptions {
     }
 }
 
-/// What is about to be done, or was.
+/// What is about to be done, or was. `batch` counts from 0, `views` are indices of the training views.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs, reason = "fields of the variants")]
 pub enum Event {
     /// The base was rendered in every view; how many 2D Gaussians each may have is known.
     Base,
@@ -102,14 +108,19 @@ pub enum Event {
 /// Wall-clock time of each phase.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Times {
+    /// Rendering the base, and its losses.
     pub base: Duration,
     /// Of [`Method::Pursuit`].
     pub place: Duration,
+    /// The screen phase.
     pub screen: Duration,
+    /// Inverse splatting.
     pub lift: Duration,
+    /// The joint phase.
     pub join: Duration,
 }
 
+/// What an augmentation made.
 #[derive(Debug)]
 pub struct Enhanced {
     /// Base and supplement as they learned together, and after the base what was added to it without lobes.
@@ -122,11 +133,13 @@ pub struct Enhanced {
     pub budgets: Vec<u32>,
     /// 2D Gaussians left after the screen phase, and those of them that were lifted.
     pub refined: u32,
+    /// See `refined`.
     pub lifted: u32,
     /// Supplementary Gaussians that had become so transparent in every view that they were taken away.
     pub faded: u32,
     /// Views whose lifts came from an earlier run.
     pub resumed: usize,
+    /// On the wall, by phase.
     pub times: Times,
     /// What [`Method::Pursuit`] placed, each time.
     pub placed: Vec<Placed>,

@@ -68,6 +68,7 @@ const INTERSECTION_BYTES: u64 = 20;
 pub struct Limits {
     /// Pixels of the largest view.
     pub width: u32,
+    /// Pixels of the largest view.
     pub height: u32,
     /// Gaussians of all instances of a frame together: the sum of their models' [`Model::capacity`].
     pub gaussians: u32,
@@ -77,6 +78,7 @@ pub struct Limits {
     pub views: u32,
     /// Slots.
     pub in_flight: u32,
+    /// Beyond them a view shows what is near only.
     pub intersections: Room,
     /// The widest texels of any target.
     pub texel: Texel,
@@ -90,6 +92,7 @@ pub struct Limits {
     pub depth_in: bool,
     /// Depths and numbers of Gaussians will be asked for.
     pub depth_out: bool,
+    /// Which variants of the stages run; sums of gradients are none of a frame's affair.
     pub policy: Policy,
 }
 
@@ -221,9 +224,13 @@ pub enum Blend {
 /// The colours of a view.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
+    /// Where they go.
     pub pixels: Pixels,
+    /// Of the image, or of the buffer.
     pub texel: Texel,
+    /// What its numbers are.
     pub light: Light,
+    /// What becomes of that which lies behind.
     pub blend: Blend,
     /// Factor of the Gaussians' linear light; 1 leaves them as they are.
     pub exposure: f32,
@@ -240,6 +247,7 @@ impl Target {
 /// reversed or not, with a far plane or without.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthForm {
+    /// The depth at infinity.
     pub a: f64,
     /// Scene units.
     pub b: f64,
@@ -270,6 +278,7 @@ pub struct FrameView {
     pub near: f64,
     /// Of `depth_in` and `depth_out`.
     pub depth_form: DepthForm,
+    /// Where colours go, if they are wanted.
     pub color: Option<Target>,
     /// Float32 depths of what is there already: what lies behind is hidden.
     pub depth_in: Option<Pixels>,
@@ -344,6 +353,7 @@ pub struct Transform {
     pub rotation: DQuat,
     /// Of all axes alike.
     pub scale: f64,
+    /// Where the model's origin goes, scene units of the world.
     pub translation: DVec3,
 }
 
@@ -355,7 +365,9 @@ impl Transform {
 /// A model in a frame.
 #[derive(Clone, Copy)]
 pub struct Instance<'a> {
+    /// Any number of instances may be of one model.
     pub model: &'a Model,
+    /// Where it stands.
     pub transform: Transform,
     /// The last segment that is shown.
     pub upto: Segment,
@@ -388,6 +400,7 @@ pub struct Report {
     pub needed: Option<u32>,
     /// Gaussians that the last view saw, and their intersections with its tiles.
     pub visible: u32,
+    /// Of those that found room.
     pub intersections: u32,
 }
 

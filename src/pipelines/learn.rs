@@ -57,6 +57,7 @@ impl Rates {
 /// What the Gaussians of a segment learn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lesson {
+    /// Whose Gaussians learn.
     pub segment: Segment,
     /// All but the opacity is frozen.
     pub opacity_only: bool,
@@ -70,8 +71,11 @@ pub struct Lesson {
 
 /// Planes beside a segment's own: two moments for each plane that learns, or the gradients.
 pub struct Beside {
+    /// Beside the planes of [`layout`](crate::scene::layout)'s geometry.
     pub geometry: Planes,
+    /// Beside those of harmonics, as far as the scene's degree goes.
     pub sh: Planes,
+    /// Beside those of lobes; none of a base.
     pub lobes: Planes,
 }
 
@@ -120,7 +124,9 @@ pub struct Learner {
 /// One view of a step.
 #[derive(Clone, Copy)]
 pub struct Seen<'a> {
+    /// Whose parameters the gradients are of.
     pub model: &'a Model,
+    /// The cameras, of which `view` is one.
     pub views: &'a Views,
     /// Index in `views`.
     pub view: u32,

@@ -47,15 +47,18 @@ pub struct Lifted {
 /// Sizes of [`LiftBuffers`].
 #[derive(Debug, Clone, Copy)]
 pub struct LiftSizes {
+    /// 2D Gaussians of a batch, empty places among them.
     pub places: u32,
     /// Those of the batch first.
     pub views: u32,
+    /// Training views, among which the nearest is looked for.
     pub train_views: u32,
 }
 
 buffers! {
     /// By set of points, which is by place of a 2D Gaussian.
     pub struct LiftBuffers(o: LiftSizes) {
+        /// Cameras of the batch, then those of training; `pixel_first` counts within [`Flat::depths`].
         pub views: View = o.views,
         /// Indices of the training views.
         pub train_views: u32 = o.train_views,
@@ -63,7 +66,9 @@ buffers! {
         pub counts: u32 = 3,
         args: u32 = 3,
         block_sums: u32 = block_sums_len(o.places),
+        /// Pixels that are covered and have a depth.
         pub point_counts: u32 = o.places,
+        /// Where the points of a set begin in [`PointBuffers`].
         pub point_firsts: u32 = o.places,
         /// Index within the set of the point of greatest weight.
         pub heaviest: u32 = o.places,
@@ -73,7 +78,9 @@ buffers! {
         pub prime_labels: u32 = o.places,
         /// Points of the prime group; 0: no lift (fewer than 3 points, τ0 not in (0, 1e18], or failure to the last).
         pub cluster_sizes: u32 = o.places,
+        /// What became of it; `cluster_size` 0: nothing.
         pub lifts: Lift = o.places,
+        /// 1 where there is a lift, else 0.
         pub lift_flags: u32 = o.places,
         lift_ranks: u32 = o.places,
         /// Dispatches of two stages for every round of clustering.
@@ -86,6 +93,7 @@ buffers! {
     pub struct PointBuffers(points: u32) {
         /// x, y, z in the camera's frame, and the weight.
         pub points: [f32; 4] = *points,
+        /// Place of the 2D Gaussian that a point belongs to.
         pub point_sets: u32 = *points,
         /// Before clustering a point's own index within its set, after it that of the first point of its component.
         pub labels: u32 = *points,
@@ -103,10 +111,13 @@ const LIFTS: u32 = 2;
 pub struct Flat<'a> {
     /// Planes of `glsl/shared/screen.glsl` × `stride`.
     pub screen_planes: &'a Buffer<f32>,
+    /// Places of a plane.
     pub stride: u32,
     /// The view of each, counted in [`LiftBuffers::views`].
     pub screen_frames: &'a Buffer<u32>,
+    /// Median depth of each pixel of the batch, camera z; 0: none.
     pub depths: &'a Buffer<f32>,
+    /// 2D Gaussians, empty places among them.
     pub count: u32,
 }
 
@@ -120,6 +131,7 @@ pub struct Append {
 /// Lifts, those that are to be appended flagged.
 #[derive(Clone, Copy)]
 pub struct Lifts<'a> {
+    /// In the order of places; `cluster_size` 0: nothing to append.
     pub lifts: &'a Buffer<Lift>,
     /// 1: to be appended, else 0.
     pub flags: &'a Buffer<u32>,
@@ -131,6 +143,7 @@ pub struct Lifts<'a> {
     pub extent: Extent<'a>,
     /// Where in `extent.count` the number of appended ones goes.
     pub total_index: u32,
+    /// Lifts to look at.
     pub count: u32,
 }
 

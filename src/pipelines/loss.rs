@@ -14,6 +14,7 @@ use crate::{
 /// Which tiles a loss is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tiles {
+    /// Every tile of every frame of the batch.
     All,
     /// All, and the loss of each pixel.
     Map,
@@ -32,18 +33,24 @@ pub struct LossOptions {
     pub losses: u32,
     /// With [`Tiles::Listed`].
     pub listed: bool,
+    /// The gradient will be asked for.
     pub backward: bool,
 }
 
 /// The frames of a batch, what they show and what they should.
 #[derive(Clone, Copy)]
 pub struct Batch<'a> {
+    /// Where the pixels of frames lie.
     pub frames: &'a Buffer<Frame>,
+    /// Index in `frames` of the first.
     pub frame_first: u32,
+    /// Frames, one after the other.
     pub frame_count: u32,
     /// The most of any frame, see [`tiles_per_frame`](crate::stages::ssim::tiles_per_frame).
     pub tiles_per_frame: u32,
+    /// What was rendered: sRGB and transmittance of each pixel.
     pub image: &'a Buffer<[f32; 4]>,
+    /// Photographs: packed 8-bit RGBA of each pixel, alpha 0 where it does not count.
     pub targets: &'a Buffer<u32>,
 }
 
@@ -58,11 +65,15 @@ buffers! {
 buffers! {
     /// Tiles of the loss that matter: a list for its forward pass and one for its gradient.
     pub struct TileLists(tiles: u32) {
+        /// Whether a tile is in the list already, for both lists.
         pub tile_marks: u32 = 2 * *tiles,
-        /// Tiles of each list, and the dispatches of that many workgroups.
+        /// Tiles of each list.
         pub count: u32 = 2,
+        /// The dispatches of that many workgroups.
         pub args: u32 = 6,
+        /// Tiles whose loss is made, in any order.
         pub forward_tiles: u32 = *tiles,
+        /// Tiles whose gradient is made, in any order.
         pub backward_tiles: u32 = *tiles,
     }
 }

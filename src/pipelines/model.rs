@@ -23,12 +23,14 @@ use crate::{
 /// The two parts of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Segment {
+    /// The Gaussians that every viewer shows.
     Base = population::BASE as isize,
     /// Gaussians with lobes.
     Supplement = population::SUPPLEMENT as isize,
 }
 
 impl Segment {
+    /// In the order of the Gaussian index.
     pub const ALL: [Segment; population::SEGMENTS as usize] = [Segment::Base, Segment::Supplement];
 
     /// As kernels are given it.
@@ -153,6 +155,7 @@ impl Part {
 pub struct Room {
     /// Gaussians.
     pub base: u32,
+    /// Gaussians with lobes.
     pub supplement: u32,
     /// Gaussians of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
@@ -578,6 +581,7 @@ pub struct Sources<'a> {
     pub sources: &'a Buffer<u32>,
     /// Word `index` of `count` is the segment's new count.
     pub count: &'a Buffer<u32>,
+    /// See `count`.
     pub index: u32,
 }
 

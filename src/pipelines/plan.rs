@@ -5,8 +5,11 @@ use std::fmt;
 /// One buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Planned {
+    /// The buffer's debug name.
     pub name: &'static str,
+    /// How many there are.
     pub elements: u64,
+    /// Bytes of each.
     pub element_bytes: u64,
 }
 
@@ -24,6 +27,7 @@ pub struct Plan(pub Vec<Planned>);
 
 /// Bytes of device memory.
 impl Plan {
+    /// Of all its buffers.
     pub fn bytes(&self) -> u64 {
         self.0.iter().map(Planned::bytes).sum()
     }

@@ -36,20 +36,26 @@ pub enum Kinds {
     /// With a lobe or plain, whichever gains more.
     #[default]
     Both,
+    /// Supplementary Gaussians only.
     Lobes,
+    /// Gaussians of the base only.
     Plain,
 }
 
+/// How candidates are drawn, fitted and chosen (method, section 7).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PursuitOptions {
     /// Candidates that are drawn for each Gaussian that may be placed.
     pub draws: u32,
     /// Sizes that are tried: `first_size` times powers of `size_ratio`, px of the view that a candidate was drawn in.
     pub sizes: u32,
+    /// See `sizes`.
     pub first_size: f32,
+    /// See `sizes`.
     pub size_ratio: f32,
     /// Rounds of choosing, each of which takes all candidates that no overlapping one beats.
     pub rounds: u32,
+    /// Which Gaussians may be placed.
     pub kinds: Kinds,
     /// Placements in all: the first before the joint phase, the others in its first half, each of what is lacking by then.
     pub placements: u32,
@@ -87,7 +93,9 @@ impl Default for PursuitOptions {
 pub struct Placed {
     /// In the order of falling gain; `lobe_width` 0: plain, in the base; `cluster_size` 0: none.
     pub lifts: Vec<Lift>,
+    /// Of these, those that have a lobe.
     pub lobes: u32,
+    /// Of these, those for the base.
     pub plain: u32,
     /// By rank: fall of the squared error, summed over pixels and channels of all views, that each was expected to bring.
     pub gains: Vec<f32>,
@@ -175,7 +183,9 @@ enum Job {
 /// How far a placement is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
+    /// Views looked at, chunks scored and rounds chosen so far.
     pub step: u32,
+    /// Of all.
     pub steps: u32,
 }
 

@@ -46,7 +46,9 @@ impl Reduction {
 /// How a subgroup covers a tile; see `glsl/shared/tile.glsl` for what must hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileShape {
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// Pixels of a lane.
     pub pixels: u32,
@@ -86,8 +88,11 @@ impl std::fmt::Display for TileShape {
 pub struct Grid {
     /// Index of the first frame in `frames`.
     pub frame_first: u32,
+    /// Frames, one after the other.
     pub frame_count: u32,
+    /// Tiles across the largest frame.
     pub tiles_x: u32,
+    /// Tiles down the largest frame.
     pub tiles_y: u32,
 }
 
@@ -129,6 +134,7 @@ pub struct RasterOptions {
     pub occluded: bool,
     /// Gradients will be asked for.
     pub backward: bool,
+    /// Which variants run; of it, the reduction and the tile.
     pub policy: Policy,
 }
 
@@ -168,16 +174,23 @@ const DEPTH_BITS: u32 = 32;
 buffers! {
     /// What is by splat, by pixel and by tile.
     pub struct RasterBuffers(o: RasterOptions) {
+        /// By Gaussian index, where `tile_counts` is not 0.
         pub splats: Splat = o.splats,
+        /// sRGB, ≥ 0.
         pub splat_colours: [f32; 3] = o.splats,
+        /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view.
         pub depth_keys: u32 = o.splats,
+        /// Tiles that a splat touches.
         pub tile_counts: u32 = o.splats,
         /// By Gaussian index: where its intersection slots begin. Valid where `tile_counts` is not 0.
         pub first_slot: u32 = o.splats,
         /// RGB with the background, and transmittance.
         pub image: [f32; 4] = o.pixels,
+        /// ∂loss/∂RGB by pixel, interleaved.
         pub image_grad: f32 = 3 * o.only_if(o.backward, o.pixels),
+        /// RGB and transmittance of what lies behind all splats.
         pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
+        /// Gaussian index of each pixel's median; NONE: none.
         pub median_ids: u32 = o.only_if(o.median, o.pixels),
         /// By pixel, as a depth buffer has them.
         pub scene_depths: f32 = o.only_if(o.occluded, o.pixels),
@@ -210,8 +223,11 @@ buffers! {
 buffers! {
     /// Gradient records, by intersection slot.
     pub struct Records(o: RasterOptions) {
+        /// Σ g w_u, Σ g w_v, Σ ∂loss/∂opacity.
         pub record_centres: [f32; 3] = o.records(false),
+        /// Σ g w_u², Σ g w_u w_v, Σ g w_v².
         pub record_shapes: [f32; 3] = o.records(false),
+        /// ∂loss/∂rgb.
         pub record_colours: [f32; 3] = o.records(false),
     }
 }
@@ -276,9 +292,13 @@ impl Backward {
 /// How many splats there are: word `index` of `count` on the device, and the dispatch over their blocks.
 #[derive(Clone, Copy)]
 pub struct SplatCount<'a> {
+    /// Word `index` is how many splats there are.
     pub count: &'a Buffer<u32>,
+    /// See `count`.
     pub index: u32,
+    /// Dispatch `dispatch` has a thread for each splat.
     pub args: &'a Buffer<u32>,
+    /// See `args`.
     pub dispatch: u32,
 }
 
@@ -286,7 +306,9 @@ pub struct SplatCount<'a> {
 pub struct Raster {
     context: Context,
     options: RasterOptions,
+    /// What a subgroup covers.
     pub tile: TileShape,
+    /// By Gaussian, by tile and by pixel; what is by intersection is apart and can grow.
     pub buffers: RasterBuffers,
     isects: Isects,
     /// Where gradients are asked for; by Gaussian where [`Raster::by_gaussian`].

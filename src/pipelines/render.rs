@@ -237,6 +237,7 @@ impl ModelStages {
 
 /// Pipelines and working buffers for scenes of up to a number of Gaussians in a set of views.
 pub struct Renderer {
+    /// Order and blend, shared with the screen phase.
     pub raster: Raster,
     options: RenderOptions,
     stages: ModelStages,
@@ -250,6 +251,7 @@ pub struct Renderer {
 pub struct Rendered {
     /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// RGB interleaved, not clamped above.
     pub color: Vec<f32>,

@@ -66,11 +66,13 @@ pub struct Progress {
     pub round: u32,
     /// Steps done in this round, of how many.
     pub step: u32,
+    /// See `step`.
     pub steps: u32,
     /// All rounds are done; these are the final steps.
     pub last: bool,
     /// 2D Gaussians of the batch after its last draw, of how many.
     pub count: u32,
+    /// See `count`.
     pub budget: u32,
     /// Mean of the views' losses at the last draw; views that wait count with their base render.
     pub loss: f64,
@@ -81,6 +83,7 @@ pub struct Progress {
 pub struct Refined {
     /// Losses of the base render, and with the 2D Gaussians.
     pub base_losses: Vec<f32>,
+    /// See `base_losses`.
     pub losses: Vec<f32>,
     /// 2D Gaussians that are left.
     pub counts: Vec<u32>,
@@ -97,7 +100,9 @@ pub struct ScreenGaussian {
     pub view: u32,
     /// Pixels.
     pub centre: [f32; 2],
+    /// sRGB, 0 to 1.
     pub colour: [f32; 3],
+    /// ln(o / (1 − o)), before compensation.
     pub opacity_logit: f32,
     /// Natural logarithms of the standard deviations along the axes, pixels.
     pub log_scale: [f32; 2],
@@ -244,6 +249,7 @@ enum Job {
 
 /// Refines batches of views; what is left of one stays on the device until the next is begun.
 pub struct Refiner {
+    /// The buffers and stages of one batch, used for one after the other.
     pub screen: Screen,
     batches: Vec<Range<usize>>,
     budgets: Vec<u32>,

@@ -7,6 +7,7 @@ use crate::gpu::Context;
 /// Which variant of the kernels runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Policy {
+    /// How gradient records are added up.
     pub reduction: Reduction,
     /// Mip-Splatting-style opacity compensation.
     pub compensate: bool,
@@ -24,6 +25,7 @@ impl Policy {
 /// A device and what all runs on it have in common. Cheap to clone.
 #[derive(Clone)]
 pub struct Session {
+    /// The device.
     pub context: Context,
     /// Which variants of the stages run.
     pub policy: Policy,

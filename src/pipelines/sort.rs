@@ -12,9 +12,13 @@ use crate::{
 /// `dispatch_args` made with [`items_per_group`](crate::stages::blocks::items_per_group).
 #[derive(Clone, Copy)]
 pub struct Extent<'a> {
+    /// Word `index` is how many items there are.
     pub count: &'a Buffer<u32>,
+    /// See `count`.
     pub index: u32,
+    /// Dispatch `dispatch` has a workgroup for each block of items.
     pub args: &'a Buffer<u32>,
+    /// See `args`.
     pub dispatch: u32,
 }
 
@@ -29,6 +33,7 @@ pub struct Scan {
 /// What a scan reads and writes.
 #[derive(Clone, Copy)]
 pub struct ScanBuffers<'a> {
+    /// What is added up; sums stop at 2^32 − 1.
     pub values: &'a Buffer<u32>,
     /// Item i is `values[index[i]]`; `None` for a scan that was made without gather.
     pub index: Option<&'a Buffer<u32>>,
@@ -96,7 +101,9 @@ pub struct RadixSort {
 /// Keys and the values that go with them.
 #[derive(Clone, Copy)]
 pub struct Pairs<'a> {
+    /// Ascending by these; equal keys keep their order.
     pub keys: &'a Buffer<u32>,
+    /// Go with their keys.
     pub values: &'a Buffer<u32>,
 }
 

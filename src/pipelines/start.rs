@@ -74,6 +74,7 @@ fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
 /// Points that a first scene is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstPoints {
+    /// Scene units and 8-bit sRGB.
     pub cloud: PointCloud,
     /// The dataset's own number of sparse points; `None` where it has none and the points are random.
     pub sparse: Option<usize>,

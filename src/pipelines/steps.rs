@@ -4,7 +4,7 @@ use std::{collections::VecDeque, mem};
 
 use crate::{
     error::Result,
-    gpu::{Buffer, Context, GpuError, Location, Recorder, StageTime, Submission},
+    gpu::{Buffer, Context, GpuError, Kernel, Location, Recorder, StageTime, Submission},
     stages::{
         status::{self as words, Resource, Status},
         step_done,
@@ -63,7 +63,7 @@ impl StepReport {
     /// Mean milliseconds a step of each stage, in the order in which they first ran.
     pub fn milliseconds(&self) -> Vec<(&'static str, f64)> {
         // Every step ends with one of these.
-        let steps = self.stages.iter().filter(|t| t.name == "step_done").count().max(1);
+        let steps = self.stages.iter().filter(|t| t.name == step_done::Kernel::NAME).count().max(1);
         let mut sums: Vec<(&'static str, f64)> = Vec::new();
         for time in &self.stages {
             let milliseconds = time.time.as_secs_f64() * 1e3 / steps as f64;

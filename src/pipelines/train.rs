@@ -31,6 +31,7 @@ const BATCH: u32 = 16;
 /// What a step is made of besides its views.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPlan {
+    /// Of this step, per parameter class.
     pub rates: Rates,
     /// SH bands in use.
     pub active_degree: u32,

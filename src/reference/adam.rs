@@ -5,7 +5,9 @@ use crate::scene::layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH};
 
 /// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
 pub const BETA1: f64 = 0.9;
+/// Decay of the second moment.
 pub const BETA2: f64 = 0.999;
+/// Added to the root of the second moment.
 pub const EPSILON: f64 = 1e-15;
 
 /// A gradient is cut off where its square, times the first correction of 1000, would leave float32.
@@ -33,6 +35,7 @@ pub struct PlaneRate {
 }
 
 impl PlaneRate {
+    /// A rate for a plane without bounds.
     pub fn free(rate: f64) -> Self {
         PlaneRate { rate, range: None }
     }

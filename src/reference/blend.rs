@@ -79,6 +79,7 @@ pub(super) fn sample(splat: &Splat, column: u32, row: u32) -> Sample {
     Sample { wu, wv, falloff, alpha: raw.min(ALPHA_MAX), clamped: raw > ALPHA_MAX }
 }
 
+/// Images of what projection left; `median_threshold` is the transmittance at which a pixel has its median.
 pub fn blend(splats: &[Splat], isects: &Intersections, background: Background, median_threshold: f64) -> Blended {
     blend_before(splats, isects, background, median_threshold, |_| f64::INFINITY)
 }

@@ -16,26 +16,34 @@ pub const OPACITY_RANGE: (f64, f64) = (0.005, 1.0 - 1.0 / 8388608.0);
 pub const SPLIT_SCALE: f64 = 1.6;
 /// Of the longest axis, and the exponent of the transmittance, where the budget splits.
 pub const HALF_SCALE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// See [`HALF_SCALE`].
 pub const HALF_OPACITY: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// What is applied to all.
 #[derive(Debug, Clone, Copy)]
 pub struct Apply {
+    /// `glsl/shared/density.glsl`'s number of it.
     pub strategy: u32,
     /// Largest scale of what ADC clones.
     pub small: f64,
+    /// Largest opacity where a reset is due, else 1.
     pub most: f64,
+    /// Of the run; with `seed`, what the random offsets follow from.
     pub step: u32,
+    /// See `step`.
     pub seed: u32,
 }
 
 /// A Gaussian's geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
+    /// Scene units.
     pub mean: DVec3,
+    /// Natural logarithms of the standard deviations, scene units.
     pub log_scale: DVec3,
     /// w, x, y, z, of any length.
     pub quat: [f64; 4],
+    /// ln(o / (1 − o)).
     pub logit: f64,
 }
 

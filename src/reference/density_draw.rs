@@ -6,8 +6,11 @@ use crate::stages::constants::density::HASH_DRAW;
 /// A draw with replacement: `firsts` says where each Gaussian's weight begins in the sum `total`.
 #[derive(Debug, Clone, Copy)]
 pub struct Draw {
+    /// Sum of the weights drawn from.
     pub total: u32,
+    /// Of the run; with `seed`, what the draws follow from.
     pub step: u32,
+    /// See `step`.
     pub seed: u32,
 }
 

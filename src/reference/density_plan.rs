@@ -3,12 +3,19 @@
 /// What is known before, and what is asked for; see `glsl/density/density_plan.comp`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
+    /// Gaussians before.
     pub old: u32,
+    /// Those of them that stay.
     pub alive: u32,
+    /// Those that can be drawn.
     pub candidates: u32,
+    /// Gaussians that there is room for.
     pub capacity: u32,
+    /// Gaussians that there should be at least.
     pub target: u32,
+    /// There should be an `nth` of `old` more; 0: need not.
     pub nth: u32,
+    /// The same Gaussian can be drawn again.
     pub replacement: bool,
     /// A step did not fit.
     pub failed: bool,

@@ -13,11 +13,17 @@ const SCORES: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
 /// What all are weighed by; see `glsl/density/density_weigh.comp`.
 #[derive(Debug, Clone, Copy)]
 pub struct Weigh {
+    /// `glsl/shared/density.glsl`'s number of it.
     pub strategy: u32,
+    /// Gaussians that there is room for: MCMC's weights add up to less than 2^32.
     pub capacity: u32,
+    /// What has less goes.
     pub least_opacity: f64,
+    /// Of what grows under ADC, see `density::LEAST_PULL`.
     pub least_score: f64,
+    /// Of the run; with `seed`, what keys follow from.
     pub step: u32,
+    /// See `step`.
     pub seed: u32,
 }
 

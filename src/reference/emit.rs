@@ -6,6 +6,7 @@ use super::{
     tiles::{Tiling, for_each_tile},
 };
 
+/// What [`emit`] lists.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Emitted {
     /// Tile of each slot; the sort by tile takes them from here.
@@ -16,6 +17,7 @@ pub struct Emitted {
     pub first_slot: Vec<u32>,
 }
 
+/// Tile and slot of every intersection, splats in depth order; as many for each as `tile_counts` says.
 pub fn emit(splats: &[Splat], tile_counts: &[u32], global_from_rank: &[u32], tiling: &Tiling) -> Emitted {
     let mut out = Emitted { first_slot: vec![0; splats.len()], ..Default::default() };
     for &global in global_from_rank {

@@ -9,9 +9,11 @@ use crate::scene::Camera;
 pub struct ScreenGaussians<'a> {
     /// 10 planes × `stride`: 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px), 8 angle (rad), 9 depth (0: none).
     pub screen_planes: &'a [f64],
+    /// Places of a plane.
     pub stride: usize,
     /// View of each 2D Gaussian, [`super::NONE`] for an empty slot; its length is their number.
     pub screen_frames: &'a [u32],
+    /// Their cameras.
     pub views: &'a [Camera],
     /// First pixel of each view in `depths`.
     pub pixel_firsts: &'a [usize],
@@ -20,14 +22,17 @@ pub struct ScreenGaussians<'a> {
 }
 
 impl ScreenGaussians<'_> {
+    /// Places, empty ones among them.
     pub fn len(&self) -> usize {
         self.screen_frames.len()
     }
 
+    /// There are no places.
     pub fn is_empty(&self) -> bool {
         self.screen_frames.is_empty()
     }
 
+    /// Of one 2D Gaussian; planes as in `screen_planes`.
     pub fn get(&self, plane: usize, item: usize) -> f64 {
         self.screen_planes[plane * self.stride + item]
     }
@@ -37,6 +42,7 @@ impl ScreenGaussians<'_> {
         self.views.get(self.screen_frames[item] as usize)
     }
 
+    /// Camera z at a pixel of the 2D Gaussian's view; 0: none.
     pub fn depth(&self, item: usize, x: u32, y: u32) -> f64 {
         let v = self.screen_frames[item] as usize;
         self.depths[self.pixel_firsts[v] + (y * self.views[v].width + x) as usize]
@@ -47,6 +53,7 @@ impl ScreenGaussians<'_> {
         screen_covariance([self.get(6, item), self.get(7, item)], self.get(8, item))
     }
 
+    /// The pixels that it can cover; `None` for an empty place and where there are none.
     pub fn footprint(&self, item: usize) -> Option<Footprint> {
         let camera = self.view(item)?;
         make_footprint(
@@ -63,15 +70,19 @@ impl ScreenGaussians<'_> {
 /// The pixels that a 2D Gaussian may cover and what weighs them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprint {
+    /// Pixels.
     pub centre: [f64; 2],
     /// (S + 0.3 I)⁻¹ = LᵀL, L upper triangular.
     pub l11: f64,
+    /// Of L, 1/px.
     pub l12: f64,
+    /// Of L, 1/px.
     pub l22: f64,
     /// σ(logit), compensated or not.
     pub opacity: f64,
     /// First pixel of the bounding box, and its size.
     pub low: [u32; 2],
+    /// Of the bounding box.
     pub size: [u32; 2],
 }
 
@@ -82,6 +93,7 @@ pub fn screen_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
     [c * c * a + n * n * b, c * n * (a - b), n * n * a + c * c * b]
 }
 
+/// The ellipse with α ≥ 1/255 of a 2D Gaussian in an image of `image` pixels; `None` where it covers no pixel.
 pub fn make_footprint(
     centre: [f64; 2],
     logit: f64,
@@ -145,6 +157,7 @@ impl Footprint {
     }
 }
 
+/// A pixel has a surface there, and float32 a number for it.
 pub fn is_depth(depth: f64) -> bool {
     depth > 0.0 && depth.is_finite()
 }

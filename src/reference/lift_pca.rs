@@ -19,6 +19,7 @@ const SWEEPS: u32 = 8;
 /// A supplementary Gaussian in world space; all 0 where there is no lift.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Lift {
+    /// Scene units.
     pub mean: [f64; 3],
     /// Natural logarithms of the standard deviations, descending.
     pub log_scale: [f64; 3],

@@ -8,7 +8,9 @@ pub const TAU_PIXELS: f64 = 5.0;
 /// Points of all 2D Gaussians; those of item i are `points[firsts[i]..][..counts[i]]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LiftPoints {
+    /// Points of each item.
     pub counts: Vec<u32>,
+    /// Where they begin.
     pub firsts: Vec<u32>,
     /// (x, y, z, weight) in the frame of the view's camera, pixels in row-major order.
     pub points: Vec<[f64; 4]>,
@@ -19,12 +21,14 @@ pub struct LiftPoints {
 }
 
 impl LiftPoints {
+    /// The points of one item.
     pub fn set(&self, item: usize) -> &[[f64; 4]] {
         let first = self.firsts[item] as usize;
         &self.points[first..first + self.counts[item] as usize]
     }
 }
 
+/// Points, heaviest ones and first thresholds of all items, in their order.
 pub fn lift_points(gaussians: &ScreenGaussians) -> LiftPoints {
     let mut out = LiftPoints::default();
     for item in 0..gaussians.len() {

@@ -20,8 +20,11 @@ pub fn factor(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> f6
 /// ∂f/∂(d, T, β, mean).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gradient {
+    /// By d, which is of any length.
     pub direction: DVec3,
+    /// By T.
     pub width: f64,
+    /// By β.
     pub sharpness: f64,
     /// Through v = unit(eye − mean), 1/scene unit.
     pub mean: DVec3,

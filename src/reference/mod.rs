@@ -88,12 +88,13 @@ pub const ALPHA_MAX: f64 = 0.99;
 /// A pixel stops before the Gaussian that would take its transmittance below this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 /// Near plane, scene units (3DGS).
-pub const NEAR: f64 = 0.2;
+pub const NEAR: f64 = crate::data::NEAR;
 /// Variance added to the projected Gaussian, px² (3DGS): no splat is thinner than a pixel.
 pub const DILATION: f64 = 0.3;
 /// Range of float32: its smallest number that is not denormal, its largest that is finite. What a kernel cannot hold is not
 /// visible to the twin either.
 pub const FLOAT_MIN: f64 = f32::MIN_POSITIVE as f64;
+/// See [`FLOAT_MIN`].
 pub const FLOAT_MAX: f64 = f32::MAX as f64;
 /// "No Gaussian" wherever a Gaussian index is expected.
 pub const NONE: u32 = u32::MAX;
@@ -103,22 +104,28 @@ pub const NONE: u32 = u32::MAX;
 pub struct Splat {
     /// Centre, px.
     pub x: f64,
+    /// Centre, px.
     pub y: f64,
     /// L = [[l11, l12], [0, l22]] with LᵀL = Σ2D⁻¹, 1/px.
     pub l11: f64,
+    /// Of L, 1/px.
     pub l12: f64,
+    /// Of L, 1/px.
     pub l22: f64,
     /// σ(logit) · lobe · compensation.
     pub opacity: f64,
     /// Colour, ≥ 0.
     pub r: f64,
+    /// Colour, ≥ 0.
     pub g: f64,
+    /// Colour, ≥ 0.
     pub b: f64,
     /// Camera z, scene units.
     pub z: f64,
 }
 
 impl Splat {
+    /// sRGB, not clamped to 1.
     pub fn color(&self) -> [f64; 3] {
         [self.r, self.g, self.b]
     }
@@ -141,11 +148,14 @@ impl Splat {
 /// The constant colour or the image (row-major, width · height pixels) behind all Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub enum Background<'a> {
+    /// The same everywhere, sRGB.
     Color([f64; 3]),
+    /// By pixel: what a screen phase draws over.
     Image(&'a [[f64; 3]]),
 }
 
 impl Background<'_> {
+    /// Behind pixel number `pixel`, rows from the top.
     pub fn at(&self, pixel: usize) -> [f64; 3] {
         match self {
             Background::Color(color) => *color,
@@ -156,4 +166,38 @@ impl Background<'_> {
 
 pub(crate) fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stages::constants as kernels;
+
+    /// The twins have their numbers in float64 and of their own, so that a wrong one in a kernel shows; where both have a name the
+    /// compiler can see it too.
+    #[test]
+    fn twins_have_the_kernels_constants() {
+        for (name, twin, kernel) in [
+            ("NEAR", NEAR, kernels::constants::NEAR),
+            ("DILATION", DILATION, kernels::constants::DILATION),
+            ("SH_C0", harmonics::C0, kernels::constants::SH_C0),
+            ("ALPHA_MAX", ALPHA_MAX, kernels::splat::ALPHA_MAX),
+            ("T_MIN", TRANSMITTANCE_MIN, kernels::splat::T_MIN),
+            ("FLOAT_MIN", FLOAT_MIN, kernels::unit::FLOAT_MIN),
+            ("FLOAT_MAX", FLOAT_MAX, kernels::unit::FLOAT_MAX),
+            ("GRADIENT_MAX", adam::GRADIENT_MAX, kernels::adam::GRADIENT_MAX),
+            ("FIRST_SCALE_MIN", screen_backward::FIRST_SCALE_MIN, kernels::screen::FIRST_SCALE_MIN),
+            ("FIRST_BLUR", pursuit::FIRST_BLUR, kernels::pursuit::FIRST_BLUR),
+            ("NEXT_BLUR", pursuit::NEXT_BLUR, kernels::pursuit::NEXT_BLUR),
+            ("REACH", pursuit::REACH, kernels::pursuit::REACH),
+            ("CORE", pursuit::CORE, kernels::pursuit::CORE),
+            ("WINDOW_SLACK", pursuit::WINDOW_SLACK, kernels::pursuit::WINDOW_SLACK),
+            ("HALVING", pursuit::HALVING, kernels::pursuit::HALVING),
+            ("WIDEST", pursuit::WIDEST, kernels::pursuit::WIDEST),
+            ("SAME_DEPTH", pursuit::SAME_DEPTH, kernels::pursuit::SAME_DEPTH),
+        ] {
+            assert_eq!(twin as f32, kernel, "{name}");
+        }
+        assert_eq!((NONE, lift_groups::GROUP_MIN), (kernels::constants::NONE, kernels::cluster::GROUP_MIN));
+    }
 }

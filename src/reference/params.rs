@@ -122,10 +122,12 @@ impl Params {
         group.planes.clone().flat_map(at)
     }
 
+    /// Scene units.
     pub fn mean(&self, i: usize) -> DVec3 {
         self.triple(MEAN, i)
     }
 
+    /// Natural logarithms of the standard deviations, scene units.
     pub fn log_scale(&self, i: usize) -> DVec3 {
         self.triple(LOG_SCALE, i)
     }
@@ -135,6 +137,7 @@ impl Params {
         [QUAT, QUAT + 1, QUAT + 2, QUAT + 3].map(|p| self.geometry[p * self.stride + i])
     }
 
+    /// ln(o / (1 − o)).
     pub fn logit(&self, i: usize) -> f64 {
         self.geometry[OPACITY * self.stride + i]
     }

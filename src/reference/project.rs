@@ -21,6 +21,7 @@ pub struct Projected {
     pub kinks: Vec<u8>,
 }
 
+/// Splats, depth keys and tile counts of all Gaussians in one view.
 pub fn project(params: &Params, view: &View, options: &Options) -> Projected {
     let tiling = Tiling::new(view.width, view.height, options);
     let mut out = Projected {
@@ -90,7 +91,7 @@ pub(super) struct Footprint {
     /// Rows of M = JWRS, px.
     pub m1: DVec3,
     pub m2: DVec3,
-    /// m1 × m2 = cof(S) Rᵀ(jw1 × jw2): in the Gaussian's own axes no component cancels, be it a needle.
+    /// m1 × m2 = cof(S) Rᵀ(jw1 × jw2): in the Gaussian's own axes no component cancels, not even of a needle.
     pub n: DVec3,
     /// Σ2D = [[a, b], [b, c]] (of which a is only needed through d), its determinant, and the undilated one.
     pub b: f64,

@@ -7,6 +7,7 @@ use super::project::{Footprint, compensation, footprint};
 use super::{DILATION, Intersections, Options, Params, Splat, View, harmonics, lobe, sigmoid};
 use crate::scene::layout::{LOG_SCALE, MEAN, OPACITY, QUAT};
 
+/// What a loss's gradient in one view makes of the parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gradients {
     /// ∂loss/∂parameter, in the parameters' layout.

@@ -15,14 +15,17 @@ pub(super) const FIRST_BLUR: f64 = 0.7;
 pub(super) const NEXT_BLUR: f64 = 1.2124;
 pub(crate) const REACH: f64 = 2.5;
 pub(super) const CORE: f64 = 0.5;
+pub(super) const WINDOW_SLACK: f64 = 1e-3;
 pub(crate) const HALVING: f64 = 65536.0;
-const WIDEST: f64 = 3.2;
-const SAME_DEPTH: f64 = 0.05;
+pub(super) const WIDEST: f64 = 3.2;
+pub(super) const SAME_DEPTH: f64 = 0.05;
 
 /// Photograph minus render, and render, sRGB.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Texel {
+    /// Photograph minus render; 0 where the pixel does not count.
     pub difference: DVec3,
+    /// 0 to 1.
     pub render: DVec3,
 }
 
@@ -64,6 +67,7 @@ pub struct Candidate {
     pub theta_bar: f64,
     /// [`NONE`]: no candidate.
     pub view: u32,
+    /// Of that view, rows from the top.
     pub pixel: u32,
 }
 
@@ -86,6 +90,7 @@ impl From<&types::Candidate> for Candidate {
 pub struct Fit {
     /// Scene units.
     pub sigma: f64,
+    /// 0 to 1.
     pub opacity: f64,
     /// T of the lobe; 0: none.
     pub width: f64,
@@ -115,6 +120,7 @@ impl From<&types::Fit> for Fit {
 pub struct Sight {
     /// Pixels.
     pub at: DVec2,
+    /// The one that `at` lies in, rows from the top.
     pub pixel: u32,
     /// Camera z.
     pub z: f64,
@@ -125,7 +131,9 @@ pub struct Sight {
 /// The views of a page and what is known of them.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
+    /// Of all training views.
     pub views: &'a [View],
+    /// Where texels, pixels, cells and blocks of each view begin.
     pub plots: &'a [Plot],
     /// Of the page.
     pub surface_depths: &'a [f64],
@@ -182,10 +190,10 @@ impl Ground<'_> {
         (alpha > 0.0).then(|| (alpha, self.look(v, s.at, deviation), deviation))
     }
 
-    /// The pixels within `px` of a candidate's: first and last column and row, as [x, y, x, y].
+    /// The pixels within `px` of a candidate's, and what it takes to make that a whole number: first and last column and row, as [x, y, x, y].
     pub fn window(&self, v: u32, s: &Sight, px: f64) -> [u32; 4] {
         let View { width, height, .. } = self.views[v as usize];
-        let (x, y, reach) = (s.pixel % width, s.pixel / width, px.ceil() as u32);
+        let (x, y, reach) = (s.pixel % width, s.pixel / width, (px - WINDOW_SLACK).ceil() as u32);
         [x.saturating_sub(reach), y.saturating_sub(reach), (x + reach).min(width - 1), (y + reach).min(height - 1)]
     }
 }

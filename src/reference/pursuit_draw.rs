@@ -13,18 +13,25 @@ use crate::stages::{constants::pursuit::ERROR_BLOCK, types::Plot};
 /// What candidates are drawn from.
 #[derive(Debug, Clone, Copy)]
 pub struct Drawn<'a> {
+    /// Of all training views.
     pub views: &'a [View],
+    /// Where texels, pixels, cells and blocks of each view begin.
     pub plots: &'a [Plot],
     /// By block, of all views: share, and where it begins.
     pub quanta: &'a [u32],
+    /// See `quanta`.
     pub quanta_firsts: &'a [u32],
+    /// Sum of all shares.
     pub total: u32,
+    /// Of each block, of all views.
     pub error_sums: &'a [f64],
     /// By pixel of the page.
     pub errors: &'a [f64],
+    /// Median depth by pixel of the page, camera z; 0: none.
     pub surface_depths: &'a [f64],
     /// Views and blocks of the page, first and end.
     pub page_views: (u32, u32),
+    /// See `page_views`.
     pub page_blocks: (u32, u32),
 }
 

@@ -2,7 +2,7 @@
 
 use super::FLOAT_MAX;
 
-/// ⌊2³⁰ · sum / total⌋; all 0 where there is no error, or no number.
+/// ⌊2³⁰ · sum / total⌋; all 0 where the total is 0, infinite or NaN.
 pub fn pursuit_quanta(error_sums: &[f64]) -> Vec<u32> {
     let total: f64 = error_sums.iter().sum();
     let usable = total > 0.0 && total <= FLOAT_MAX;

@@ -8,9 +8,13 @@ use crate::stages::constants::pursuit::ERROR_BLOCK;
 /// By pixel, and the sum of the errors of each block of [`ERROR_BLOCK`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Residual {
+    /// Of the finest level.
     pub texels: Vec<Texel>,
+    /// Camera z; 0: none.
     pub depths: Vec<f64>,
+    /// Squares of the mean difference; 0 where there is no depth.
     pub errors: Vec<f64>,
+    /// Of each block.
     pub sums: Vec<f64>,
 }
 

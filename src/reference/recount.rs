@@ -16,6 +16,7 @@ pub struct Recounted {
     pub population: [u32; SEGMENTS as usize + 1],
     /// Workgroups: of each page, then of the blocks up to the end of each segment.
     pub args: Vec<u32>,
+    /// With what the segments had no room for.
     pub status: Status,
 }
 

@@ -10,6 +10,7 @@ use super::tile_ranges::tile_ranges;
 use super::tiles::Tiling;
 use super::{Background, Params, View};
 
+/// How a scene is rendered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// SH degree to evaluate, at most the parameters' own; coefficients beyond it get no gradient.
@@ -18,6 +19,7 @@ pub struct Options {
     pub compensate: bool,
     /// Pixels of a tile; 0 counts as 1.
     pub tile_width: u32,
+    /// Pixels of a tile; 0 counts as 1.
     pub tile_height: u32,
     /// Transmittance below which a pixel has its median Gaussian.
     pub median_threshold: f64,
@@ -33,11 +35,13 @@ impl Default for Options {
 /// What the blend walks over; `ARCHITECTURE.md` names the buffers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Intersections {
+    /// Which tiles there are.
     pub tiling: Tiling,
     /// Gaussian index by depth rank.
     pub global_from_rank: Vec<u32>,
     /// Tile and slot, sorted by tile, front to back in each.
     pub isect_tiles: Vec<u32>,
+    /// See `isect_tiles`.
     pub isect_slots: Vec<u32>,
     /// Gaussian index by slot.
     pub global_from_slot: Vec<u32>,
@@ -80,13 +84,18 @@ impl Intersections {
     }
 }
 
+/// A view, with everything on the way to its image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
+    /// What [`project`] left.
     pub projected: Projected,
+    /// In the order of the blend.
     pub isects: Intersections,
+    /// The image, and what the blend knows of it.
     pub blended: Blended,
 }
 
+/// One view, from parameters to image.
 pub fn render(params: &Params, view: &View, options: &Options, background: Background) -> Rendered {
     let projected = project(params, view, options);
     let tiling = Tiling::new(view.width, view.height, options);

@@ -14,9 +14,13 @@ pub type ScreenGrad = [f64; 9];
 
 /// Learning rates (method, section 3); the centre's is multiplied by the mean of width and height.
 pub const RATE_CENTRE: f64 = 0.001;
+/// See [`RATE_CENTRE`].
 pub const RATE_COLOUR: f64 = 0.01;
+/// See [`RATE_CENTRE`].
 pub const RATE_LOGIT: f64 = 0.02;
+/// See [`RATE_CENTRE`].
 pub const RATE_LOG_SCALE: f64 = 0.001;
+/// See [`RATE_CENTRE`].
 pub const RATE_ANGLE: f64 = 0.02;
 /// Least standard deviation of a new Gaussian, pixels; see `glsl/shared/screen.glsl` for why.
 pub const FIRST_SCALE_MIN: f64 = 0.6;
@@ -67,10 +71,31 @@ pub fn screen_backward(
         .collect()
 }
 
+/// Sums of the magnitudes of the terms that make each gradient up: what rounding errors are relative to. `sizes` are the magnitudes of
+/// the records.
+pub fn magnitudes(
+    gaussians: &[ScreenGaussian],
+    tile_counts: &[u32],
+    isects: &Intersections,
+    sizes: &[Record],
+) -> Vec<ScreenGrad> {
+    let mut out = vec![[0.0; 9]; gaussians.len()];
+    for part in 0..9 {
+        let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
+        let grads = screen_backward(gaussians, tile_counts, isects, &sizes.iter().map(alone).collect::<Vec<Record>>());
+        for (sums, grads) in out.iter_mut().zip(grads) {
+            sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
+        }
+    }
+    out
+}
+
 /// Adam's state of a 2D Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ScreenMoments {
+    /// Mean of the gradients.
     pub first: ScreenGrad,
+    /// Mean of their squares.
     pub second: ScreenGrad,
     /// Steps since it was put in.
     pub age: u32,

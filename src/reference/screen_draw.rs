@@ -10,13 +10,17 @@ use super::screen_project::{COLOUR, LOG_SCALE, LOGIT, ScreenGaussian};
 pub const LOSS_RANGE: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
 /// Opacity of a new Gaussian, and its standard deviation relative to the shorter side.
 pub const FIRST_OPACITY: f64 = 0.02;
+/// See [`FIRST_OPACITY`].
 pub const FIRST_SCALE: f64 = 0.005;
 
 /// What numbers a draw: `view` in the dataset, `round` from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Draw {
+    /// Of the run.
     pub seed: u32,
+    /// Index in the dataset.
     pub view: u32,
+    /// From 1.
     pub round: u32,
 }
 

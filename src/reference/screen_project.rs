@@ -8,11 +8,17 @@ use super::{ALPHA_MIN, DILATION, Options, Splat, sigmoid};
 
 /// 0,1 centre (px); 2..4 rgb; 5 opacity logit; 6,7 log scale (px); 8 angle (rad); 9 depth (camera z, 0: none).
 pub type ScreenGaussian = [f64; 10];
+/// First plane of the centre, x and y.
 pub const CENTRE: usize = 0;
+/// First plane of the colour, r, g and b.
 pub const COLOUR: usize = 2;
+/// Plane of the opacity's logit.
 pub const LOGIT: usize = 5;
+/// First plane of the two log scales.
 pub const LOG_SCALE: usize = 6;
+/// Plane of the angle.
 pub const ANGLE: usize = 8;
+/// Plane of the depth, which is not learned.
 pub const DEPTH: usize = 9;
 
 /// `depths` is camera z by pixel, row-major. Of `options` only the tile sizes matter. The
@@ -73,17 +79,22 @@ pub fn screen_project(
 pub struct Shape {
     /// Undilated, along the axes (cosine, sine) and (−sine, cosine), px².
     pub variance: [f64; 2],
+    /// Of the angle.
     pub cosine: f64,
+    /// Of the angle.
     pub sine: f64,
     /// Factor of (S + 0.3 I)⁻¹ = LᵀL.
     pub l11: f64,
+    /// Of L, 1/px.
     pub l12: f64,
+    /// Of L, 1/px.
     pub l22: f64,
     /// √(det S / det(S + 0.3 I)).
     pub compensation: f64,
 }
 
 impl Shape {
+    /// Of log scales in px and an angle in radians.
     pub fn new(log_scale: [f64; 2], angle: f64) -> Self {
         let variance = log_scale.map(|l| (2.0 * l).exp());
         let (sine, cosine) = angle.sin_cos();

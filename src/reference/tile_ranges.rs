@@ -1,5 +1,6 @@
 //! Begin and end of each tile's intersections in the list sorted by tile; [0, 0] where there is none.
 
+/// By tile, of a list that is sorted by tile.
 pub fn tile_ranges(isect_tiles: &[u32], tiles: usize) -> Vec<[u32; 2]> {
     let mut ranges = vec![[0; 2]; tiles];
     for (i, &tile) in isect_tiles.iter().enumerate() {

@@ -13,26 +13,32 @@ use super::{Options, Splat};
 pub struct Tiling {
     /// Pixels of the image.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// Pixels of a tile, at least 1.
     pub tile_width: u32,
+    /// Pixels of a tile, at least 1.
     pub tile_height: u32,
     /// Tiles across and down.
     pub tiles_x: u32,
+    /// Tiles down.
     pub tiles_y: u32,
 }
 
 impl Tiling {
+    /// The tiles of an image of so many pixels; the last of a row or column may reach beyond it.
     pub fn new(width: u32, height: u32, options: &Options) -> Self {
         let (tile_width, tile_height) = (options.tile_width.max(1), options.tile_height.max(1));
         let (tiles_x, tiles_y) = (width.div_ceil(tile_width), height.div_ceil(tile_height));
         Tiling { width, height, tile_width, tile_height, tiles_x, tiles_y }
     }
 
+    /// All tiles.
     pub fn count(&self) -> usize {
         self.tiles_x as usize * self.tiles_y as usize
     }
 
+    /// Index of the tile that a pixel lies in, rows of tiles from the top.
     pub fn tile_of(&self, column: u32, row: u32) -> u32 {
         row / self.tile_height * self.tiles_x + column / self.tile_width
     }

@@ -8,27 +8,36 @@ use crate::scene::Camera;
 /// World-to-camera [R|t] by rows, OpenCV axes, pixel centres at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
+    /// First row of world to camera: the rotation's, and the translation.
     pub row_x: DVec4,
+    /// The second.
     pub row_y: DVec4,
+    /// The third: camera z.
     pub row_z: DVec4,
     /// Camera centre, world.
     pub eye: DVec3,
     /// Focal lengths and principal point, px.
     pub fx: f64,
+    /// Focal length, px.
     pub fy: f64,
+    /// Principal point, px.
     pub cx: f64,
+    /// Principal point, px.
     pub cy: f64,
     /// 1.3 tan(fov/2) = 1.3 · width / (2 fx), likewise height: where the Jacobian's x/z and y/z are clamped (3DGS).
     pub limit_x: f64,
+    /// See `limit_x`.
     pub limit_y: f64,
     /// Pixels.
     pub width: u32,
+    /// See `width`.
     pub height: u32,
     /// Camera z; what is not beyond is culled.
     pub near: f64,
 }
 
 impl View {
+    /// In float64; [`View::rounded`] is what the device has.
     pub fn from_camera(camera: &Camera) -> Self {
         let row = |i: usize| camera.rotation.row(i).extend(camera.translation[i]);
         View {
@@ -69,6 +78,7 @@ impl View {
         }
     }
 
+    /// Camera coordinates of a point: x to the right, y down, z ahead.
     pub fn to_camera(&self, world: DVec3) -> DVec3 {
         let p = world.extend(1.0);
         DVec3::new(self.row_x.dot(p), self.row_y.dot(p), self.row_z.dot(p))

@@ -12,22 +12,27 @@ use crate::Result;
 /// One of the scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Entry {
+    /// As the page shows it.
     pub name: String,
     /// Base and supplement.
     pub gaussians: usize,
+    /// See `gaussians`.
     pub supplementary: usize,
     /// Of its file.
     pub bytes: u64,
     /// Means over the views.
     #[serde(flatten)]
     pub mean: Quality,
+    /// In the order of the page's photos.
     pub views: Vec<EntryView>,
 }
 
 /// One of the scenes in one view.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EntryView {
+    /// The photo's, without extension.
     pub name: String,
+    /// PSNR and SSIM.
     #[serde(flatten)]
     pub quality: Quality,
     /// What each picture shows, and the picture as a `data:` address: `render`, `error`, and of an augmented scene `diffuse` and

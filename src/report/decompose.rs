@@ -2,22 +2,24 @@
 
 use serde::Serialize;
 
-use crate::{Error, Result};
+use crate::{Error, Result, data::srgb};
 
-/// Linear light of an sRGB value (IEC 61966-2-1); values above 1 follow the same curve.
+/// [`srgb::linear_from_srgb`] of the values that images have.
 pub fn linear_from_srgb(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    srgb::linear_from_srgb(v.into()) as f32
 }
 
 /// The inverse of [`linear_from_srgb`].
 pub fn srgb_from_linear(v: f32) -> f32 {
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+    srgb::srgb_from_linear(v.into()) as f32
 }
 
 /// Two images that add up to the whole, linear light, as long as what they were made from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decomposition {
+    /// Linear light, `[height · width · 3]`.
     pub diffuse: Vec<f32>,
+    /// Linear light, `[height · width · 3]`; diffuse and specular add up to the image.
     pub specular: Vec<f32>,
 }
 
@@ -39,7 +41,9 @@ pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
 /// images (`null` in JSON).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PartsQuality {
+    /// PSNR in linear light, dB.
     pub diffuse: f64,
+    /// PSNR in linear light, dB.
     pub specular: f64,
 }
 

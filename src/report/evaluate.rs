@@ -39,6 +39,7 @@ pub struct Evaluation {
 
 /// A photograph beside what was rendered of it.
 pub struct Compared<'a> {
+    /// The truth.
     pub photo: &'a Photo,
     /// The photograph as it was prepared.
     pub truth: &'a Image,
@@ -94,6 +95,7 @@ pub fn evaluate(
 pub struct ViewParts {
     /// The photo's name in the dataset.
     pub name: String,
+    /// PSNR of both parts.
     #[serde(flatten)]
     pub quality: PartsQuality,
 }
@@ -101,8 +103,10 @@ pub struct ViewParts {
 /// Means over views, and the views.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PartsEvaluation {
+    /// Mean over the views.
     #[serde(flatten)]
     pub mean: PartsQuality,
+    /// In the dataset's order.
     pub views: Vec<ViewParts>,
 }
 

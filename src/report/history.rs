@@ -32,10 +32,13 @@ pub struct Record {
     pub seconds: f64,
     /// Of the scene's file.
     pub bytes: u64,
+    /// With lobes and without.
     pub gaussians: u64,
     /// Means over the test photos: dB, and −1 to 1.
     pub psnr: f64,
+    /// See `psnr`.
     pub ssim: f64,
+    /// Of the run; curves take the spread over it.
     pub seed: u64,
     /// Which photos those are: `every`, `sector` or another word of the user's.
     pub holdout: String,
@@ -68,19 +71,25 @@ pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
 /// What a curve goes over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cost {
+    /// Since the run began, on the wall.
     Seconds,
+    /// Of the scene's file.
     Bytes,
+    /// With lobes and without.
     Gaussians,
 }
 
 /// What a curve shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gain {
+    /// dB.
     Psnr,
+    /// −1 to 1.
     Ssim,
 }
 
 impl Cost {
+    /// In the page's order.
     pub const ALL: [Cost; 3] = [Cost::Seconds, Cost::Bytes, Cost::Gaussians];
 
     fn of(self, record: &Record) -> f64 {
@@ -102,6 +111,7 @@ impl Cost {
 }
 
 impl Gain {
+    /// In the page's order.
     pub const ALL: [Gain; 2] = [Gain::Psnr, Gain::Ssim];
 
     fn of(self, record: &Record) -> f64 {
@@ -123,6 +133,7 @@ impl Gain {
 /// The runs of one name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve<'a> {
+    /// What the legend says.
     pub name: &'a str,
     /// By seed, from the least: its measurements in the order of their seconds.
     pub seeds: Vec<Vec<&'a Record>>,
@@ -131,8 +142,11 @@ pub struct Curve<'a> {
 /// Mean, least and largest over seeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
+    /// Over the seeds.
     pub mean: f64,
+    /// Of any seed.
     pub least: f64,
+    /// Of any seed.
     pub largest: f64,
 }
 

@@ -25,6 +25,7 @@ pub struct Pair<'a> {
     pub reference: &'a [u8],
     /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// By pixel, `false` where it does not count; all do where there is no mask.
     pub mask: Option<&'a [bool]>,

@@ -11,7 +11,7 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::{Error, Result};
+use crate::{Error, Result, data::srgb::srgb_from_linear};
 
 /// Between neighbouring images and around the whole, pixels.
 const GAP: u32 = 4;
@@ -29,16 +29,22 @@ const MAX_PIXELS: u64 = 100_000_000;
 /// A rectangle of the images, pixels, shown `magnification` times as large, each pixel a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crop {
+    /// First column.
     pub x: u32,
+    /// First row.
     pub y: u32,
+    /// Columns.
     pub width: u32,
+    /// Rows.
     pub height: u32,
+    /// Pixels of the picture for one of the image, across and down.
     pub magnification: u32,
 }
 
 /// A render and its label (ASCII; letters appear as lower case).
 #[derive(Debug, Clone, Copy)]
 pub struct Panel<'a> {
+    /// Above the render.
     pub label: &'a str,
     /// sRGB values, `[height · width · 3]`; clamped to [0, 1] when drawn.
     pub image: &'a [f32],
@@ -49,10 +55,13 @@ pub struct Panel<'a> {
 pub struct Figure<'a> {
     /// Pixels of every image.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// From left to right; the photograph comes after them.
     pub panels: Vec<Panel<'a>>,
     /// 8-bit sRGB, `[height · width · 3]`.
     pub truth: &'a [u8],
+    /// A close-up below, and where it is from.
     pub crop: Option<Crop>,
     /// The absolute error (mean over the channels, of values in [0, 1]) at the bright end of the error maps' colours.
     pub full_error: f32,
@@ -183,11 +192,7 @@ pub fn color_of(t: f32) -> [u8; 3] {
         -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
         -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s,
     ];
-    linear.map(|v| {
-        let v = v.max(0.0);
-        let v = if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (v * 255.0).round() as u8
-    })
+    linear.map(|v| (srgb_from_linear(v.max(0.0)) * 255.0).round() as u8)
 }
 
 // The painters below stay inside the paper: compose() has made room, and put() drops what is outside.
@@ -320,12 +325,10 @@ fn glyph(letter: char) -> [u8; GLYPH_HEIGHT as usize] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::srgb::linear_from_srgb;
 
     fn luminance(c: [u8; 3]) -> f64 {
-        let linear = |b: u8| {
-            let v = b as f64 / 255.0;
-            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-        };
+        let linear = |b: u8| linear_from_srgb(f64::from(b) / 255.0);
         0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2])
     }
 

@@ -10,11 +10,15 @@ use crate::{
 /// Where the values of something lie.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
+    /// The smallest value.
     pub min: f64,
     /// 5th, 50th and 95th percentile.
     pub p5: f64,
+    /// See `p5`.
     pub median: f64,
+    /// See `p5`.
     pub p95: f64,
+    /// The largest value.
     pub max: f64,
 }
 
@@ -37,6 +41,7 @@ impl Spread {
 /// A set of Gaussians. Spreads and bounds are `None` where there are no Gaussians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GaussiansSummary {
+    /// How many.
     pub count: usize,
     /// Smallest and largest coordinate of the centres, scene units.
     pub bounds: Option<[[f32; 3]; 2]>,
@@ -44,6 +49,7 @@ pub struct GaussiansSummary {
     pub opacity: Option<Spread>,
     /// Largest and smallest standard deviation of each Gaussian, scene units.
     pub largest_scale: Option<Spread>,
+    /// See `largest_scale`.
     pub smallest_scale: Option<Spread>,
 }
 
@@ -59,16 +65,21 @@ pub struct LobesSummary {
 /// The supplement of an augmented scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupplementSummary {
+    /// Of the Gaussians that have them.
     #[serde(flatten)]
     pub gaussians: GaussiansSummary,
+    /// Of their lobes.
     pub lobes: LobesSummary,
 }
 
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneSummary {
+    /// 0 to 3.
     pub sh_degree: u32,
+    /// The Gaussians that every viewer shows.
     pub base: GaussiansSummary,
+    /// Those with lobes, where there are any.
     pub supplement: Option<SupplementSummary>,
 }
 
@@ -109,8 +120,11 @@ impl GaussiansSummary {
 /// Photos of one size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct SizeCount {
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// How many have this size.
     pub photos: usize,
 }
 
@@ -119,8 +133,11 @@ pub struct SizeCount {
 pub struct DatasetSummary {
     /// `COLMAP`, `Blender` (NeRF Synthetic), `transforms` (instant-ngp, nerfstudio) or `memory`.
     pub format: &'static str,
+    /// In all.
     pub photos: usize,
+    /// For training.
     pub train: usize,
+    /// For testing.
     pub test: usize,
     /// Sizes as prepared, most frequent first.
     pub sizes: Vec<SizeCount>,
@@ -138,6 +155,7 @@ pub struct DatasetSummary {
     pub extent: f64,
     /// What the training cameras look at: a ball, scene units.
     pub focus_center: Option<[f64; 3]>,
+    /// See `focus_center`.
     pub focus_radius: Option<f64>,
 }
 

@@ -7,17 +7,24 @@ use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 /// A column: its key in JSON, its title and unit for people (no unit: empty), digits after the point of its numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
+    /// In JSON: words in snake_case.
     pub key: &'static str,
+    /// For people.
     pub title: &'static str,
+    /// In brackets behind the title; empty: none.
     pub unit: &'static str,
+    /// Digits after the point, for people; JSON has all.
     pub decimals: usize,
 }
 
 /// One entry. Numbers that are not finite print as `inf`, `-inf` or `nan` and are `null` in JSON.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
+    /// To the left of its column.
     Text(String),
+    /// A whole number.
     Count(u64),
+    /// With the column's digits.
     Number(f64),
     /// Not measured: `–` in text, `null` in JSON.
     Absent,

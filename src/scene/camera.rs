@@ -7,12 +7,15 @@ use glam::{DMat3, DVec3};
 pub struct Camera {
     /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// Focal lengths, pixels.
     pub fx: f64,
+    /// Focal length, pixels.
     pub fy: f64,
     /// Principal point, pixels from the image's upper left corner.
     pub cx: f64,
+    /// Principal point, pixels.
     pub cy: f64,
     /// From world axes to camera axes.
     pub rotation: DMat3,

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::Gaussians;
 
 /// The constant SH band's value.
-pub const SH_DC: f32 = 0.282_094_79;
+pub const SH_DC: f32 = crate::stages::constants::constants::SH_C0;
 /// Opacity that a new Gaussian begins with.
 const FIRST_OPACITY: f32 = 0.1;
 /// Smallest mean squared distance, scene units²: coincident points still get a size.

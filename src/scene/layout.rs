@@ -6,14 +6,23 @@ use std::ops::Range;
 use super::{Gaussians, Lobes};
 use crate::{gpu::f16, stages::constants::model};
 
+/// First plane of the mean, x, y and z: scene units.
 pub const MEAN: usize = model::MEAN as usize;
+/// First plane of the three scales' natural logarithms.
 pub const LOG_SCALE: usize = model::LOG_SCALE as usize;
+/// First plane of the quaternion, w, x, y and z, of any length.
 pub const QUAT: usize = model::QUAT as usize;
+/// Plane of the opacity's logit.
 pub const OPACITY: usize = model::OPACITY as usize;
+/// Planes of geometry in all.
 pub const GEOMETRY_PLANES: usize = model::GEOMETRY_PLANES as usize;
+/// First plane of the lobe's direction, x, y and z, of any length.
 pub const LOBE_DIRECTION: usize = model::LOBE_DIRECTION as usize;
+/// Plane of T.
 pub const LOBE_WIDTH: usize = model::LOBE_WIDTH as usize;
+/// Plane of β.
 pub const LOBE_SHARPNESS: usize = model::LOBE_SHARPNESS as usize;
+/// Planes of a lobe in all.
 pub const LOBE_PLANES: usize = model::LOBE_PLANES as usize;
 
 /// Coefficients of spherical harmonics up to `degree`.
@@ -29,16 +38,22 @@ pub const fn sh_planes(degree: u32) -> usize {
 /// The arrays that planes lie in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Array {
+    /// Mean, scales, rotation, opacity.
     Geometry,
+    /// Coefficients of spherical harmonics.
     Sh,
+    /// Of the supplement only.
     Lobes,
 }
 
 /// Parameters of one kind: what has one unit, one learning rate and one bound of error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
+    /// For messages and tables.
     pub name: &'static str,
+    /// Where they lie.
     pub array: Array,
+    /// Of that array.
     pub planes: Range<usize>,
 }
 

@@ -22,6 +22,7 @@ pub enum Resource {
 }
 
 impl Resource {
+    /// In the order of their bits.
     pub const ALL: [Resource; RESOURCES as usize] =
         [Resource::Intersections, Resource::BaseGaussians, Resource::SupplementGaussians];
 

@@ -99,10 +99,9 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
         row.work = Work { bytes: pixels as f64 * (16.0 + 4.0 + 4.0 + 4.0 * words as f64 + read), operations: 0.0 };
         let mut wrong = 0;
         let mut numbers = Vec::new();
-        for p in 0..pixels {
-            let at = words * p..words * (p + 1);
-            let want = to.resolve(image[p].map(f64::from), twin::unpack(format, &texels[at.clone()]));
-            let have = twin::unpack(format, &got[at]);
+        for ((color, before), after) in image.iter().zip(texels.chunks_exact(words)).zip(got.chunks_exact(words)) {
+            let want = to.resolve(color.map(f64::from), twin::unpack(format, before));
+            let have = twin::unpack(format, after);
             for c in 0..4 {
                 if format == RGBA32F {
                     numbers.push((have[c] as f32, want[c]));

@@ -32,8 +32,11 @@ pub struct Errors {
 /// A bound that does not hold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Breach {
+    /// Which of [`Errors`].
     pub measure: &'static str,
+    /// What was found.
     pub value: f64,
+    /// What [`Bound`] allows.
     pub limit: f64,
 }
 
@@ -49,14 +52,19 @@ pub struct Work {
 /// One stage in one variant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
+    /// See [`Bound::stage`].
     pub stage: &'static str,
+    /// What its constants and its input were.
     pub variant: String,
     /// What the engine takes on this device by itself.
     pub chosen: bool,
+    /// Against the twin.
     pub errors: Errors,
+    /// Empty: the row passes.
     pub breaches: Vec<Breach>,
     /// Seconds per call on the device; none without timestamps.
     pub time: Option<f64>,
+    /// What the floor is made from.
     pub work: Work,
     /// Seconds that [`Row::work`] takes at the measured rates.
     pub floor: Option<f64>,

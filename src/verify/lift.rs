@@ -44,14 +44,19 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
 /// Cameras around a ball before a wall; 2D Gaussians everywhere, some at the ball's edge, some in holes of the depth map,
 /// some beyond the image's border, some places empty.
 pub struct Case {
+    /// By view.
     pub cameras: Vec<Camera>,
+    /// The same as kernels are given them.
     pub views: Vec<types::View>,
+    /// Camera z by pixel, view after view; 0: none.
     pub depths: Vec<f32>,
     /// Where each view's depths begin.
     pub pixel_firsts: Vec<usize>,
     /// 10 planes × `stride`.
     pub screen_planes: Vec<f32>,
+    /// View of each place, [`NONE`] where it is empty.
     pub screen_frames: Vec<u32>,
+    /// Those among which the nearest is looked for.
     pub train_views: Vec<u32>,
     /// The scene's own length.
     pub unit: f32,
@@ -71,6 +76,7 @@ pub fn look_at(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
 }
 
 impl Case {
+    /// `count` places, around a ball at `centre`.
     pub fn new(seed: u64, count: usize, centre: DVec3) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let cameras: Vec<_> = (0..5)
@@ -146,10 +152,12 @@ pub struct There {
     screen_planes: Buffer<f32>,
     screen_frames: Buffer<u32>,
     depths: Buffer<f32>,
+    /// By place of a 2D Gaussian.
     pub lift: LiftBuffers,
 }
 
 impl There {
+    /// Uploads a case.
     pub fn new(context: &Context, case: &Case) -> Result<Self> {
         let places = case.screen_frames.len() as u32;
         let (views, train_views) = (case.views.len() as u32, case.train_views.len() as u32);
@@ -165,6 +173,7 @@ impl There {
         })
     }
 
+    /// The 2D Gaussians as the lift's stages take them.
     pub fn flat(&self) -> Flat<'_> {
         let There { screen_planes, screen_frames, depths, .. } = self;
         let count = screen_frames.len() as u32;

@@ -100,8 +100,11 @@ fn listed_share(batch: &Batch) -> f64 {
 
 /// Frames behind one another in one image buffer, their targets in another order with a gap.
 pub struct Batch {
+    /// Where each lies in both.
     pub frames: Vec<Frame>,
+    /// sRGB and transmittance.
     pub image: Vec<[f32; 4]>,
+    /// Packed 8-bit RGBA; alpha 0 does not count.
     pub targets: Vec<u32>,
 }
 

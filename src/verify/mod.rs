@@ -45,8 +45,11 @@ pub struct Options {
 /// What was found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
+    /// On which.
     pub device: DeviceInfo,
+    /// What floors are made from.
     pub rates: Rates,
+    /// In the order of the pipeline.
     pub rows: Vec<Row>,
     /// Wall clock.
     pub seconds: f64,

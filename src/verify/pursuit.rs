@@ -26,7 +26,7 @@ use crate::{
 
 const SEED: u64 = 5;
 /// What remains of a residual differs by more only where a pixel is taken for one within a window, or for one outside of it.
-const BORDER: f64 = 1e-3;
+const BORDER: f64 = 1e-4;
 
 pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let case = Case::new(33, 1, DVec3::ZERO);
@@ -425,7 +425,7 @@ impl Here<'_> {
         };
         // Nothing is proved where nothing is taken.
         row.unequal(u64::from(taken == 0));
-        // As it is used: what remains. Where a window's reach is a whole number of pixels, as 2.5 deviations of 2 px, a pixel outside of
+        // As it is used: what remains. Where a window's reach is as near to where it is rounded up as float32 can tell, a pixel outside of
         // its border may be within; it is REACH deviations away or more.
         let left = |explained: u32| (-f64::from(explained) / HALVING).exp2();
         let pairs: Vec<(f32, f64)> =

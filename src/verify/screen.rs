@@ -19,7 +19,7 @@ use crate::{
         Background, Intersections, NONE, Options, Splat,
         blend::{Blended, blend},
         blend_backward::{Record, blend_backward, blend_backward_magnitudes},
-        screen_backward::{ScreenGrad, ScreenMoments, screen_backward, screen_step},
+        screen_backward::{ScreenGrad, ScreenMoments, magnitudes as screen_magnitudes, screen_backward, screen_step},
         screen_draw::{Draw, draw_size, key, new_screen_gaussian, screen_draw},
         screen_project::{ScreenGaussian, screen_project},
         screen_prune::screen_prune,
@@ -65,6 +65,7 @@ pub fn pixels_of<'a, T>(all: &'a [T], frame: &Frame) -> &'a [T] {
 
 /// Random 2D Gaussians on places of two frames in turns; every seventh place is empty.
 pub struct Scattered {
+    /// By place.
     pub gaussians: Vec<ScreenGaussian>,
     /// Frame of each place, [`NONE`] where it is empty.
     pub frames: Vec<u32>,
@@ -73,6 +74,7 @@ pub struct Scattered {
 }
 
 impl Scattered {
+    /// `count` places, and the generator as it is afterwards.
     pub fn new(all: &[Frame; 2], seed: u64, count: usize) -> (Self, ChaCha8Rng) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let frames: Vec<u32> = (0..count).map(|i| if i % 7 == 3 { NONE } else { (i / 2 % 2) as u32 }).collect();
@@ -257,7 +259,8 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
 
     // Gradients from the device's own records, and the step from its own gradients.
     let records: Vec<Record> = got.iter().map(|record| record.map(f64::from)).collect();
-    let grads: Vec<Vec<ScreenGrad>> = with_depths
+    let sizes: Vec<Record> = records.iter().map(|record| record.map(f64::abs)).collect();
+    let (grads, terms): (Vec<Vec<ScreenGrad>>, Vec<Vec<ScreenGrad>>) = with_depths
         .iter()
         .map(|(gaussians, of_frame)| {
             let counts: Vec<u32> = of_frame.iter().map(|&i| if keys[i] == NONE { 0 } else { tile_counts[i] }).collect();
@@ -271,9 +274,12 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
                 first_slot: firsts,
                 tile_ranges: vec![],
             };
-            screen_backward(gaussians, &counts, &isects, &records)
+            (
+                screen_backward(gaussians, &counts, &isects, &records),
+                screen_magnitudes(gaussians, &counts, &isects, &sizes),
+            )
         })
-        .collect();
+        .unzip();
     let start: Vec<f32> = (0..18 * count)
         .map(
             |k| if (k / count).is_multiple_of(2) { rng.random_range(-0.1..0.1) } else { rng.random_range(0.001..0.01) },
@@ -290,14 +296,13 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     row.work.bytes = 36.0 * isect_count as f64 + 4.0 * count as f64 * (3.0 + 9.0 + 9.0);
     let got = gradients.download()?;
     for planes in [0..2, 2..5, 5..6, 6..8, 8..9] {
-        let pairs = planes.flat_map(|p| {
-            let (got, grads, with_depths) = (&got, &grads, &with_depths);
+        let (got, grads, terms, with_depths) = (&got, &grads, &terms, &with_depths);
+        row.sums(planes.flat_map(move |p| {
             (0..2).flat_map(move |f| {
                 let slots = with_depths[f].1.iter().enumerate();
-                slots.map(move |(j, &i)| (got[2 * p * count + i], grads[f][j][p]))
+                slots.map(move |(j, &i)| (got[2 * p * count + i], grads[f][j][p], terms[f][j][p]))
             })
-        });
-        row.gradients(pairs);
+        }));
     }
     bench.push(row);
 

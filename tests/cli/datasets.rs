@@ -170,15 +170,23 @@ fn masks_keep_what_they_hide_out_of_the_scene() {
 #[test]
 fn files_of_other_kinds_are_called_what_they_are() {
     let work = Work::new();
-    fs::write(work.path("x.splat"), [7; 64]).unwrap();
+    fs::write(work.path("x.ksplat"), [7; 64]).unwrap();
+    fs::write(work.path("x.safetensors"), b"\x40\x01\0\0\0\0\0\0{\"a\"").unwrap();
+    for (file, word) in [("x.ksplat", ".ksplat scene"), ("x.safetensors", "safetensors")] {
+        work.refused(&format!("info {file}"), &[file, word, "expected a scene"]);
+        work.refused(&format!("eval {file} data"), &[file, word, "not a scene"]);
+        work.refused(&format!("train {file} -o x.ply"), &[file, word, "COLMAP"]);
+    }
+    // What is wrong with a scene is its reader's to say.
+    fs::write(work.path("x.splat"), [7; 65]).unwrap();
     fs::write(work.path("x.spz"), b"\x1f\x8b\x08\0\0\0").unwrap();
     fs::write(work.path("y.spz"), b"NGSP\x04\0\0\0").unwrap();
     fs::write(work.path("x.sog"), b"PK\x03\x04").unwrap();
-    for (file, word) in [("x.splat", ".splat scene"), ("x.spz", "SPZ scene"), ("y.spz", "SPZ scene"), ("x.sog", "SOG")]
-    {
-        work.refused(&format!("info {file}"), &[file, word, "expected a PLY file"]);
-        work.refused(&format!("eval {file} data"), &[file, word, "not a PLY"]);
-        work.refused(&format!("train {file} -o x.ply"), &[file, word, "COLMAP"]);
+    for (file, word) in [("x.splat", "32 bytes"), ("x.spz", "gzip"), ("y.spz", "SPZ scene"), ("x.sog", "ZIP archive")] {
+        for command in [format!("info {file}"), format!("eval {file} data"), format!("convert {file} x.ply")] {
+            work.refused(&command, &[file, word]);
+        }
+        work.refused(&format!("train {file} -o x.ply"), &[file, "COLMAP"]);
     }
     work.refused("info data/images/a.png", &["a.png", "is an image"]);
 }

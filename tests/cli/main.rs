@@ -1,6 +1,7 @@
 //! The command line as its users meet it, on a tiny dataset. Validation layers are on where `GLINT_VALIDATION` is set, and make
 //! a command fail when they find anything.
 
+mod convert;
 mod datasets;
 mod flags;
 mod kept;
@@ -316,7 +317,7 @@ fn bad_input_is_refused_in_one_line_and_leaves_nothing() {
     work.refused("eval text.ply data", &["text.ply", "ply"]);
     work.refused("eval short.ply data", &["short.ply"]);
     work.refused("info points.ply", &["points.ply", "point cloud"]);
-    work.refused("info photo.bin", &["photo.bin", "expected a PLY file"]);
+    work.refused("info photo.bin", &["photo.bin", "expected a scene"]);
     work.refused("info nowhere", &["nowhere"]);
     work.refused("eval data base.ply", &["data", "the scene comes before the dataset"]);
     work.refused("train empty -o out.ply", &["empty", "expected a folder with a COLMAP model"]);

@@ -1,7 +1,10 @@
 //! Scene files other than PLY: what comes back, bytes written by hand, damage, and how renders of real scenes fare.
 
+mod gltf;
+mod packed_ply;
 #[path = "../common/shared.rs"]
 mod shared;
+mod sog;
 mod splat;
 mod spz;
 

@@ -9,7 +9,10 @@ use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
 
 use super::{Part, direction};
-use crate::scene::Camera;
+use crate::{
+    data::srgb::{linear_from_srgb, srgb_from_linear},
+    scene::Camera,
+};
 
 /// Background, 8-bit sRGB.
 pub(super) const BACKGROUND: [u8; 3] = [30, 33, 41];
@@ -240,17 +243,12 @@ fn smoothstep(lo: f64, hi: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-fn to_linear(v: f64) -> f64 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
 pub(super) fn to_byte(linear: f64) -> u8 {
-    let v = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (v * 255.0).round().clamp(0.0, 255.0) as u8
+    (srgb_from_linear(linear) * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
 fn background() -> DVec3 {
-    DVec3::from_array(BACKGROUND.map(|b| to_linear(b as f64 / 255.0)))
+    DVec3::from_array(BACKGROUND.map(|b| linear_from_srgb(b as f64 / 255.0)))
 }
 
 impl Albedo {

@@ -58,6 +58,7 @@ pub struct SynthOptions {
 impl SynthOptions {
     /// With fewer, places that three photographs see become rare, and the points are where three do.
     pub const LEAST_VIEWS: u32 = 8;
+    /// With fewer pixels a side, SSIM's window of 11 is most of the image.
     pub const LEAST_SIZE: u32 = 16;
 
     fn names(&self) -> impl Iterator<Item = String> {

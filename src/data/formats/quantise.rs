@@ -18,6 +18,16 @@ pub(super) fn opacity(logit: f32) -> f64 {
     1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
+/// The logit of an opacity. 1 and 0 have none: the nearest numbers that do are taken. What is no opacity becomes NaN, which is then
+/// refused as a number that is not finite.
+pub(super) fn logit(opacity: f32) -> f32 {
+    if !(0.0..=1.0).contains(&opacity) {
+        return f32::NAN;
+    }
+    let opacity = f64::from(opacity).clamp(f64::from(f32::MIN_POSITIVE), 1.0 - f64::from(f32::EPSILON) / 4.0);
+    (opacity / (1.0 - opacity)).ln() as f32
+}
+
 /// Opacity as a byte.
 pub(super) fn opacity_byte(logit: f32) -> u8 {
     byte(255.0 * opacity(logit))

@@ -55,9 +55,13 @@ pub fn frames_of(views: &Views, batch: &Range<usize>) -> Vec<Frame> {
 pub struct ScreenSizes {
     /// 2D Gaussians that there are places for.
     pub places: u32,
+    /// Views of the batch.
     pub frames: u32,
+    /// Of all its frames together.
     pub pixels: u32,
+    /// Of the widest frame, px.
     pub width: u32,
+    /// Of the highest frame, px.
     pub height: u32,
     /// Tiles of the loss, each frame of a batch having as many as its largest.
     pub loss_tiles: u32,

@@ -39,11 +39,17 @@ buffers! {
         pub screen_planes: f32 = SCREEN_PLANES * o.places as usize,
         /// Position in the batch of each 2D Gaussian's view, [`NONE`] where the place is empty.
         pub screen_frames: u32 = o.places,
+        /// Steps since a 2D Gaussian was put in.
         pub screen_ages: u32 = o.places,
+        /// Two for each plane that learns: of plane p 2p and 2p + 1.
         pub screen_moments: f32 = 2 * LEARNED * o.places as usize,
+        /// Pixels of the last draw, by place of the view's quota.
         pub drawn_pixels: u32 = o.places,
+        /// By frame: how many there are, and what becomes of them next.
         pub screen_states: ScreenState = o.frames,
+        /// By frame: its view, and which places it has.
         pub quotas: Quota = o.frames,
+        /// Where the pixels of each frame lie.
         pub frames: Frame = o.frames,
         /// The batch's cameras; `pixel_first` counts within `depths`.
         pub views: View = o.frames,
@@ -65,10 +71,15 @@ struct Current {
 /// Pipelines and buffers for batches of up to some size, and the batch at hand.
 pub struct Screen {
     context: Context,
+    /// What there is room for.
     pub sizes: ScreenSizes,
+    /// 2D Gaussians and what they render onto.
     pub buffers: ScreenBuffers,
+    /// Order and blend of all views of the batch at once.
     pub raster: Raster,
+    /// The loss of all views of the batch at once.
     pub loss: Photometric,
+    /// Which tiles of the loss can have changed.
     pub lists: TileLists,
     current: Current,
     project: screen_project::Stage,

@@ -1,0 +1,334 @@
+//! The structures of `glint.h`, in its order, and what they are in Rust.
+
+#![allow(non_camel_case_types, reason = "the names of the header")]
+
+use std::ffi::c_void;
+
+use ash::vk;
+use glam::{DMat4, DQuat, DVec3};
+
+use crate::{
+    Error, Result,
+    gpu::{BufferRange, Context, ImageRegion, Kept, Pixels},
+    pipelines::{
+        frames::{Blend, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
+        model::{Model, Segment, Upload},
+        session::Policy,
+    },
+    scene::Scene,
+};
+
+/// Of `glint.h`.
+pub const GLINT_VERSION: u32 = 1;
+
+/// A device, see [`Context`].
+pub struct glint_context(pub(super) Context);
+
+/// Gaussians on the host, see [`Scene`].
+pub struct glint_scene(pub(super) Scene);
+
+/// A scene on its way, see [`Upload`].
+pub struct glint_upload {
+    pub(super) upload: Upload,
+    pub(super) context: Context,
+    pub(super) kept: Kept,
+}
+
+/// Gaussians on the device, see [`Model`].
+pub struct glint_model(pub(super) Model);
+
+/// See [`Frames`].
+pub struct glint_frames {
+    pub(super) frames: Frames,
+    /// Memory for the views of a frame.
+    pub(super) views: Vec<FrameView>,
+}
+
+/// The caller's device.
+#[repr(C)]
+pub struct glint_device {
+    /// sizeof(glint_device).
+    pub size: u32,
+    /// Of `queue`; it must take compute.
+    pub queue_family: u32,
+    /// The loader's.
+    pub get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
+    /// VkInstance.
+    pub instance: *mut c_void,
+    /// VkPhysicalDevice.
+    pub physical_device: *mut c_void,
+    /// VkDevice, made with what `glint_required_*` say.
+    pub device: *mut c_void,
+    /// VkQueue.
+    pub queue: *mut c_void,
+    /// VkPipelineCache or 0.
+    pub pipeline_cache: u64,
+    /// Bytes that glint's buffers may take; 0 for what the device has.
+    pub memory_budget: u64,
+    /// Called before and after glint submits, from the thread that does; null where glint alone uses the queue.
+    pub lock_queue: Option<unsafe extern "C" fn(*mut c_void)>,
+    /// As `lock_queue`.
+    pub unlock_queue: Option<unsafe extern "C" fn(*mut c_void)>,
+    /// Given to both.
+    pub user: *mut c_void,
+    /// 1: VK_EXT_debug_utils is enabled on the instance, and kernels and buffers are to be named.
+    pub labels: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// What a scene has.
+#[repr(C)]
+pub struct glint_scene_counts {
+    /// Plain Gaussians.
+    pub base: u32,
+    /// Gaussians with lobes.
+    pub supplement: u32,
+    /// Of the harmonics, 0 to 3.
+    pub sh_degree: u32,
+}
+
+/// See [`Limits`].
+#[repr(C)]
+pub struct glint_limits {
+    /// Pixels of the largest view.
+    pub width: u32,
+    /// Pixels of the largest view.
+    pub height: u32,
+    /// Of all instances together.
+    pub gaussians: u32,
+    /// Of a frame, at most 64.
+    pub instances: u32,
+    /// Of a frame.
+    pub views: u32,
+    /// Slots.
+    pub in_flight: u32,
+    /// Room for so many; 0 for the usual.
+    pub intersections: u32,
+    /// The widest `glint_texel` of any target.
+    pub texel: u32,
+    /// 1: some models have supplements.
+    pub supplement: u32,
+    /// Bits: degree d of harmonics is asked for.
+    pub degrees: u32,
+    /// 1: models have harmonics of half width.
+    pub half: u32,
+    /// 1: depths hide Gaussians.
+    pub depth_in: u32,
+    /// 1: depths and ids are asked for.
+    pub depth_out: u32,
+    /// 1: opacities of small Gaussians are compensated, as Mip-Splatting does.
+    pub compensate: u32,
+}
+
+impl glint_limits {
+    pub(super) fn of(model: &Model, width: u32, height: u32) -> Self {
+        let limits = Limits::of(model, width, height);
+        glint_limits {
+            width,
+            height,
+            gaussians: limits.gaussians,
+            instances: limits.instances,
+            views: limits.views,
+            in_flight: limits.in_flight,
+            intersections: 0,
+            texel: limits.texel as u32,
+            supplement: limits.supplement.into(),
+            degrees: limits.degrees.iter().map(|d| 1 << d).sum(),
+            half: limits.half.into(),
+            depth_in: 0,
+            depth_out: 0,
+            compensate: 0,
+        }
+    }
+
+    pub(super) fn limits(&self) -> Result<Limits> {
+        Ok(Limits {
+            width: self.width,
+            height: self.height,
+            gaussians: self.gaussians,
+            instances: self.instances,
+            views: self.views,
+            in_flight: self.in_flight,
+            intersections: match self.intersections {
+                0 => Room::Usual,
+                count => Room::Intersections(count),
+            },
+            texel: texel(self.texel)?,
+            supplement: self.supplement != 0,
+            degrees: (0..4).filter(|d| self.degrees >> d & 1 != 0).collect(),
+            half: self.half != 0,
+            depth_in: self.depth_in != 0,
+            depth_out: self.depth_out != 0,
+            policy: Policy { compensate: self.compensate != 0, ..Default::default() },
+        })
+    }
+}
+
+fn texel(number: u32) -> Result<Texel> {
+    let all = [Texel::Rgba8, Texel::Bgra8, Texel::Rgba16F, Texel::Rgba32F];
+    all.into_iter().find(|t| *t as u32 == number).ok_or_else(|| Error::Usage(format!("there is no texel {number}")))
+}
+
+/// See [`Pixels`].
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct glint_pixels {
+    /// VkImage; where it is 0, `buffer` is meant, and where that is 0 too nothing.
+    pub image: u64,
+    /// VkBuffer.
+    pub buffer: u64,
+    /// Bytes into the buffer.
+    pub buffer_offset: u64,
+    /// VkImageLayout at the time: general, or transfer source or destination.
+    pub layout: i32,
+    /// VkImageAspectFlags: colour or depth.
+    pub aspect: u32,
+    /// Level of detail.
+    pub level: u32,
+    /// Array layer.
+    pub layer: u32,
+    /// Pixels, of the upper left corner.
+    pub offset: [i32; 2],
+}
+
+impl glint_pixels {
+    fn pixels(&self) -> Option<Pixels> {
+        use vk::Handle;
+        match (self.image, self.buffer) {
+            (0, 0) => None,
+            (0, buffer) => {
+                Some(Pixels::Buffer(BufferRange { buffer: vk::Buffer::from_raw(buffer), offset: self.buffer_offset }))
+            }
+            (image, _) => Some(Pixels::Image(ImageRegion {
+                image: vk::Image::from_raw(image),
+                layout: vk::ImageLayout::from_raw(self.layout),
+                aspect: vk::ImageAspectFlags::from_raw(self.aspect),
+                level: self.level,
+                layer: self.layer,
+                offset: self.offset,
+            })),
+        }
+    }
+}
+
+/// See [`FrameView`] and [`Target`].
+#[repr(C)]
+pub struct glint_view {
+    /// World to view, columns first.
+    pub view: [f64; 16],
+    /// View to Vulkan's clip space, columns first.
+    pub projection: [f64; 16],
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Distance along the view's axis, scene units of the world.
+    pub near: f64,
+    /// Where colours go.
+    pub color: glint_pixels,
+    /// Float32 depths, of what hides Gaussians.
+    pub depth_in: glint_pixels,
+    /// Float32 depths, of the Gaussians.
+    pub depth_out: glint_pixels,
+    /// u32, of the Gaussians.
+    pub ids: glint_pixels,
+    /// `glint_texel`.
+    pub texel: u32,
+    /// 1: the target holds linear light.
+    pub linear: u32,
+    /// `glint_blend`.
+    pub blend: u32,
+    /// Factor of the Gaussians' light.
+    pub exposure: f32,
+    /// sRGB-encoded, of opaque targets.
+    pub background: [f32; 3],
+    /// 0.
+    pub reserved: u32,
+}
+
+impl TryFrom<&glint_view> for FrameView {
+    type Error = Error;
+
+    fn try_from(v: &glint_view) -> Result<Self> {
+        let (view, projection) = (DMat4::from_cols_array(&v.view), DMat4::from_cols_array(&v.projection));
+        let seen = FrameView::from_matrices(view, projection, v.width, v.height)?;
+        let blend = match v.blend {
+            0 => Blend::Opaque(v.background),
+            1 => Blend::Premultiplied,
+            2 => Blend::Over,
+            other => return Err(Error::Usage(format!("there is no blend {other}"))),
+        };
+        let light = if v.linear != 0 { Light::Linear } else { Light::Encoded };
+        let texel = texel(v.texel)?;
+        let target = |pixels| Target { pixels, texel, light, blend, exposure: v.exposure };
+        Ok(FrameView {
+            near: v.near,
+            color: v.color.pixels().map(target),
+            depth_in: v.depth_in.pixels(),
+            depth_out: v.depth_out.pixels(),
+            ids: v.ids.pixels(),
+            ..seen
+        })
+    }
+}
+
+/// See [`Instance`].
+#[repr(C)]
+pub struct glint_instance {
+    /// Any number of instances may be of one model.
+    pub model: *const glint_model,
+    /// x, y, z, w, of unit length.
+    pub rotation: [f64; 4],
+    /// Where the model's origin goes.
+    pub translation: [f64; 3],
+    /// Of all axes alike.
+    pub scale: f64,
+    /// Bands of harmonics, at most the model's.
+    pub sh_degree: u32,
+    /// 1: without the supplement.
+    pub base_only: u32,
+}
+
+impl glint_instance {
+    pub(super) fn instance<'a>(&self, model: &'a Model) -> Result<Instance<'a>> {
+        Ok(Instance {
+            model,
+            transform: Transform {
+                rotation: DQuat::from_array(self.rotation),
+                scale: self.scale,
+                translation: DVec3::from_array(self.translation),
+            },
+            upto: if self.base_only != 0 { Segment::Base } else { Segment::Supplement },
+            degree: self.sh_degree,
+        })
+    }
+}
+
+/// See [`Frame`](crate::pipelines::frames::Frame).
+#[repr(C)]
+pub struct glint_frame {
+    /// Which of the frames in flight it takes the place of.
+    pub slot: u32,
+    /// Of `instances`.
+    pub instance_count: u32,
+    /// Of `views`.
+    pub view_count: u32,
+    /// 0.
+    pub reserved: u32,
+    /// In one common order.
+    pub instances: *const glint_instance,
+    /// One after the other.
+    pub views: *const glint_view,
+}
+
+/// See [`Report`](crate::pipelines::frames::Report).
+#[repr(C)]
+pub struct glint_report {
+    /// 0 where all found room.
+    pub needed: u32,
+    /// Gaussians that the last view saw.
+    pub visible: u32,
+    /// Of those with its tiles.
+    pub intersections: u32,
+}

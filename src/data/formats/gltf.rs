@@ -1,0 +1,372 @@
+//! glTF 2.0 with `KHR_gaussian_splatting`, and Gaussians with lobes in an extension of glint's.
+//!
+//! Source: Khronos, KHR_gaussian_splatting. A primitive of points has, beside POSITION, a unit quaternion x, y, z, w, a scale (standard
+//! deviations; drafts before April 2026 had their logarithms), an opacity of 0 to 1, and the harmonics' coefficients, one attribute each.
+//! The frame is glTF's: x left, y up, z front, under the transformations of the nodes. What `GLINT_gaussian_lobes` adds is in
+//! docs/gltf.md.
+
+mod document;
+mod write;
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::{DMat4, DQuat, DVec3};
+use serde::Deserialize;
+use serde_json::value::RawValue;
+
+pub(in crate::data) use write::write;
+
+use super::axes::{self, Signs};
+use super::turn::Placing;
+use super::{inflate, quantise};
+use crate::data::SceneFile;
+use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::{Error, Result};
+use document::Document;
+
+/// Names of the extensions.
+const SPLATTING: &str = "KHR_gaussian_splatting";
+const LOBES: &str = "GLINT_gaussian_lobes";
+/// Those that a file may require.
+const KNOWN: [&str; 3] = [SPLATTING, LOBES, "KHR_mesh_quantization"];
+/// Between PLY (x right, y down, z front) and glTF (x left, y up, z front).
+const X_LEFT_Y_UP: Signs = [-1.0, -1.0, 1.0];
+/// Attributes beside POSITION.
+const ROTATION: &str = "KHR_gaussian_splatting:ROTATION";
+const SCALE: &str = "KHR_gaussian_splatting:SCALE";
+const OPACITY: &str = "KHR_gaussian_splatting:OPACITY";
+const LOBE_DIRECTION: &str = "GLINT_gaussian_lobes:DIRECTION";
+const LOBE_WIDTH: &str = "GLINT_gaussian_lobes:WIDTH";
+const LOBE_SHARPNESS: &str = "GLINT_gaussian_lobes:SHARPNESS";
+
+/// Of coefficient `k`: its degree and its place among those of its degree.
+fn harmonic(k: usize) -> String {
+    let degree = k.isqrt();
+    format!("KHR_gaussian_splatting:SH_DEGREE_{degree}_COEF_{}", k - degree * degree)
+}
+
+type Attributes<'a> = HashMap<Cow<'a, str>, usize>;
+
+#[derive(Debug, Deserialize)]
+struct Mesh<'a> {
+    #[serde(borrow)]
+    primitives: Vec<&'a RawValue>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Primitive<'a> {
+    #[serde(borrow)]
+    attributes: Attributes<'a>,
+    mode: Option<u32>,
+    #[serde(borrow, default)]
+    extensions: PrimitiveExtensions<'a>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct PrimitiveExtensions<'a> {
+    #[serde(rename = "KHR_gaussian_splatting", borrow)]
+    splatting: Option<Splatting<'a>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Splatting<'a> {
+    #[serde(borrow)]
+    kernel: Option<Cow<'a, str>>,
+    #[serde(borrow)]
+    color_space: Option<Cow<'a, str>>,
+    #[serde(borrow, default)]
+    extensions: SplattingExtensions<'a>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct SplattingExtensions<'a> {
+    #[serde(rename = "GLINT_gaussian_lobes", borrow)]
+    lobes: Option<LobesExtension<'a>>,
+}
+
+#[derive(Debug, Deserialize)]
+struct LobesExtension<'a> {
+    #[serde(borrow)]
+    attributes: Attributes<'a>,
+    #[serde(borrow)]
+    learned: Option<Attributes<'a>>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Node<'a> {
+    mesh: Option<usize>,
+    #[serde(default)]
+    children: Vec<usize>,
+    matrix: Option<[f64; 16]>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+    #[serde(borrow)]
+    extensions: Option<&'a RawValue>,
+}
+
+impl Node<'_> {
+    fn matrix(&self) -> DMat4 {
+        if let Some(columns) = &self.matrix {
+            return DMat4::from_cols_array(columns);
+        }
+        DMat4::from_scale_rotation_translation(
+            DVec3::from_array(self.scale.unwrap_or([1.0; 3])),
+            DQuat::from_array(self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0])).normalize(),
+            DVec3::from_array(self.translation.unwrap_or_default()),
+        )
+    }
+}
+
+#[derive(Debug, Deserialize)]
+struct Nodes {
+    #[serde(default)]
+    nodes: Vec<usize>,
+}
+
+/// All splats of the file's scene. Files that it names are looked for in `folder`, if there is one; `path` is only named in errors.
+pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<SceneFile> {
+    read(bytes, folder).map_err(|what| Error::input(path, what))
+}
+
+fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
+    let document = Document::parse(bytes, folder)?;
+    if let Some(unknown) = document.root.extensions_required.iter().find(|name| !KNOWN.contains(&&name[..])) {
+        return Err(format!("requires the extension `{unknown}`, which is not read"));
+    }
+    let mut found = Found { have: bytes.len(), ..Default::default() };
+    for (mesh, matrix) in placed_meshes(&document)? {
+        let primitives: Mesh = Document::object(&document.root.meshes, mesh, "mesh")?;
+        for (i, text) in primitives.primitives.iter().enumerate() {
+            let place = || format!("primitive {i} of mesh {mesh}");
+            let primitive: Primitive =
+                serde_json::from_str(text.get()).map_err(|error| format!("{} is not understood: {error}", place()))?;
+            if let Some(splatting) = primitive.extensions.splatting {
+                let placing = Placing::of(matrix).ok_or_else(|| {
+                    format!("places mesh {mesh} by a matrix that is no rotation, uniform scale and translation")
+                })?;
+                let splats = Splats { attributes: primitive.attributes, mode: primitive.mode, splatting };
+                found.add(&document, splats, placing).map_err(|what| format!("{}: {what}", place()))?;
+            }
+        }
+    }
+    found.finish()
+}
+
+/// Every mesh of the scene, with where its nodes put it.
+fn placed_meshes(document: &Document) -> Result<Vec<(usize, DMat4)>, String> {
+    let root = &document.root;
+    let roots = match (root.scene, root.scenes.is_empty()) {
+        (None, true) => return Err("has no scene".into()),
+        (scene, _) => Document::object::<Nodes>(&root.scenes, scene.unwrap_or(0), "scene")?.nodes,
+    };
+    let mut meshes = Vec::new();
+    let mut seen = vec![false; root.nodes.len()];
+    let mut open: Vec<(usize, DMat4)> = roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY)).collect();
+    while let Some((index, above)) = open.pop() {
+        let node: Node = Document::object(&root.nodes, index, "node")?;
+        // Nodes are trees, so no list of open ones is longer than that of all.
+        if std::mem::replace(&mut seen[index], true) {
+            return Err(format!("reaches node {index} twice, expected a tree"));
+        }
+        if node.extensions.is_some_and(|text| text.get().contains("EXT_mesh_gpu_instancing")) {
+            return Err(format!("has instances at node {index} (EXT_mesh_gpu_instancing), which are not read"));
+        }
+        let here = above * node.matrix();
+        meshes.extend(node.mesh.map(|mesh| (mesh, here)));
+        open.extend(node.children.iter().rev().map(|&child| (child, here)));
+    }
+    Ok(meshes)
+}
+
+/// A primitive of Gaussians.
+struct Splats<'a> {
+    attributes: Attributes<'a>,
+    mode: Option<u32>,
+    splatting: Splatting<'a>,
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Found {
+    /// Bytes of the file, and Gaussians that it promised.
+    have: usize,
+    promised: u64,
+    shown: Option<Gaussians>,
+    /// Where any primitive has such.
+    learned: Option<Gaussians>,
+    supplement: Option<Supplement>,
+}
+
+impl Found {
+    fn add(&mut self, document: &Document, splats: Splats, placing: Placing) -> Result<(), String> {
+        let Splats { attributes, mode, splatting } = splats;
+        if mode != Some(0) {
+            return Err(format!("has mode {}, expected 0 (points) of splats", mode.unwrap_or(4)));
+        }
+        if let Some(kernel) = splatting.kernel.as_deref().filter(|&kernel| kernel != "ellipse") {
+            return Err(format!("has the kernel `{kernel}`, expected `ellipse`"));
+        }
+        if let Some(space) = splatting.color_space.as_deref().filter(|space| space.to_ascii_lowercase().contains("lin"))
+        {
+            return Err(format!("has colours in `{space}`, expected `srgb_rec709_display`"));
+        }
+        let base = self.gaussians(document, &attributes, placing)?;
+        let lobes = splatting.extensions.lobes;
+        let learned = lobes.as_ref().and_then(|lobes| lobes.learned.as_ref());
+        let learned = learned.map(|attributes| self.gaussians(document, attributes, placing)).transpose()?;
+        if let Some(short) = learned.as_ref().filter(|learned| learned.len() < base.len()) {
+            return Err(format!(
+                "{LOBES} has {} learned Gaussians of {}, expected as many or more",
+                short.len(),
+                base.len()
+            ));
+        }
+        if learned.is_some() || self.learned.is_some() {
+            // From the first that learned on, the two are not the same.
+            let before = self.shown.clone();
+            if self.learned.is_none() {
+                self.learned = before;
+            }
+            append(&mut self.learned, learned.unwrap_or_else(|| base.clone()));
+        }
+        append(&mut self.shown, base);
+        if let Some(LobesExtension { attributes, .. }) = lobes {
+            let gaussians = self.gaussians(document, &attributes, placing)?;
+            let place = |name: &str| attribute(&attributes, name);
+            let flat = |values: Vec<[f32; 1]>| values.into_flattened();
+            let mut lobes = Lobes {
+                directions: document.numbers(place(LOBE_DIRECTION)?, LOBE_DIRECTION)?,
+                widths: flat(document.numbers(place(LOBE_WIDTH)?, LOBE_WIDTH)?),
+                sharpness: flat(document.numbers(place(LOBE_SHARPNESS)?, LOBE_SHARPNESS)?),
+            };
+            for (name, count) in [
+                (LOBE_DIRECTION, lobes.directions.len()),
+                (LOBE_WIDTH, lobes.widths.len()),
+                (LOBE_SHARPNESS, lobes.sharpness.len()),
+            ] {
+                same(name, count, gaussians.len())?;
+            }
+            placing.apply_to_lobes(&mut lobes);
+            axes::flip_lobes(&mut lobes, X_LEFT_Y_UP);
+            match &mut self.supplement {
+                None => self.supplement = Some(Supplement { gaussians, lobes }),
+                Some(all) => {
+                    let mut grown = Some(std::mem::take(&mut all.gaussians));
+                    append(&mut grown, gaussians);
+                    all.gaussians = grown.unwrap_or_default();
+                    all.lobes.directions.extend(lobes.directions);
+                    all.lobes.widths.extend(lobes.widths);
+                    all.lobes.sharpness.extend(lobes.sharpness);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The Gaussians of these attributes, in the frame of PLY.
+    fn gaussians(
+        &mut self,
+        document: &Document,
+        attributes: &Attributes,
+        placing: Placing,
+    ) -> Result<Gaussians, String> {
+        let place = |name: &str| attribute(attributes, name);
+        // Attributes may share their bytes, and nodes their meshes.
+        self.promised = self.promised.saturating_add(document.count(place("POSITION")?)?);
+        let least = std::mem::size_of::<[f32; 14]>() as u64;
+        inflate::check_promise(
+            self.have,
+            self.promised.saturating_mul(least),
+            &format!("{} Gaussians", self.promised),
+        )?;
+        let degree = (1..=4).find(|&l: &usize| !attributes.contains_key(&harmonic(l * l)[..])).unwrap_or(1) - 1;
+        if degree == 3 && attributes.contains_key(&harmonic(16)[..]) {
+            return Err("has harmonics of degree 4; 0 to 3 are known".into());
+        }
+        let mut out = Gaussians { sh_degree: degree as u32, ..Default::default() };
+        out.means = document.numbers(place("POSITION")?, "POSITION")?;
+        let count = out.means.len();
+        let scales = document.numbers::<3>(place(SCALE)?, SCALE)?;
+        same(SCALE, scales.len(), count)?;
+        // Linear scales are never negative, logarithms of scenes that fit a room nearly all.
+        let negative = scales.as_flattened().iter().filter(|&&v| v < 0.0).count();
+        let linear = 2 * negative <= 3 * count;
+        out.log_scales = if linear { scales.into_iter().map(|s| s.map(quantise::log_scale)).collect() } else { scales };
+        let rotations = document.numbers::<4>(place(ROTATION)?, ROTATION)?;
+        same(ROTATION, rotations.len(), count)?;
+        out.quats = rotations.into_iter().map(|[x, y, z, w]| [w, x, y, z]).collect();
+        let opacities = document.numbers::<1>(place(OPACITY)?, OPACITY)?;
+        same(OPACITY, opacities.len(), count)?;
+        out.opacities = opacities.into_iter().map(|[v]| quantise::logit(v)).collect();
+        let k = out.sh_coefficients();
+        out.sh = vec![[0.0; 3]; k * count];
+        for i in 0..k {
+            let name = harmonic(i);
+            let values = document.numbers::<3>(place(&name)?, &name)?;
+            same(&name, values.len(), count)?;
+            out.sh.iter_mut().skip(i).step_by(k).zip(values).for_each(|(slot, value)| *slot = value);
+        }
+        placing.apply(&mut out);
+        axes::flip(&mut out, X_LEFT_Y_UP);
+        Ok(out)
+    }
+
+    fn finish(self) -> Result<SceneFile, String> {
+        let shown = self.shown.ok_or_else(|| format!("has no primitive with `{SPLATTING}`"))?;
+        let (base, shown) = match self.learned {
+            Some(learned) => (learned, Some(shown)),
+            None => (shown, None),
+        };
+        let mut supplement = self.supplement;
+        if let Some(supplement) = &mut supplement {
+            // Where primitives differ, the whole has the greatest degree.
+            let degree = base.sh_degree.max(supplement.gaussians.sh_degree);
+            raise(&mut supplement.gaussians, degree);
+        }
+        let degree = supplement.as_ref().map_or(base.sh_degree, |s| s.gaussians.sh_degree);
+        let (mut base, mut shown) = (base, shown);
+        raise(&mut base, degree);
+        shown.iter_mut().for_each(|shown| raise(shown, degree));
+        Ok(SceneFile { shown, ..Scene { base, supplement }.into() })
+    }
+}
+
+fn attribute(attributes: &Attributes, name: &str) -> Result<usize, String> {
+    attributes.get(name).copied().ok_or_else(|| format!("lacks the attribute `{name}`"))
+}
+
+fn same(name: &str, count: usize, expected: usize) -> Result<(), String> {
+    if count == expected { Ok(()) } else { Err(format!("has {count} values of `{name}`, expected {expected}")) }
+}
+
+/// Gives Gaussians coefficients up to this degree, which are 0.
+fn raise(gaussians: &mut Gaussians, degree: u32) {
+    let before = gaussians.sh_coefficients();
+    if degree <= gaussians.sh_degree {
+        return;
+    }
+    gaussians.sh_degree = degree;
+    let k = gaussians.sh_coefficients();
+    let rows = gaussians.sh.chunks_exact(before);
+    gaussians.sh = rows.flat_map(|row| row.iter().copied().chain(std::iter::repeat_n([0.0; 3], k - before))).collect();
+}
+
+/// Puts `more` behind what is there, both of the greater degree.
+fn append(all: &mut Option<Gaussians>, mut more: Gaussians) {
+    let Some(all) = all else {
+        *all = Some(more);
+        return;
+    };
+    let degree = all.sh_degree.max(more.sh_degree);
+    raise(all, degree);
+    raise(&mut more, degree);
+    all.means.extend(more.means);
+    all.log_scales.extend(more.log_scales);
+    all.quats.extend(more.quats);
+    all.opacities.extend(more.opacities);
+    all.sh.extend(more.sh);
+}

@@ -1,0 +1,94 @@
+//! 256 numbers that stand for many.
+
+/// Rounds of Lloyd's algorithm; it has settled long before on what scenes hold.
+const ROUNDS: usize = 64;
+/// Entries: what a byte can say.
+pub(super) const ENTRIES: usize = 256;
+
+/// Numbers in ascending order, such that the nearest of them to each value is near (in the mean square).
+pub(super) struct Codebook(pub(super) Vec<f32>);
+
+impl Codebook {
+    /// Lloyd's algorithm ("Least squares quantization in PCM", 1982) on sorted values, where a cluster is a range.
+    pub(super) fn of(values: impl IntoIterator<Item = f32>) -> Codebook {
+        let mut sorted: Vec<f32> = values.into_iter().collect();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let mut unique = sorted.clone();
+        unique.dedup();
+        if unique.len() <= ENTRIES {
+            // Readers expect as many as a byte can say.
+            let last = unique.last().copied().unwrap_or(0.0);
+            unique.resize(ENTRIES, last);
+            return Codebook(unique);
+        }
+        // Sums up to each value, so that a range's mean is two look-ups.
+        let mut sum = 0.0;
+        let sums: Vec<f64> = std::iter::once(0.0).chain(sorted.iter().map(|&v| (sum += f64::from(v), sum).1)).collect();
+        let (low, high) = (f64::from(sorted[0]), f64::from(sorted[sorted.len() - 1]));
+        // Between even steps, good for tails, and even shares, good where most are.
+        let mut centres: Vec<f64> = (0..ENTRIES)
+            .map(|i| {
+                let share = (i as f64 + 0.5) / ENTRIES as f64;
+                let quantile = f64::from(sorted[(share * sorted.len() as f64) as usize]);
+                0.5 * (low + (high - low) * share + quantile)
+            })
+            .collect();
+        for _ in 0..ROUNDS {
+            let mut begin = 0;
+            for i in 0..ENTRIES {
+                let end = match centres.get(i + 1) {
+                    Some(next) => {
+                        let border = 0.5 * (centres[i] + next);
+                        begin + sorted[begin..].partition_point(|&v| f64::from(v) <= border)
+                    }
+                    None => sorted.len(),
+                };
+                if end > begin {
+                    centres[i] = (sums[end] - sums[begin]) / (end - begin) as f64;
+                }
+                begin = end;
+            }
+        }
+        centres.sort_unstable_by(f64::total_cmp);
+        Codebook(centres.into_iter().map(|v| v as f32).collect())
+    }
+
+    /// The nearest entry's index.
+    pub(super) fn index(&self, value: f32) -> u8 {
+        let after = self.0.partition_point(|&entry| entry < value);
+        let nearer = |i: &usize| (self.0[*i] - value).abs();
+        let candidates = [after.saturating_sub(1), after.min(ENTRIES - 1)];
+        candidates.into_iter().min_by(|a, b| nearer(a).total_cmp(&nearer(b))).unwrap_or(0) as u8
+    }
+
+    /// As the description has them.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        self.0.iter().map(|&v| f64::from(v)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_values_are_kept_as_they_are() {
+        let book = Codebook::of([3.0, -1.0, 3.0, 0.5]);
+        assert_eq!((book.0.len(), &book.0[..3]), (256, &[-1.0, 0.5, 3.0][..]));
+        for value in [3.0, -1.0, 0.5] {
+            assert_eq!(book.0[usize::from(book.index(value))], value);
+        }
+        assert_eq!(Codebook::of([]).0, [0.0; 256]);
+    }
+
+    #[test]
+    fn many_values_are_near_their_entries_and_even_ones_as_near_as_can_be() {
+        let even: Vec<f32> = (0..100_000).map(|i| i as f32 / 1e5).collect();
+        let book = Codebook::of(even.iter().copied());
+        assert!(book.0.is_sorted());
+        let off = |v: &f32| f64::from(book.0[usize::from(book.index(*v))] - v).powi(2);
+        let error = even.iter().map(off).sum::<f64>() / even.len() as f64;
+        // A step of 1/256 has the variance step²/12.
+        assert!((error * 12.0 * 65536.0 - 1.0).abs() < 0.01, "{error}");
+    }
+}

@@ -1,0 +1,47 @@
+//! Harmonics by label.
+
+use super::files::Pixels;
+use super::{PALETTE_ROW, Palette, entries};
+
+/// What labels stand for, and those of the Gaussians.
+pub(super) struct Entries<'a> {
+    pub(super) bands: u32,
+    palette: &'a Palette,
+    entries: Pixels,
+    labels: Pixels,
+}
+
+impl<'a> Entries<'a> {
+    /// `name` is that of the image with the entries.
+    pub(super) fn new(palette: &'a Palette, name: &str, entries: Pixels, labels: Pixels) -> Result<Self, String> {
+        let bands = palette.bands;
+        if bands > 3 {
+            return Err(format!("has harmonics of {bands} bands, expected 0 to 3"));
+        }
+        let higher = (bands as usize + 1).pow(2) - 1;
+        let (width, expected) = (entries.width, PALETTE_ROW * higher);
+        if width != expected {
+            return Err(format!("`{name}` is {width} pixels wide, expected {expected} of {bands} bands"));
+        }
+        // Rows are whole.
+        if entries.pixels.len() / higher < palette.count {
+            let there = entries.pixels.len() / higher;
+            return Err(format!("`{name}` has {there} entries, expected {} or more", palette.count));
+        }
+        Ok(Entries { bands, palette, entries, labels })
+    }
+
+    /// Appends the coefficients of Gaussian `i`.
+    pub(super) fn read(&self, i: usize, sh: &mut Vec<[f32; 3]>) -> Result<(), String> {
+        let [low, high, _, _] = self.labels.pixels[i];
+        let label = usize::from(u16::from_le_bytes([low, high]));
+        let higher = self.entries.width / PALETTE_ROW;
+        if label >= self.palette.count {
+            return Err(format!("pixel {i} of the shN labels is {label}, expected less than {}", self.palette.count));
+        }
+        for &[r, g, b, _] in &self.entries.pixels[label * higher..(label + 1) * higher] {
+            sh.push(entries([r, g, b], &self.palette.codebook, "shN")?);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,177 @@
+//! Archives of SOG.
+
+use std::collections::HashMap;
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use image::ExtendedColorType;
+use image::codecs::webp::WebPEncoder;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::codebook::Codebook;
+use super::{Coded, FIRST_LARGEST, Images, META, Means, Meta, PALETTE_ROW, Palette, cluster};
+use crate::data::formats::{name, order, quantise};
+use crate::scene::Gaussians;
+use crate::{Error, Result};
+
+/// What a label of 16 bits can say.
+const MOST_ENTRIES: usize = 1 << 16;
+/// WebP has no longer side.
+const LONGEST_SIDE: usize = 16383;
+
+/// The file's bytes: a ZIP archive. Gaussians are put into another order, in which neighbours look alike.
+///
+/// # Errors
+/// [`Error::Usage`] where they are more than an image has pixels.
+pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
+    let sorted = order::take(gaussians, &order::morton(&gaussians.means));
+    let count = sorted.len();
+    // Nearly square, both sides whole blocks of four.
+    let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
+    let height = count.div_ceil(width).next_multiple_of(4).max(4);
+    if width > LONGEST_SIDE {
+        let most = LONGEST_SIDE * LONGEST_SIDE;
+        return Err(Error::Usage(format!(
+            "{}: SOG holds no more than {most} Gaussians, and there are {count}",
+            name(path)
+        )));
+    }
+    let mut archive = Archive { zip: ZipWriter::new(Cursor::new(Vec::new())), size: [width, height] };
+    let meta = archive.fill(&sorted, antialiased).map_err(|error| Error::io(path, error))?;
+    let text = serde_json::to_vec(&meta).map_err(|error| Error::io(path, error.into()))?;
+    archive.finish(&text).map_err(|error| Error::io(path, error))
+}
+
+struct Archive {
+    zip: ZipWriter<Cursor<Vec<u8>>>,
+    /// Of the images with a pixel a Gaussian.
+    size: [usize; 2],
+}
+
+impl Archive {
+    fn fill(&mut self, gaussians: &Gaussians, antialiased: bool) -> std::io::Result<Meta> {
+        let k = gaussians.sh_coefficients();
+        let higher: Vec<[f32; 3]> = gaussians.sh.chunks_exact(k).flat_map(|row| row[1..].to_vec()).collect();
+        Ok(Meta {
+            version: 2,
+            count: gaussians.len(),
+            antialias: antialiased,
+            means: self.means(&gaussians.means)?,
+            scales: {
+                let book = Codebook::of(gaussians.log_scales.as_flattened().iter().copied());
+                let pixels = gaussians.log_scales.iter().map(|scales| {
+                    let [x, y, z] = scales.map(|v| book.index(v));
+                    [x, y, z, 255]
+                });
+                Coded { codebook: book.numbers(), files: vec![self.pixels("scales.webp", pixels)?] }
+            },
+            quats: Images {
+                files: vec![self.pixels("quats.webp", gaussians.quats.iter().map(|&quat| rotation(quat)))?],
+            },
+            sh0: {
+                let constant = || gaussians.sh.iter().step_by(k);
+                let book = Codebook::of(constant().flatten().copied());
+                let pixels = constant().zip(&gaussians.opacities).map(|(rgb, &opacity)| {
+                    let [r, g, b] = rgb.map(|v| book.index(v));
+                    [r, g, b, quantise::opacity_byte(opacity)]
+                });
+                Coded { codebook: book.numbers(), files: vec![self.pixels("sh0.webp", pixels)?] }
+            },
+            sh_n: if higher.is_empty() { None } else { Some(self.harmonics(&higher, gaussians.sh_degree)?) },
+        })
+    }
+
+    fn means(&mut self, means: &[[f32; 3]]) -> std::io::Result<Means> {
+        let log = |v: f32| f64::from(v).abs().ln_1p() * f64::from(v).signum();
+        let logs: Vec<[f64; 3]> = means.iter().map(|mean| mean.map(log)).collect();
+        let bound = |pick: fn(f64, f64) -> f64| {
+            logs.iter().copied().reduce(|a, b| std::array::from_fn(|axis| pick(a[axis], b[axis]))).unwrap_or_default()
+        };
+        let (mins, maxs) = (bound(f64::min), bound(f64::max));
+        let word = |value: f64, axis: usize| {
+            let range = maxs[axis] - mins[axis];
+            let share = if range > 0.0 { (value - mins[axis]) / range } else { 0.0 };
+            (share * 65535.0).round() as u16
+        };
+        let words: Vec<[u16; 3]> = logs.iter().map(|l| std::array::from_fn(|axis| word(l[axis], axis))).collect();
+        let byte = |which: usize| {
+            move |words: &[u16; 3]| {
+                let [x, y, z] = words.map(|word| word.to_le_bytes()[which]);
+                [x, y, z, 255]
+            }
+        };
+        let low = self.pixels("means_l.webp", words.iter().map(byte(0)))?;
+        let high = self.pixels("means_u.webp", words.iter().map(byte(1)))?;
+        Ok(Means { mins, maxs, files: vec![low, high] })
+    }
+
+    fn harmonics(&mut self, higher: &[[f32; 3]], bands: u32) -> std::io::Result<Palette> {
+        let each = (bands as usize + 1).pow(2) - 1;
+        let rows = higher.as_flattened();
+        // Of as many Gaussians as there are labels each has its own.
+        let groups = cluster::groups(rows, 3 * each, MOST_ENTRIES);
+        let book = Codebook::of(groups.iter().flat_map(|(centre, _)| centre.iter().copied()));
+        // Entries that have become the same are one.
+        let (mut entries, mut known): (Vec<[u8; 4]>, HashMap<Vec<u8>, u16>) = Default::default();
+        let mut labels = vec![0u16; higher.len() / each];
+        for (centre, members) in &groups {
+            let row: Vec<u8> = centre.iter().map(|&v| book.index(v)).collect();
+            let next = known.len() as u16;
+            let label = *known.entry(row).or_insert_with_key(|row| {
+                entries.extend(row.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 255]));
+                next
+            });
+            members.iter().for_each(|&i| labels[i as usize] = label);
+        }
+        let count = known.len();
+        let size = [PALETTE_ROW * each, count.div_ceil(PALETTE_ROW)];
+        let pixels = labels.iter().map(|label| {
+            let [low, high] = label.to_le_bytes();
+            [low, high, 0, 255]
+        });
+        let files =
+            vec![self.image("shN_centroids.webp", size, entries.into_iter())?, self.pixels("shN_labels.webp", pixels)?];
+        Ok(Palette { count, bands, codebook: book.numbers(), files })
+    }
+
+    /// A pixel a Gaussian.
+    fn pixels(&mut self, name: &str, pixels: impl Iterator<Item = [u8; 4]>) -> std::io::Result<String> {
+        self.image(name, self.size, pixels)
+    }
+
+    fn image(
+        &mut self,
+        name: &str,
+        [width, height]: [usize; 2],
+        pixels: impl Iterator<Item = [u8; 4]>,
+    ) -> std::io::Result<String> {
+        let mut bytes: Vec<u8> = pixels.flatten().collect();
+        bytes.resize(4 * width * height, 0);
+        let mut encoded = Vec::new();
+        WebPEncoder::new_lossless(&mut encoded)
+            .encode(&bytes, width as u32, height as u32, ExtendedColorType::Rgba8)
+            .map_err(std::io::Error::other)?;
+        self.add(name, &encoded)?;
+        Ok(name.into())
+    }
+
+    /// Stored as it is: images are compressed already.
+    fn add(&mut self, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+        // Without a time, so that the same scene is the same file.
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        self.zip.start_file(name, options).map_err(std::io::Error::other)?;
+        self.zip.write_all(bytes)
+    }
+
+    fn finish(mut self, meta: &[u8]) -> std::io::Result<Vec<u8>> {
+        self.add(META, meta)?;
+        Ok(self.zip.finish().map_err(std::io::Error::other)?.into_inner())
+    }
+}
+
+fn rotation(quat: [f32; 4]) -> [u8; 4] {
+    let (largest, smaller) = quantise::smallest_three(quat);
+    let [a, b, c] = smaller.map(|v| quantise::byte(127.5 * (v / 0.5f64.sqrt() + 1.0)));
+    [a, b, c, FIRST_LARGEST + largest as u8]
+}

@@ -1,0 +1,115 @@
+//! `glint convert`, and scenes of other kinds wherever one is asked for.
+
+use std::fs;
+
+use glint::{
+    data::{read_scene, read_scene_file, write_augmented, write_scene},
+    reference::sample::random_scene,
+    scene::Scene,
+};
+
+use super::Work;
+
+const ENDINGS: [&str; 6] = ["ply", "glb", "compressed.ply", "sog", "spz", "splat"];
+
+/// A scene that the cameras of [`Work`] see.
+fn visible(supplement: usize) -> Scene {
+    let mut scene = random_scene(4, 200, supplement, 1);
+    let near = |means: &mut Vec<[f32; 3]>| means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
+    near(&mut scene.base.means);
+    scene.supplement.iter_mut().for_each(|s| near(&mut s.gaussians.means));
+    scene
+}
+
+#[test]
+fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
+    let work = Work::new();
+    let scene = visible(0);
+    write_scene(work.path("base.ply"), &scene).unwrap();
+    for ending in ENDINGS {
+        let out = format!("a.{ending}");
+        let report = work.json(&format!("convert base.ply {out} --compare data --json"));
+        assert_eq!((&report["gaussians"], &report["supplementary"]), (&200.into(), &0.into()), "{ending}");
+        assert_eq!(report["sh_degree"], if ending == "splat" { 0 } else { 1 }, "{ending}");
+        assert_eq!(report["input_bytes"], fs::metadata(work.path("base.ply")).unwrap().len());
+        assert_eq!(report["output_bytes"], fs::metadata(work.path(&out)).unwrap().len());
+        // Of what PLY keeps there is no difference, of which JSON has no number.
+        let psnr = report["psnr"].as_f64();
+        assert!(if ending == "ply" { psnr.is_none() } else { psnr.unwrap() > 20.0 }, "{ending}: {report}");
+        assert_eq!(work.json(&format!("info {out} --json"))["base"]["count"], 200);
+        work.ok(&format!("render {out} data -o views.{ending}"));
+        work.ok(&format!("convert {out} b.{ending}"));
+    }
+    let text = work.ok("convert base.ply text.splat --compare data");
+    assert!(text.starts_with("text.splat: 200 Gaussians, SH degree 0, 0.006 MB of 0.021, renders "), "{text}");
+    assert!(text.ends_with(" dB from those of the input\n"), "{text}");
+    let said = String::from_utf8(work.run("convert base.ply note.splat").stderr).unwrap();
+    assert!(said.contains("note: note.splat: colour that depends on the view is not kept"), "{said}");
+    // A folder with the files of an SOG scene.
+    let mut archive = zip::ZipArchive::new(fs::File::open(work.path("a.sog")).unwrap()).unwrap();
+    archive.extract(work.path("folder")).unwrap();
+    for input in ["folder", "folder/meta.json"] {
+        assert_eq!(work.json(&format!("info {input} --json"))["base"]["count"], 200);
+        work.ok(&format!("convert {input} from_folder.ply --force"));
+        assert_eq!(read_scene(work.path("from_folder.ply")).unwrap(), read_scene(work.path("a.sog")).unwrap());
+    }
+    work.ok("eval a.spz data");
+    let report = work.json("enhance data --base a.sog -o x.ply --method augs --preset quick --ratio 0.05 --json");
+    assert_eq!(report["base_gaussians"], 200);
+}
+
+#[test]
+fn lobes_are_kept_refused_or_left_out_when_asked() {
+    let work = Work::new();
+    let scene = visible(30);
+    let mut shown = scene.base.clone();
+    shown.opacities.iter_mut().for_each(|v| *v -= 1.0);
+    write_augmented(work.path("augmented.ply"), &shown, &scene).unwrap();
+    for ending in ENDINGS {
+        let out = format!("a.{ending}");
+        if ["ply", "glb"].contains(&ending) {
+            let text = work.ok(&format!("convert augmented.ply {out}"));
+            assert!(text.contains("200 Gaussians, 30 with lobes"), "{text}");
+            assert_eq!(
+                read_scene(work.path(&out)).unwrap().supplement.unwrap().lobes,
+                scene.supplement.as_ref().unwrap().lobes
+            );
+        } else {
+            work.refused(&format!("convert augmented.ply {out}"), &[&out, "30 Gaussians with lobes", "--base-only"]);
+        }
+        let out = format!("b.{ending}");
+        work.ok(&format!("convert augmented.ply {out} --base-only"));
+        let file = read_scene_file(work.path(&out)).unwrap();
+        assert!(file.scene.supplement.is_none() && file.shown.is_none());
+    }
+    // What other viewers show, not what became of it.
+    assert_eq!(read_scene(work.path("b.ply")).unwrap().base, shown);
+    let copy = work.ok("convert augmented.ply copy.ply");
+    assert!(copy.contains("30 with lobes"));
+    assert_eq!(fs::read(work.path("copy.ply")).unwrap(), fs::read(work.path("augmented.ply")).unwrap());
+}
+
+#[test]
+fn nothing_is_written_over_or_left_half_done() {
+    let work = Work::new();
+    write_scene(work.path("base.ply"), &visible(0)).unwrap();
+    work.ok("convert base.ply a.spz");
+    work.refused("convert base.ply a.spz", &["a.spz", "--force"]);
+    work.ok("convert base.ply a.spz --force");
+    work.refused("convert base.ply base.ply --force", &["base.ply", "this command reads"]);
+    work.refused("convert base.ply a.obj", &["a.obj", ".ply", ".compressed.ply", ".splat"]);
+    work.refused("convert base.ply nowhere/a.spz", &["nowhere"]);
+    work.refused("convert nowhere.spz a.ply", &["nowhere.spz"]);
+    work.refused("convert data a.ply", &["data", "is a folder"]);
+    let bytes = fs::read(work.path("a.spz")).unwrap();
+    fs::write(work.path("cut.spz"), &bytes[..bytes.len() - 9]).unwrap();
+    work.refused("convert cut.spz b.ply", &["cut.spz"]);
+    // A row that is not sound, by its number, and gone when asked.
+    work.ok("convert base.ply a.splat");
+    let mut bytes = fs::read(work.path("a.splat")).unwrap();
+    bytes[32 * 7..32 * 7 + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(work.path("bad.splat"), bytes).unwrap();
+    work.refused("convert bad.splat b.ply", &["bad.splat", "row 7: `x` is not a finite number", "--lenient"]);
+    let text = work.ok("convert bad.splat b.ply --lenient");
+    assert!(text.contains("199 Gaussians"), "{text}");
+}

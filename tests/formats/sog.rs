@@ -1,0 +1,246 @@
+//! SOG.
+
+use std::{collections::BTreeMap, io::Cursor};
+
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder, codecs::webp::WebPEncoder};
+use serde_json::{Value, json};
+
+use super::*;
+
+/// A ZIP archive whose files are stored, by APPNOTE.TXT of PKWARE.
+fn zip(files: &BTreeMap<String, Vec<u8>>) -> Vec<u8> {
+    let (mut out, mut directory) = (Vec::new(), Vec::new());
+    for (name, bytes) in files {
+        let offset = out.len() as u32;
+        let size = bytes.len() as u32;
+        let mut fields = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        fields.extend(crc32fast::hash(bytes).to_le_bytes());
+        fields.extend([size, size].iter().flat_map(|v| v.to_le_bytes()));
+        fields.extend((name.len() as u16).to_le_bytes());
+        fields.extend([0, 0]);
+        out.extend([&b"PK\x03\x04"[..], &fields, name.as_bytes(), bytes].concat());
+        directory
+            .extend([&b"PK\x01\x02"[..], &[20, 0], &fields, &[0; 10], &offset.to_le_bytes(), name.as_bytes()].concat());
+    }
+    let count = (files.len() as u16).to_le_bytes();
+    let (size, offset) = (directory.len() as u32, out.len() as u32);
+    let end = [&[0; 4][..], &count, &count, &size.to_le_bytes(), &offset.to_le_bytes(), &[0; 2]].concat();
+    [&out[..], &directory, b"PK\x05\x06", &end].concat()
+}
+
+fn webp(width: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let height = pixels.len() as u32 / width;
+    let encoder = WebPEncoder::new_lossless(&mut out);
+    encoder.encode(pixels.as_flattened(), width, height, ExtendedColorType::Rgba8).unwrap();
+    out
+}
+
+/// Two Gaussians of degree 1, put together from the format's description.
+fn files() -> (Value, BTreeMap<String, Vec<u8>>) {
+    let rest = [0; 4];
+    let image = |first: [u8; 4], second: [u8; 4]| webp(4, &[first, second, rest, rest]);
+    let codebook = |scale: f64| (0..256).map(|v| f64::from(v) * scale).collect::<Vec<_>>();
+    let meta = json!({
+        "version": 2,
+        "asset": {"generator": "a test"},
+        "count": 2,
+        "means": {"mins": [0, -1, -2], "maxs": [1, 1, 2], "files": ["l.webp", "u.webp"]},
+        "scales": {"codebook": codebook(1.0), "files": ["scales.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        "sh0": {"codebook": codebook(1.0 / 256.0), "files": ["sh0.webp"]},
+        "shN": {"count": 2, "bands": 1, "files": ["palette.webp", "labels.webp"],
+                "codebook": codebook(-1.0)},
+    });
+    let mut palette = vec![[0, 0, 0, 255]; 64 * 3];
+    palette[..6].copy_from_slice(&[1, 2, 3, 4, 5, 6].map(|v| [v, 10 * v, 20 * v, 255]));
+    let files = [
+        ("l.webp", image([0, 255, 0x55, 255], [255, 0, 0, 255])),
+        ("u.webp", image([0, 255, 0x55, 255], [255, 0, 0x80, 255])),
+        ("scales.webp", image([0, 7, 255, 255], [1, 2, 3, 255])),
+        ("quats.webp", image([0, 255, 204, 253], [127, 127, 127, 252])),
+        ("sh0.webp", image([0, 64, 128, 51], [1, 2, 3, 255])),
+        ("labels.webp", image([1, 0, 0, 255], [0, 0, 0, 255])),
+        ("palette.webp", webp(64 * 3, &palette)),
+        ("meta.json", meta.to_string().into_bytes()),
+    ];
+    (meta, files.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
+}
+
+/// What is read of the files after this change.
+fn changed(change: impl FnOnce(&mut Value, &mut BTreeMap<String, Vec<u8>>)) -> Result<SceneFile, String> {
+    let (mut meta, mut files) = files();
+    change(&mut meta, &mut files);
+    files.insert("meta.json".into(), meta.to_string().into_bytes());
+    read("a.sog", &zip(&files))
+}
+
+#[test]
+fn pixels_are_read_as_described() {
+    let file = changed(|_, _| {}).unwrap();
+    let base = &file.scene.base;
+    assert_eq!((base.len(), base.sh_degree, file.antialiased), (2, 1, false));
+    // sign(v) (e^|v| − 1) of 0, 1, and −2 + 4/3; then of 1, −1 and −2 + 4 · 0x8000/65535.
+    let value = |v: f64| v.signum() * (v.abs().exp() - 1.0);
+    let wanted =
+        [[0.0, value(1.0), value(-2.0 / 3.0)], [value(1.0), value(-1.0), value(-2.0 + 4.0 * 32768.0 / 65535.0)]];
+    for (mean, wanted) in base.means.iter().zip(wanted) {
+        assert!(vector(*mean).iter().zip(wanted).all(|(a, b)| (a - b).abs() < ROUNDING), "{mean:?} {wanted:?}");
+    }
+    assert_eq!(base.log_scales, [[0.0, 7.0, 255.0], [1.0, 2.0, 3.0]]);
+    assert_eq!(base.sh[..4], [[0.0, 0.25, 0.5], [-4.0, -40.0, -80.0], [-5.0, -50.0, -100.0], [-6.0, -60.0, -120.0]]);
+    assert_eq!(
+        base.sh[4..],
+        [[1.0, 2.0, 3.0].map(|v| v / 256.0), [-1.0, -10.0, -20.0], [-2.0, -20.0, -40.0], [-3.0, -30.0, -60.0]]
+    );
+    assert!((opacity(base, 0)[0] - 0.2).abs() < ROUNDING && opacity(base, 1)[0] > 0.998);
+    let root = 0.5f64.sqrt();
+    // Alpha 253: the second, x, is the largest; w, y and z are −√½, √½ and 0.6 √½, more than fits, which leaves nothing for x.
+    assert!(vector(base.quats[0]).iter().zip([-root, 0.0, root, 0.6 * root]).all(|(a, b)| (a - b).abs() < ROUNDING));
+    assert!(base.quats[1][0] > 0.999 && base.quats[1][1..].iter().all(|v| v.abs() < 0.003));
+}
+
+#[test]
+fn archives_and_folders_and_png_are_read_alike() {
+    let wanted = changed(|_, _| {}).unwrap();
+    let (mut meta, mut files) = files();
+    let nested = files.iter().map(|(name, bytes)| (format!("scene/{name}"), bytes.clone())).collect();
+    assert_eq!(read("nested.zip", &zip(&nested)).unwrap(), wanted);
+    let mut png = Vec::new();
+    let pixels = [[1, 0, 0, 255], [0, 0, 0, 255], [0; 4], [0; 4]];
+    PngEncoder::new(&mut png).write_image(pixels.as_flattened(), 2, 2, ExtendedColorType::Rgba8).unwrap();
+    files.insert("labels.png".into(), png);
+    meta["shN"]["files"][1] = "labels.png".into();
+    files.insert("meta.json".into(), meta.to_string().into_bytes());
+    let folder = tempfile::tempdir().unwrap();
+    files.iter().for_each(|(name, bytes)| fs::write(folder.path().join(name), bytes).unwrap());
+    assert_eq!(read_scene_file(folder.path()).unwrap(), wanted);
+    assert_eq!(read_scene_file(folder.path().join("meta.json")).unwrap(), wanted);
+    for name in ["../x.webp", "/etc/passwd", "", "none.webp"] {
+        meta["sh0"]["files"][0] = name.into();
+        fs::write(folder.path().join("meta.json"), meta.to_string()).unwrap();
+        let error = read_scene(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("meta.json") && error.contains(&format!("names `{name}`")), "{error}");
+    }
+}
+
+#[test]
+fn what_is_written_comes_back_within_half_a_step() {
+    for (count, degree) in [(300, 3), (1, 0), (70, 1), (1000, 2)] {
+        let scene = sample(17, count, degree);
+        let (back, bytes) = round_trip(&scene, "sog");
+        let b = &back.base;
+        assert_eq!((b.len(), b.sh_degree), (count, degree));
+        let near = |mean: [f32; 3]| {
+            let distance =
+                |i: &usize| (0..3).map(|axis| (scene.base.means[*i][axis] - mean[axis]).powi(2)).sum::<f32>();
+            (0..count).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
+        };
+        let order: Vec<usize> = b.means.iter().map(|&mean| near(mean)).collect();
+        let a = &packed_ply::sorted(&scene.base, &order);
+        let log =
+            |g: &Gaussians, i: usize| means(g, i).iter().map(|v| v.signum() * v.abs().ln_1p()).collect::<Vec<_>>();
+        let all = |of: &dyn Fn(usize) -> Vec<f64>| (0..count).flat_map(of).collect::<Vec<_>>();
+        let range = |values: &[f64]| {
+            values.iter().copied().fold(f64::MIN, f64::max) - values.iter().copied().fold(f64::MAX, f64::min)
+        };
+        // Half of 1/65,535 of an axis, no longer than the longest.
+        assert!(largest(a, b, log) <= 0.5 * range(&all(&|i| log(a, i))) / 65535.0 + ROUNDING);
+        assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
+        // A codebook of 256 is no farther in the mean square than even steps over the range would be.
+        let coded = |of: &dyn Fn(&Gaussians, usize) -> Vec<f64>, what: &str| {
+            let (a, b) = (all(&|i| of(a, i)), all(&|i| of(b, i)));
+            let mean_square = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64;
+            let step = range(&a) / 256.0;
+            assert!(mean_square <= step * step / 12.0 + ROUNDING * ROUNDING, "{what}: {mean_square} {step}");
+        };
+        coded(&log_scales, "scales");
+        coded(&harmonics(0), "colours");
+        if degree > 0 {
+            coded(&|g, i| (1..=degree as usize).flat_map(|band| harmonics(band)(g, i)).collect(), "harmonics");
+        }
+        // Half a step of √½/127.5 in each of three components, see the test of SPZ.
+        let worst = turned(a, b);
+        assert!(worst <= 2.0 * 2.0 * 3f64.sqrt() * 0.5 * 0.5f64.sqrt() / 127.5, "{worst}");
+        assert_eq!(round_trip(&scene, "sog").1, bytes, "the same scene is the same file");
+    }
+    // Other programs look for these names.
+    let (_, bytes) = round_trip(&sample(1, 5, 1), "sog");
+    let archive = zip::ZipArchive::new(Cursor::new(&bytes)).unwrap();
+    let names: Vec<String> = archive.file_names().map(|name| name.unwrap().into_owned()).collect();
+    for name in [
+        "meta.json",
+        "means_l.webp",
+        "means_u.webp",
+        "scales.webp",
+        "quats.webp",
+        "sh0.webp",
+        "shN_centroids.webp",
+        "shN_labels.webp",
+    ] {
+        assert!(names.iter().any(|found| found == name), "{name}: {names:?}");
+    }
+}
+
+#[test]
+fn the_flag_for_antialiasing_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.sog");
+    for antialiased in [false, true] {
+        write_scene_file(&path, &SceneFile { antialiased, ..SceneFile::from(sample(1, 2, 0)) }).unwrap();
+        assert_eq!(read_scene_file(&path).unwrap().antialiased, antialiased);
+    }
+}
+
+#[test]
+fn what_is_not_understood_is_said() {
+    type Change<'a> = &'a dyn Fn(&mut Value, &mut BTreeMap<String, Vec<u8>>);
+    let says = |change: Change<'_>, words: &[&str]| {
+        let message = changed(|meta, files| change(meta, files)).map(drop).unwrap_err();
+        assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
+    };
+    let set = |at: &str, value: Value| {
+        let at = at.to_owned();
+        move |meta: &mut Value, _: &mut BTreeMap<String, Vec<u8>>| *meta.pointer_mut(&at).unwrap() = value.clone()
+    };
+    says(&set("/version", json!(3)), &["SOG version 3"]);
+    says(&|meta, _| drop(meta.as_object_mut().unwrap().remove("version")), &["no version"]);
+    says(&set("/count", json!(5)), &["`l.webp` has 4 pixels, expected 5 or more of means"]);
+    says(&set("/count", json!(u64::MAX)), &["4 pixels"]);
+    says(&set("/count", json!(-1)), &["`meta.json` is not understood"]);
+    says(&set("/means/files", json!(["l.webp"])), &["names 1 images of means"]);
+    says(&set("/means/mins", json!([1, 2])), &["`meta.json` is not understood"]);
+    says(&set("/scales/codebook", json!([1, 2])), &["scales have entry 7 of a codebook of 2"]);
+    says(&set("/sh0/files", json!(["none.webp"])), &["`none.webp` in the archive cannot be read"]);
+    says(&set("/shN/bands", json!(4)), &["4 bands"]);
+    says(&set("/shN/bands", json!(2)), &["192 pixels wide, expected 512 of 2 bands"]);
+    says(&set("/shN/count", json!(1)), &["labels is 1, expected less than 1"]);
+    says(&set("/shN/count", json!(65)), &["has 64 entries, expected 65"]);
+    says(&set("/shN/codebook", json!([0])), &["shN have entry"]);
+    says(&set("/means/mins", json!([1e300, 0, 0])), &["row 0", "`x` is not a finite number"]);
+    says(
+        &|_, files| drop(files.insert("sh0.webp".into(), b"RIFF\0\0\0\0WEBP".to_vec())),
+        &["`sh0.webp` cannot be decoded"],
+    );
+    says(&|_, files| drop(files.insert("sh0.webp".into(), vec![7; 90])), &["`sh0.webp` is no WebP or PNG image"]);
+    let quats = webp(4, &[[0, 0, 0, 251], [0; 4], [0; 4], [0; 4]]);
+    says(&|_, files| drop(files.insert("quats.webp".into(), quats.clone())), &["pixel 0 of the quats has alpha 251"]);
+    refused("a.zip", &zip(&BTreeMap::from([("a.txt".into(), vec![1])])), &["without `meta.json`", "not an SOG scene"]);
+}
+
+/// An image of nine million equal pixels is a few kilobytes.
+#[test]
+fn images_that_are_far_larger_than_their_file_are_refused() {
+    let side = 3000u32;
+    let mut image = Vec::new();
+    let pixels = vec![0; 4 * side as usize * side as usize];
+    WebPEncoder::new_lossless(&mut image).encode(&pixels, side, side, ExtendedColorType::Rgba8).unwrap();
+    let message = changed(|_, files| drop(files.insert("l.webp".into(), image))).map(drop).unwrap_err();
+    assert!(message.contains("3000 × 3000 pixels") && message.contains("expected no more than"), "{message}");
+}
+
+#[test]
+fn damage_is_an_error() {
+    let (_, files) = files();
+    damage("damaged.sog", &zip(&files), |_| false);
+}

@@ -1,0 +1,209 @@
+//! glint from outside: a crate and a C program that depend on it as anybody's would, built with Rust and a C compiler alone.
+
+mod common;
+#[path = "common/run.rs"]
+mod run;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use common::Gpu;
+use glam::{DMat4, DVec3, DVec4};
+use glint::{
+    data::write_scene,
+    pipelines::{
+        frames::{DepthForm, FrameView},
+        model::Model,
+        render::{Needs, RenderOptions, Renderer},
+        views::Views,
+    },
+    reference::{
+        Background, Intersections, Options, Params, View, blend::blend_before, project::project, random_camera,
+        random_scene, tiles::Tiling,
+    },
+    scene::{Camera, Scene},
+};
+
+const SIZE: [u32; 2] = [96, 72];
+
+/// What is built here stays for the next run, and is nobody else's.
+fn target() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("target/outside")
+}
+
+fn within(folder: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)
+}
+
+/// Runs a command that must succeed, without what cargo set for this test: a dependent crate has none of it.
+fn done(command: &mut Command) -> String {
+    for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("CARGO") && name != "CARGO_HOME") {
+        command.env_remove(name);
+    }
+    let output = run::run(command.env("CARGO_TARGET_DIR", target()));
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{command:?}: {}{}", text(&output.stdout), text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// A scene, and a camera as a renderer's matrices.
+struct Case {
+    folder: tempfile::TempDir,
+    scene: Scene,
+    camera: Camera,
+    view: DMat4,
+    projection: DMat4,
+}
+
+impl Case {
+    fn new() -> Self {
+        let (scene, camera) = (random_scene(33, 700, 200, 3), random_camera(SIZE[0], SIZE[1]));
+        let folder = tempfile::tempdir().unwrap();
+        write_scene(folder.path().join("scene.ply"), &scene).unwrap();
+        let (r, t) = (camera.rotation, camera.translation);
+        let view = DMat4::from_cols(r.x_axis.extend(0.0), r.y_axis.extend(0.0), r.z_axis.extend(0.0), t.extend(1.0));
+        let [w, h] = SIZE.map(f64::from);
+        let projection = DMat4::from_cols(
+            DVec4::new(2.0 * camera.fx / w, 0.0, 0.0, 0.0),
+            DVec4::new(0.0, 2.0 * camera.fy / h, 0.0, 0.0),
+            DVec4::new(2.0 * camera.cx / w - 1.0, 2.0 * camera.cy / h - 1.0, 0.0, 1.0),
+            DVec4::new(0.0, 0.0, 0.2, 0.0),
+        );
+        Case { folder, scene, camera, view, projection }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs a program on the case, and gives the pixels that it wrote.
+    fn pixels(&self, program: &Path, more: &[f64]) -> Vec<[f32; 4]> {
+        let matrices = [self.view, self.projection].map(|m| m.to_cols_array());
+        let numbers: Vec<String> =
+            SIZE.map(f64::from).iter().chain(matrices.iter().flatten()).chain(more).map(|v| format!("{v:?}")).collect();
+        fs::write(self.path("numbers"), numbers.join(" ")).unwrap();
+        let files = ["numbers", "scene.ply", "out"].map(|name| self.path(name));
+        println!("{}", done(Command::new(program).args(files)));
+        let bytes = fs::read(self.path("out")).unwrap();
+        assert_eq!(bytes.len(), (16 * SIZE[0] * SIZE[1]) as usize);
+        let float = |p: &[u8], c: usize| f32::from_le_bytes([p[4 * c], p[4 * c + 1], p[4 * c + 2], p[4 * c + 3]]);
+        bytes.chunks_exact(16).map(|p| [0, 1, 2, 3].map(|c| float(p, c))).collect()
+    }
+}
+
+#[test]
+fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
+    let case = Case::new();
+    done(Command::new("cargo").args(["build", "--quiet"]).current_dir(within("tests/outside/mesh")));
+    // A quad that leans: its left edge is 1 unit from the camera, its right one 6.
+    let corner = |x: f64, y: f64, z: f64| case.camera.unproject(x, y, z);
+    let corners = [corner(10.3, 8.4, 1.0), corner(80.2, 5.1, 6.0), corner(10.3, 66.7, 1.0), corner(80.2, 69.9, 6.0)];
+    let numbers: Vec<f64> = corners.iter().flat_map(|c| c.to_array()).collect();
+    let got = case.pixels(&target().join("debug/mesh"), &numbers);
+
+    // The quad in float64: camera z where a pixel's ray meets one of its triangles, and how far inside of it that is.
+    let eye = case.camera.eye();
+    let hit = |pixel: usize| {
+        let (x, y) = ((pixel as u32 % SIZE[0]) as f64 + 0.5, (pixel as u32 / SIZE[0]) as f64 + 0.5);
+        let ray = case.camera.unproject(x, y, 1.0) - eye;
+        [[0, 1, 2], [2, 1, 3]].into_iter().filter_map(|t| triangle(eye, ray, t.map(|i| corners[i]))).next()
+    };
+    let edge = |pixel: usize| {
+        let near = |dx: i64, dy: i64| {
+            let at = pixel as i64 + dx + dy * i64::from(SIZE[0]);
+            hit(at.clamp(0, i64::from(SIZE[0] * SIZE[1]) - 1) as usize).is_some()
+        };
+        let here = hit(pixel).is_some();
+        [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().any(|&(dx, dy)| near(dx, dy) != here)
+    };
+    let form = DepthForm::reversed_infinite(0.2);
+    assert_eq!(FrameView::from_matrices(case.view, case.projection, SIZE[0], SIZE[1]).unwrap().depth_form, form);
+    let params = Params::from_scene(&case.scene).unwrap();
+    let view = View::from_camera(&case.camera).rounded();
+    let options = Options::default();
+    let projected = project(&params, &view, &options);
+    let isects = Intersections::new(&projected, Tiling::new(SIZE[0], SIZE[1], &options));
+    let want = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |pixel| {
+        hit(pixel).unwrap_or(f64::INFINITY)
+    });
+    let (quad, sky) = ([0.8, 0.3, 0.1], [0.2, 0.4, 0.6]);
+    let (mut seen, mut before, mut behind) = (0, 0, 0);
+    for (pixel, got) in got.iter().enumerate() {
+        // What a pixel has of an edge is the rasteriser's affair; depths that it interpolates have five digits.
+        if edge(pixel) || want.margins[pixel].image() < 1e-3 {
+            continue;
+        }
+        seen += 1;
+        let under = if hit(pixel).is_some() { quad } else { sky };
+        let [r, g, b, t] = want.image[pixel];
+        for (c, scene) in [r, g, b].into_iter().enumerate() {
+            let want = scene + t * under[c];
+            assert!((f64::from(got[c]) - want).abs() < 1e-4, "pixel {pixel}: {got:?}, {c} is {want}");
+        }
+        if hit(pixel).is_some() {
+            before += usize::from(t < 0.5);
+            behind += usize::from(t > 0.95);
+        }
+    }
+    // Gaussians before the quad, and places where it hides all of them.
+    assert!(seen > 4000 && before > 300 && behind > 100, "{seen} {before} {behind}");
+}
+
+/// Camera z (the ray's parameter, as its z is 1) where a ray meets a triangle (Möller and Trumbore 1997).
+fn triangle(eye: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let (ab, ac) = (b - a, c - a);
+    let p = ray.cross(ac);
+    let scale = 1.0 / ab.dot(p);
+    let from = eye - a;
+    let u = from.dot(p) * scale;
+    let q = from.cross(ab);
+    let (v, t) = (ray.dot(q) * scale, ac.dot(q) * scale);
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}
+
+#[test]
+fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
+    let case = Case::new();
+    let installed = case.path("installed");
+    // As a distributor would: a folder with header, libraries and pkg-config file.
+    done(Command::new(within("tools/c-library")).arg(&installed).arg("--quiet"));
+    let pc = fs::read_to_string(installed.join("lib/pkgconfig/glint.pc")).unwrap();
+    assert!(pc.contains(&format!("prefix={}", installed.display())) && pc.contains("Version: 0"));
+    let program = case.path("frame");
+    let mut compile = Command::new("cc");
+    compile.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-o"]).arg(&program);
+    compile.arg(within("tests/outside/frame.c")).arg("-I").arg(installed.join("include"));
+    compile.arg(installed.join("lib/libglint.a")).args(["-lvulkan", "-lpthread", "-ldl", "-lm"]);
+    done(&mut compile);
+    let got = case.pixels(&program, &[]);
+    // The shared library has the same functions, every one of the header and none more.
+    let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
+    let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
+    let exported: std::collections::BTreeSet<&str> = listed
+        .lines()
+        .filter_map(|line| line.split_whitespace().last())
+        .filter(|name| name.starts_with("glint_"))
+        .collect();
+    let declared: std::collections::BTreeSet<&str> = header
+        .lines()
+        .filter(|line| {
+            line.contains("(") && !line.starts_with(' ') && !line.starts_with("/*") && !line.starts_with('#')
+        })
+        .filter_map(|line| line.split('(').next()?.rsplit([' ', '*']).next())
+        .filter(|name| name.starts_with("glint_"))
+        .collect();
+    assert_eq!(exported, declared);
+
+    let gpu = Gpu::new();
+    let views = Views::upload(&gpu, &[case.camera], &[]).unwrap();
+    let model = Model::upload(&gpu, &case.scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    let want = renderer.render(&model, &views, 0, [0.5, 0.25, 0.75]).unwrap().color;
+    let got: Vec<f32> = got.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    // The camera comes back from matrices, which may turn the last bit of a focal length: so may a pixel's.
+    let off = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(off == 0.0, "{off:e}");
+}
