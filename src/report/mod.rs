@@ -12,3 +12,5 @@ pub mod page;
 pub mod sidebyside;
 pub mod summary;
 pub mod table;
+#[cfg(feature = "cli")]
+pub mod viewer;

@@ -15,9 +15,8 @@ class Painter {
         this.count = 0;
         this.chooseTarget(wanted);
 
-        const texels = [0, 1, 2, 3][scene.degree];
-        const defines = `#version 300 es\n#define TEXTURE_WIDTH ${TEXTURE_WIDTH}\n#define SH_STORED ${scene.degree}\n` +
-            `#define SH_TEXELS ${texels}\n#define SH_DEGREE degree\n${scene.lobes ? "#define HAS_LOBES\n" : ""}`;
+        const defines = `#version 300 es\n#define TEXTURE_WIDTH ${TEXTURE_WIDTH}\n#define SH_DEGREE ${scene.degree}\n` +
+            `#define SH_TEXELS ${scene.degree}\n${scene.lobes ? "#define HAS_LOBES\n" : ""}`;
         this.splats = this.program(defines, "project-vert", "blend-frag");
         this.over = this.program("#version 300 es\n", "over-vert", "over-frag");
 
@@ -143,8 +142,8 @@ class Painter {
         }
     }
 
-    /** Draws `view` (see Camera.view) with harmonics up to `degree`. */
-    draw(view, degree, background) {
+    /** Draws `view` (see Camera.view). */
+    draw(view, background) {
         const gl = this.gl, u = this.splats.at, { width, height } = view;
         this.resize(width, height);
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
@@ -163,7 +162,6 @@ class Painter {
         gl.uniform1f(u("view.limit_y"), (this.scene.jacobian_limit * height) / (2 * view.fy));
         gl.uniform1f(u("view.near"), this.scene.near);
         gl.uniform2f(u("image_size"), width, height);
-        gl.uniform1i(u("degree"), degree);
         gl.enable(gl.BLEND);
         gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
         gl.disable(gl.BLEND);
@@ -171,5 +169,18 @@ class Painter {
         gl.useProgram(this.over.program);
         gl.uniform3fv(this.over.at("background"), background);
         gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+
+    /** RGB of the last image, 8 bits, rows from the top; right after it was drawn. */
+    read() {
+        const gl = this.gl, [width, height] = this.sized;
+        const rgba = new Uint8Array(4 * width * height), rgb = new Uint8Array(3 * width * height);
+        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rgba);
+        for (let row = 0, at = 0; row < height; ++row) {
+            for (let i = 4 * width * (height - 1 - row), end = i + 4 * width; i < end; i += 4, at += 3) {
+                rgb.set(rgba.subarray(i, i + 3), at);
+            }
+        }
+        return rgb;
     }
 }

@@ -11,7 +11,6 @@ uniform highp usampler2D geometry;  // two texels a Gaussian
 uniform highp usampler2D harmonics; // SH_TEXELS a Gaussian
 uniform highp usampler2D lobes;     // one texel a Gaussian of the supplement
 uniform View view;
-uniform int degree;           // harmonics shown, SH_STORED at most
 uniform vec2 log_scale_range; // of the quantised log scales, from and to
 uniform uint supplement_first;
 uniform bool compensate;      // opacity *= sqrt(det0 / det), as in Mip-Splatting
@@ -21,8 +20,8 @@ flat out vec2 centre; // px, y down
 flat out vec4 shape;  // l11, l12, l22 of shared/splat.glsl, opacity
 flat out vec3 colour;
 
-// Vertices are snapped to 1/256 px; a quad wider by a few of these still has every pixel centre of the ellipse.
-const float PAD = 1.0 / 64.0; // px
+// Vertices are snapped to 1/16 px or less; a quad wider by as much still has every pixel centre of the ellipse.
+const float PAD = 1.0 / 16.0; // px
 
 uvec4 fetch(highp usampler2D data, uint at) {
     return texelFetch(data, ivec2(at % uint(TEXTURE_WIDTH), at / uint(TEXTURE_WIDTH)), 0);
@@ -41,7 +40,7 @@ vec4 unpack_rotation(uint a, uint b, uint c) {
                        : vec4(three, largest);
 }
 
-#if SH_STORED > 0
+#if SH_DEGREE > 0
 // Byte `at` of the Gaussian's harmonics, as a signed number.
 float signed_byte(uint words[4 * SH_TEXELS], int at) {
     return float(int(words[at >> 2] << (24 - 8 * (at & 3))) >> 24);
@@ -60,9 +59,7 @@ vec3 view_dependent(uint i, vec3 direction) {
     float basis[16];
     sh_basis(direction, basis);
     vec3 sum = vec3(0.0);
-    int coefficients = (degree + 1) * (degree + 1);
-    for (int k = 1; k < (SH_STORED + 1) * (SH_STORED + 1); ++k) {
-        if (k >= coefficients) break;
+    for (int k = 1; k < (SH_DEGREE + 1) * (SH_DEGREE + 1); ++k) {
         int at = 2 + 3 * (k - 1); // behind the scale
         sum += basis[k] * vec3(signed_byte(words, at), signed_byte(words, at + 1), signed_byte(words, at + 2));
     }
@@ -112,8 +109,8 @@ void main() {
 
     vec3 constant = vec3(unpackHalf2x16(second.z).y, unpackHalf2x16(second.w));
     colour = 0.5 + SH_C0 * constant;
-#if SH_STORED > 0
-    if (degree > 0) colour += view_dependent(gaussian, normalize(mean - view.eye));
+#if SH_DEGREE > 0
+    colour += view_dependent(gaussian, normalize(mean - view.eye));
 #endif
     colour = max(colour, vec3(0.0));
 

@@ -17,6 +17,14 @@ function bytesOf(id) {
     return bytes;
 }
 
+/** Bytes as base64. */
+function textOf(bytes) {
+    let text = "";
+    // A call takes some ten thousand arguments.
+    for (let from = 0; from < bytes.length; from += 8192) text += String.fromCharCode(...bytes.subarray(from, from + 8192));
+    return btoa(text);
+}
+
 const WORDS_OF_GEOMETRY = 8; // a Gaussian
 
 /** The scene as it lies in the page; typed arrays of little-endian words, as every machine with a browser has them. */

@@ -48,37 +48,44 @@ function makeSorter(positions) {
 /** What the worker does: the first message brings the positions, each other one an order to be filled. */
 function sortInWorker() {
     let sort = null;
-    const back = { order: null, count: 0, time: 0 }, transfer = [null];
     onmessage = ({ data }) => {
         if (!sort) {
             sort = makeSorter(data);
             return;
         }
         const begin = performance.now();
-        back.count = sort(data.row, data.first, data.last, new Uint32Array(data.order));
-        back.time = performance.now() - begin;
-        back.order = transfer[0] = data.order;
-        postMessage(back, transfer);
+        const count = sort(data.row, data.first, data.last, new Uint32Array(data.order));
+        postMessage({ order: data.order, count, time: performance.now() - begin }, [data.order]);
     };
 }
 
-/** Sorts beside the page. `done(order, count, time)` is called for each request; one is under way at a time. */
+/** Sorts beside the page, in a worker where one can be had. `done(order, time)` is called for each request; one is under way at a time. */
 class Order {
+    /** `positions()` makes the positions anew. */
     constructor(positions, done) {
-        const count = positions.length / 3;
+        const own = positions();
         this.done = done;
         this.busy = false;
-        this.packet = { row: new Float64Array(5), first: 0, last: 0, order: new ArrayBuffer(4 * count) };
-        this.transfer = [null];
+        this.buffer = new ArrayBuffer((4 * own.length) / 3);
+        this.worker = null;
         try {
             const source = `${makeSorter}\n(${sortInWorker})();`;
-            const address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
-            this.worker = new Worker(address);
+            this.worker = new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
             this.worker.onmessage = ({ data }) => this.finish(data.order, data.count, data.time);
-            this.worker.postMessage(positions, [positions.buffer]);
+            this.worker.onerror = () => this.alone(positions());
+            this.worker.postMessage(own, [own.buffer]);
         } catch {
-            this.worker = null;
-            this.sort = makeSorter(positions);
+            this.alone(positions());
+        }
+    }
+
+    /** Goes on in the page. */
+    alone(positions) {
+        this.worker = null;
+        this.sort = makeSorter(positions);
+        if (this.busy) {
+            this.buffer = new ArrayBuffer((4 * positions.length) / 3);
+            this.run(this.last);
         }
     }
 
@@ -86,25 +93,21 @@ class Order {
     request(row, near, first, last) {
         if (this.busy) return false;
         this.busy = true;
-        const packet = this.packet;
-        packet.row.set(row);
-        packet.row[4] = near;
-        packet.first = first;
-        packet.last = last;
-        if (this.worker) {
-            this.transfer[0] = packet.order;
-            this.worker.postMessage(packet, this.transfer);
-        } else {
-            const begin = performance.now();
-            const count = this.sort(packet.row, first, last, new Uint32Array(packet.order));
-            this.finish(packet.order, count, performance.now() - begin);
-        }
+        this.last = { row: [...row, near], first, last };
+        if (this.worker) this.worker.postMessage({ ...this.last, order: this.buffer }, [this.buffer]);
+        else this.run(this.last);
         return true;
     }
 
-    finish(order, count, time) {
-        this.packet.order = order;
+    run({ row, first, last }) {
+        const begin = performance.now();
+        const count = this.sort(row, first, last, new Uint32Array(this.buffer));
+        this.finish(this.buffer, count, performance.now() - begin);
+    }
+
+    finish(buffer, count, time) {
+        this.buffer = buffer;
         this.busy = false;
-        this.done(new Uint32Array(order, 0, count), count, time);
+        this.done(new Uint32Array(buffer, 0, count), time);
     }
 }
