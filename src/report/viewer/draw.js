@@ -101,6 +101,7 @@ class Painter {
         gl.activeTexture(gl.TEXTURE0 + unit);
         gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
         gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, TEXTURE_WIDTH, rows);
+        this.unfiltered();
         const whole = Math.floor(texels / TEXTURE_WIDTH), rest = texels - whole * TEXTURE_WIDTH;
         const part = (y, width, height, from) =>
             gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, width, height, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words, from);
@@ -109,6 +110,13 @@ class Painter {
         gl.useProgram(this.splats.program);
         gl.uniform1i(this.splats.at(name), unit);
         if (gl.getError() === gl.OUT_OF_MEMORY) throw new Error(`The scene's ${this.scene.count} Gaussians do not fit this machine's memory.`);
+    }
+
+    /** Of the bound texture. Without this, one of whole numbers reads as 0. */
+    unfiltered() {
+        const gl = this.gl;
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     }
 
     /** Takes an order of Gaussians, back to front. */
@@ -129,8 +137,7 @@ class Painter {
         this.image = gl.createTexture();
         gl.bindTexture(gl.TEXTURE_2D, this.image);
         gl.texStorage2D(gl.TEXTURE_2D, 1, this.format, width, height);
-        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+        this.unfiltered();
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
         gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.image, 0);
         if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE && !gl.isContextLost()) {
