@@ -60,53 +60,73 @@ fn pixels(page: &str) -> Vec<u8> {
 fn the_page_draws_what_the_twin_draws() {
     let Some(browser) = chromium() else { return };
     let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
     let (scene, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
-    for compensate in [false, true] {
-        let page = Viewer {
-            title: "random",
-            scene: &scene,
-            cameras: vec![("a & b.png", camera)],
-            focus: None,
-            background: BACKGROUND,
-            compensate,
-        };
-        let path = folder.path().join("page.html");
-        fs::write(&path, page.page().unwrap()).unwrap();
-        for show in ["both", "base", "supplement"] {
-            for precision in ["half", "float"] {
-                let hash = format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&pixels");
-                let begin = std::time::Instant::now();
-                let rgb = pixels(&loaded(&browser, &path, &hash, &[]));
-                eprintln!("{show} {precision} {compensate}: {:?}", begin.elapsed());
-                compare(&rgb, &scene, show, &camera, compensate);
-            }
-        }
+    for (show, precision, compensate) in
+        [("both", "half", false), ("base", "float", true), ("supplement", "half", true), ("both", "float", false)]
+    {
+        let cameras = vec![("a & b.png", camera)];
+        let viewer =
+            Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate };
+        fs::write(&path, viewer.page().unwrap()).unwrap();
+        let hash = format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&pixels");
+        let rgb = pixels(&loaded(&browser, &path, &hash, &[]));
+        compare(&rgb, &scene, show, &camera, compensate);
     }
 }
 
+/// 8-bit values against the twin's, not rounded.
+///
+/// Rounding to 8 bits alone is 0.25 in the mean and 0.5 at most. Bytes of the harmonics are half of 0.2/127 off (`random_scene`'s are at
+/// most 0.2), that is 45 such errors of 0.2/127/√12, times basis functions whose squares sum up to 15/4π: 0.1 levels. Halves of light are
+/// 2^-12 off at each of the Gaussians that matter, the last ten or so: 0.2 levels at white. A value that is right at α = 1/255 or not
+/// is worth its colour, a level and a half. Where the twin stopped it left a transmittance t of 1e-4 to 0.01; the page goes on,
+/// and what it finds there is worth t times a colour. Colours of this scene are less than 3.
 fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: bool) {
-    let scene = match show {
-        "base" => Scene { supplement: None, ..scene.clone() },
-        "supplement" => {
-            let mut alone = scene.clone();
-            alone.base.opacities.iter_mut().for_each(|v| *v = -20.0);
-            alone
-        }
-        _ => scene.clone(),
-    };
+    let mut scene = scene.clone();
+    match show {
+        "base" => scene.supplement = None,
+        // An opacity of 2e-9 is none.
+        "supplement" => scene.base.opacities.fill(-20.0),
+        _ => {}
+    }
     let params = Params::from_scene(&scene).unwrap();
     let options = Options { compensate, ..Options::default() };
     let background = Background::Color(BACKGROUND.map(f64::from));
-    let twin = reference::render(&params, &View::from_camera(camera), &options, background);
-    assert_eq!(rgb.len(), 3 * twin.blended.image.len());
-    let (mut offs, mut stopped) = (Vec::new(), 0);
-    for (pixel, expected) in rgb.chunks(3).zip(&twin.blended.image) {
-        let off = (0..3).map(|c| (f64::from(pixel[c]) - 255.0 * expected[c].clamp(0.0, 1.0)).abs()).fold(0.0, f64::max);
-        if expected[3] < 0.01 { stopped += 1 }
-        offs.push(off);
+    let twin = reference::render(&params, &View::from_camera(camera), &options, background).blended.image;
+    assert_eq!(rgb.len(), 3 * twin.len());
+    let (mut offs, mut beyond) = (Vec::new(), 0.0f64);
+    for (pixel, [r, g, b, t]) in rgb.chunks(3).zip(&twin) {
+        let stopped = if *t < 0.01 { 3.0 * 255.0 * t } else { 0.0 };
+        for (value, expected) in pixel.iter().zip([r, g, b]) {
+            let off = (f64::from(*value) - 255.0 * expected.clamp(0.0, 1.0)).abs();
+            offs.push(off);
+            beyond = beyond.max(off - stopped);
+        }
     }
-    let mean = offs.iter().sum::<f64>() / offs.len() as f64;
     offs.sort_by(f64::total_cmp);
-    let at = |s: f64| offs[(s * (offs.len() - 1) as f64) as usize];
-    eprintln!("mean {mean:.3}, 50 {:.2} 90 {:.2} 99 {:.2} 99.9 {:.2} max {:.2}; stopped {stopped}", at(0.5), at(0.9), at(0.99), at(0.999), at(1.0));
+    let mean = offs.iter().sum::<f64>() / offs.len() as f64;
+    let most = offs[offs.len() * 99 / 100];
+    eprintln!("{show}, compensated {compensate}: mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
+    assert!(mean < 0.4 && most < 1.5 && beyond < 4.0);
+}
+
+#[test]
+fn what_cannot_be_shown_is_said() {
+    let Some(browser) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let scene = random_scene(1, 20, 0, 0);
+    let cameras = vec![("a.png", random_camera(16, 12))];
+    let viewer =
+        Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate: false };
+    fs::write(&path, viewer.page().unwrap()).unwrap();
+    for (hash, more, words) in [
+        ("camera=b.png&size=16x12", &[][..], ["#camera=b.png", "a.png"]),
+        ("size=16x12", &["--disable-3d-apis"], ["WebGL2", "not offer"]),
+    ] {
+        let page = loaded(&browser, &path, hash, more);
+        let said = text_of(&page, "message").unwrap();
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
 }
