@@ -107,8 +107,7 @@ fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: b
     offs.sort_by(f64::total_cmp);
     let mean = offs.iter().sum::<f64>() / offs.len() as f64;
     let most = offs[offs.len() * 99 / 100];
-    eprintln!("{show}, compensated {compensate}: mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
-    assert!(mean < 0.4 && most < 1.5 && beyond < 4.0);
+    assert!(mean < 0.3 && most < 1.0 && beyond < 2.5, "mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
 }
 
 #[test]
