@@ -2,10 +2,11 @@
 //
 // Behind the page's address a # can say so: #camera=NAME (or CAMERA NUMBERS, see shotOf) and show=both, base or supplement and
 // background=R,G,B (0 to 1), joined by &. size=WIDTHxHEIGHT makes it a still image of so many pixels, drawn before the page has
-// loaded, without the panel; precision=float blends with 32 bits, and pixels writes the image's RGB bytes in base64, rows from
+// loaded, without the panel; precision=float blends with 32 bits (bytes with 8), and pixels writes the image's RGB bytes in base64, rows from
 // the top, as the text of an element of the id "pixels".
 
 const SHOWS = ["both", "base", "supplement"];
+const PRECISIONS = ["half", "float", "bytes"]; // where the browser can; else the next worse
 const PER_PIXEL = 0.006; // radians a pixel of dragging turns by
 const PER_NOTCH = 0.0012; // of the logarithm of the distance, a pixel of the wheel
 
@@ -42,13 +43,15 @@ function wishes(scene) {
     if (!SHOWS.includes(show)) throw new Error(`#show=${show}: expected ${SHOWS.join(", ")}.`);
     const size = asked.get("size");
     if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) throw new Error(`#size=${size}: expected such as 640x480.`);
+    const precision = asked.get("precision") || "half";
+    if (!PRECISIONS.includes(precision)) throw new Error(`#precision=${precision}: expected ${PRECISIONS.join(", ")}.`);
     const background = asked.get("background");
     return {
         show,
         shot: asked.has("camera") ? shotOf(scene, asked.get("camera")) : scene.cameras[0],
         size: size && size.split("x").map(Number),
         background: background ? numbers("background", background, 3, "three numbers from 0 to 1") : scene.background,
-        precision: asked.get("precision") || "half",
+        precision,
         pixels: asked.has("pixels"),
     };
 }
