@@ -9,6 +9,7 @@ mod demo;
 mod devices;
 mod enhance;
 mod eval;
+mod export;
 mod history;
 mod info;
 mod interrupt;
@@ -58,6 +59,7 @@ Examples:
   glint render augmented.ply garden -o views
   glint info augmented.ply                 what is in the file
   glint convert base.ply base.spz          to what other programs read
+  glint export --html scene.html scene.ply a page that shows the scene in any browser
   glint verify --quick                     does this device compute what it should?
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
@@ -93,6 +95,7 @@ enum Command {
     Eval(eval::Args),
     Info(info::Args),
     Convert(convert::Args),
+    Export(export::Args),
     Report(report::Args),
     Synth(synth::Args),
     Devices(devices::Args),
@@ -138,6 +141,7 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Info(args) => args.run(),
         Command::Convert(args) => args.run(),
+        Command::Export(args) => args.run(),
         Command::Report(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Devices(args) => args.run(),

@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// 1.3 tan(fov/2) is where 3DGS clamps the Jacobian's x/z and y/z.
-const JACOBIAN_LIMIT: f64 = 1.3;
+pub(crate) const JACOBIAN_LIMIT: f64 = 1.3;
 
 /// Views 0..V, written once.
 pub struct Views {

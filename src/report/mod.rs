@@ -13,3 +13,5 @@ pub mod plan;
 pub mod sidebyside;
 pub mod summary;
 pub mod table;
+#[cfg(feature = "cli")]
+pub mod viewer;

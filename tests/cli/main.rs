@@ -3,6 +3,7 @@
 
 mod convert;
 mod datasets;
+mod export;
 mod flags;
 mod kept;
 mod output;

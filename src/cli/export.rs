@@ -1,0 +1,114 @@
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::{
+    DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    output::{Inputs, OutputArgs, check_room},
+    print, print_json,
+};
+use crate::{data::write_text, pipelines::start::photos_of, report::viewer::Viewer};
+
+const EXAMPLES: &str = "\
+The page needs a browser with WebGL2 and nothing else: no network, no files beside it. It shows the base, the Gaussians with \
+lobes or both, from any side, and from the cameras of the dataset if one is named. Positions are kept as 32-bit floats, all else \
+as 16, 15 or 8 bits: 80 bytes a Gaussian of SH degree 3 and 16 more for a lobe, which as text take a third more.
+
+Behind the page's address, # and words joined by & say what it begins with: camera=NAME (or width, height, fx, fy, cx, cy, the \
+rotation from world to camera by rows and the translation as 18 numbers with commas between), show=both|base|supplement, \
+background=R,G,B. With size=WIDTHxHEIGHT the page is a still image of so many pixels, the same every time.
+
+Examples:
+  glint export --html augmented.html augmented.ply garden
+  glint export --html base.html base.ply --background white
+  xdg-open augmented.html
+  chromium --headless --screenshot --window-size=640,480 'file:///tmp/augmented.html#camera=DSC01.JPG&size=640x480'";
+
+/// Write a scene as a page for browsers
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Scene
+    scene: PathBuf,
+    /// Folder or JSON file of a dataset, whose cameras are listed on the page
+    dataset: Option<PathBuf>,
+    /// Page to write
+    #[arg(long, value_name = "FILE.html")]
+    html: PathBuf,
+    /// Photos whose cameras are listed
+    #[arg(long, value_enum, default_value_t = SplitArg::All)]
+    split: SplitArg,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    replace: OutputArgs,
+    #[command(flatten)]
+    lenient: SceneArgs,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
+}
+
+#[derive(Serialize)]
+struct Report {
+    gaussians: usize,
+    supplementary: usize,
+    sh_degree: u32,
+    cameras: usize,
+    /// Before they are written as text.
+    bytes_per_gaussian: usize,
+    bytes_per_gaussian_with_lobe: usize,
+    page_bytes: usize,
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        let dataset = self.dataset.as_ref().map(|path| self.photos.open(path)).transpose()?;
+        let mut inputs = Inputs::default().scene(&self.scene);
+        if let Some(dataset) = &dataset {
+            inputs = inputs.dataset(dataset);
+        }
+        self.replace.check_file(&self.html, "html", "a page", &inputs)?;
+        let scene = self.lenient.open(&self.scene)?;
+        let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
+        let photos = photos.unwrap_or_default();
+        let viewer = Viewer {
+            title: &self.scene.file_stem().unwrap_or_default().to_string_lossy(),
+            scene: &scene,
+            cameras: photos.iter().map(|photo| (&photo.name[..], photo.camera)).collect(),
+            focus: dataset.as_ref().and_then(|dataset| dataset.focus()).map(|focus| focus.center),
+            background: self.photos.background,
+            compensate: self.draw.compensate,
+        };
+        let page = viewer.page()?;
+        check_room(&self.html, page.len() as u64)?;
+        write_text(&self.html, &page)?;
+        let [plain, with_lobe] = viewer.bytes_per_gaussian();
+        let report = Report {
+            gaussians: scene.base.len(),
+            supplementary: scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
+            sh_degree: scene.base.sh_degree,
+            cameras: photos.len(),
+            bytes_per_gaussian: plain,
+            bytes_per_gaussian_with_lobe: with_lobe,
+            page_bytes: page.len(),
+        };
+        match self.json {
+            true => print_json(&report)?,
+            false => print(self.text(&report))?,
+        }
+        Ok(())
+    }
+
+    fn text(&self, report: &Report) -> String {
+        let &Report { gaussians, supplementary, sh_degree, cameras, page_bytes, .. } = report;
+        let (path, megabytes) = (self.html.display(), page_bytes as f64 / 1e6);
+        let mut text = format!("{path}: {gaussians} Gaussians of {} bytes", report.bytes_per_gaussian);
+        if supplementary > 0 {
+            text += &format!(", {supplementary} with lobes of {} bytes", report.bytes_per_gaussian_with_lobe);
+        }
+        text + &format!(", SH degree {sh_degree}, {cameras} cameras, {megabytes:.3} MB\n")
+    }
+}

@@ -1,0 +1,292 @@
+//! A scene as one HTML page that draws it in a browser, with WebGL2 and nothing beside the page.
+//!
+//! `viewer/` holds the page's parts: shaders, of which `project.vert` and `blend.frag` are `glsl/raster/project.comp` and `blend.comp`
+//! once more, and scripts. What the shaders share with the kernels is taken from the kernels' own files. [`pack`] makes the scene small.
+
+mod pack;
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use glam::{DMat3, DVec3};
+use serde::Serialize;
+
+use self::pack::{Packed, bytes_of};
+use super::page::escape;
+use crate::{
+    Error, Result,
+    pipelines::views::{JACOBIAN_LIMIT, origin_for},
+    reference::NEAR,
+    scene::{Camera, Scene},
+};
+
+/// Characters of the longest text that all browsers hold (2^29 less some).
+const LONGEST: usize = (1 << 29) - 64;
+
+/// What a page shows.
+#[derive(Debug)]
+pub struct Viewer<'a> {
+    /// Headline.
+    pub title: &'a str,
+    /// Of any size; at some millions of Gaussians a page is too large for browsers.
+    pub scene: &'a Scene,
+    /// Cameras to jump to, by name. Without any the page has one that sees most of the scene.
+    pub cameras: Vec<(&'a str, Camera)>,
+    /// What the camera goes round, where it is known.
+    pub focus: Option<DVec3>,
+    /// sRGB.
+    pub background: [f32; 3],
+    /// Gaussians smaller than a pixel are faded, see `Policy::compensate`.
+    pub compensate: bool,
+}
+
+/// A camera, as the page has it: coordinates count from the scene's origin.
+#[derive(Serialize)]
+struct Shot<'a> {
+    name: &'a str,
+    width: u32,
+    height: u32,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    /// World to camera, by rows.
+    rotation: [f64; 9],
+    translation: [f64; 3],
+}
+
+/// What the page is told beside the blocks of numbers.
+#[derive(Serialize)]
+struct Description<'a> {
+    base: usize,
+    supplement: usize,
+    degree: u32,
+    log_scales: [f32; 2],
+    compensate: bool,
+    near: f64,
+    jacobian_limit: f64,
+    background: [f32; 3],
+    focus: [f64; 3],
+    /// The world's coordinates of the origin: for cameras that are given by numbers.
+    origin: [f64; 3],
+    cameras: Vec<Shot<'a>>,
+}
+
+impl Viewer<'_> {
+    /// Bytes that the page has for a Gaussian without and with a lobe, before they are written as text of 4/3 the length.
+    pub fn bytes_per_gaussian(&self) -> [usize; 2] {
+        bytes_of(self.scene.base.sh_degree)
+    }
+
+    /// The page.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the scene is too large for a page.
+    pub fn page(&self) -> Result<String> {
+        let start = [("start", overview(self.scene))];
+        let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
+        let origin = origin_for(&cameras.iter().map(|(_, camera)| *camera).collect::<Vec<_>>());
+        let Packed { geometry, harmonics, lobes, log_scales } = Packed::new(self.scene, origin);
+        let description = Description {
+            base: self.scene.base.len(),
+            supplement: self.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
+            degree: self.scene.base.sh_degree,
+            log_scales,
+            compensate: self.compensate,
+            near: NEAR,
+            jacobian_limit: JACOBIAN_LIMIT,
+            background: self.background,
+            focus: (self.focus.unwrap_or_else(|| middle(self.scene)) - origin).to_array(),
+            origin: origin.to_array(),
+            cameras: cameras.iter().map(|(name, camera)| shot(name, &camera.around(origin))).collect(),
+        };
+        let description = serde_json::to_string(&description)
+            .map_err(|error| Error::Usage(format!("a camera cannot be written: {error}")))?;
+        let longest = 4 * geometry.len().max(harmonics.len()).max(lobes.len()).div_ceil(3) * 4;
+        if longest > LONGEST {
+            let all = count_of(self.scene);
+            let most = all * LONGEST / longest;
+            return Err(Error::Usage(format!(
+                "the scene has {all} Gaussians, and browsers take a page of {most} of its SH degree at most"
+            )));
+        }
+        let (vertex, fragment) = shaders();
+        // A text ends at the first `</script`, and at `<!--` begins what has another end.
+        let description = description.replace('<', "\\u003c");
+        let fills: [(&str, &str); 11] = [
+            ("TITLE", &escape(self.title)),
+            ("STYLE", include_str!("viewer/style.css")),
+            ("PROJECT", &vertex),
+            ("BLEND", &fragment),
+            ("OVER_VERT", include_str!("viewer/over.vert")),
+            ("OVER_FRAG", include_str!("viewer/over.frag")),
+            ("SCRIPTS", SCRIPTS),
+            ("GEOMETRY", &text_of(&geometry)),
+            ("HARMONICS", &text_of(&harmonics)),
+            ("LOBES", &text_of(&lobes)),
+            ("SCENE", &description),
+        ];
+        Ok(fill(include_str!("viewer/page.html"), &fills))
+    }
+}
+
+const SCRIPTS: &str = concat!(
+    include_str!("viewer/scene.js"),
+    include_str!("viewer/camera.js"),
+    include_str!("viewer/sort.js"),
+    include_str!("viewer/draw.js"),
+    include_str!("viewer/main.js"),
+);
+
+/// `template` with each `{{NAME}}` replaced, in one pass: what is put in is not looked at again.
+fn fill(template: &str, fills: &[(&str, &str)]) -> String {
+    let mut page = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let (name, behind) = after.split_once("}}").unwrap_or((after, ""));
+        page += before;
+        page += fills.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| text);
+        rest = behind;
+    }
+    page + rest
+}
+
+/// The vertex and the fragment shader that draw Gaussians. What they share with the kernels stands first, without comments.
+fn shaders() -> (String, String) {
+    let constants = include_str!("../../glsl/shared/constants.glsl");
+    let splat = include_str!("../../glsl/shared/splat.glsl");
+    let alphas = [part(splat, "const float ALPHA_MIN"), part(splat, "const float ALPHA_MAX")].concat();
+    let names = ["const float PI", "const float SH_C0", "const float DILATION"];
+    let shared = [
+        &names.map(|name| part(constants, name)).concat(),
+        &alphas,
+        include_str!("../../glsl/shared/unit.glsl"),
+        include_str!("../../glsl/shared/view.glsl"),
+        include_str!("../../glsl/shared/gaussian.glsl"),
+        &part(include_str!("../../glsl/shared/colour.glsl"), "void sh_basis("),
+    ]
+    .concat();
+    (bare(&shared) + include_str!("viewer/project.vert"), bare(&alphas) + include_str!("viewer/blend.frag"))
+}
+
+/// The declaration of `source` that begins with `start`: a line, or, where that opens a block, all up to its end.
+fn part(source: &str, start: &str) -> String {
+    let mut lines = source.lines().skip_while(|line| !line.starts_with(start)).peekable();
+    let block = lines.peek().is_some_and(|line| line.ends_with('{'));
+    let mut text = String::new();
+    for line in lines {
+        text += line;
+        text.push('\n');
+        if !block || line.starts_with('}') {
+            break;
+        }
+    }
+    text
+}
+
+/// Without comments and includes, which only glint's own compiler knows.
+fn bare(source: &str) -> String {
+    let code = source.lines().filter_map(|line| line.split("//").next()).map(str::trim_end);
+    code.filter(|line| !line.is_empty() && !line.starts_with("#include")).flat_map(|line| [line, "\n"]).collect()
+}
+
+fn text_of(words: &[u32]) -> String {
+    STANDARD.encode(words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+fn shot<'a>(name: &'a str, camera: &Camera) -> Shot<'a> {
+    let &Camera { width, height, fx, fy, cx, cy, rotation, translation } = camera;
+    let (rotation, translation) = (rotation.transpose().to_cols_array(), translation.to_array());
+    Shot { name, width, height, fx, fy, cx, cy, rotation, translation }
+}
+
+fn count_of(scene: &Scene) -> usize {
+    scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len())
+}
+
+fn means(scene: &Scene) -> impl Iterator<Item = DVec3> {
+    let supplement = scene.supplement.iter().flat_map(|s| &s.gaussians.means);
+    scene.base.means.iter().chain(supplement).map(|mean| DVec3::from_array(mean.map(f64::from)))
+}
+
+/// The number `share` of the way up the sorted values; 0 of none.
+fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get((share * values.len() as f64) as usize).copied().unwrap_or(0.0)
+}
+
+/// The median in each coordinate.
+fn middle(scene: &Scene) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|axis| quantile(means(scene).map(|mean| mean[axis]), 0.5)))
+}
+
+/// Looks along +z at what lies around the middle of the scene, which most of its Gaussians do.
+fn overview(scene: &Scene) -> Camera {
+    let (width, height) = (960, 720);
+    let middle = middle(scene);
+    let radius = quantile(means(scene).map(|mean| mean.distance(middle)), 0.75).max(NEAR);
+    // A field of view of 50° down; the ball touches its sides.
+    let half = 25f64.to_radians();
+    let focal = f64::from(height) / 2.0 / half.tan();
+    let eye = middle - DVec3::Z * (radius / half.sin());
+    let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+    Camera { width, height, fx: focal, fy: focal, cx, cy, rotation: DMat3::IDENTITY, translation: -eye }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::{random_camera, random_scene};
+
+    fn page(title: &str, name: &str) -> String {
+        let scene = random_scene(1, 20, 5, 3);
+        let cameras = vec![(name, random_camera(64, 48))];
+        Viewer { title, scene: &scene, cameras, focus: None, background: [0.0; 3], compensate: false }.page().unwrap()
+    }
+
+    #[test]
+    fn the_page_is_whole_and_has_no_markup_of_strangers() {
+        let html = page("a <b> {{SCENE}}", "</script><script>alert(1)</script>{{TITLE}}");
+        assert!(html.contains("<title>a &lt;b&gt; {{SCENE}}</title>") && !html.contains("alert(1)</script>"));
+        assert!(html.starts_with("<!DOCTYPE html>") && html.ends_with("</html>\n"));
+        // Nothing is fetched from anywhere.
+        assert!(!html.contains("http") && !html.contains("import ") && !html.contains("fetch("));
+        let parts = ["page.html", "style.css", "scene.js", "camera.js", "sort.js", "draw.js", "main.js"];
+        for name in parts.into_iter().chain(["project.vert", "blend.frag", "over.vert", "over.frag"]) {
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/viewer").join(name);
+            assert!(std::fs::read_to_string(path).unwrap().is_ascii(), "{name}");
+        }
+    }
+
+    #[test]
+    fn shaders_have_what_the_kernels_have() {
+        let (vertex, fragment) = shaders();
+        for name in [
+            "const float PI =",
+            "const float SH_C0 =",
+            "const float DILATION =",
+            "const float ALPHA_MIN =",
+            "const float FLOAT_MAX =",
+            "struct View {",
+            "vec3 to_camera(",
+            "float to_unit(",
+            "Projection project_covariance(",
+            "Lobe eval_lobe(",
+            "void sh_basis(",
+        ] {
+            assert_eq!(vertex.matches(name).count(), 1, "{name}");
+        }
+        assert!(fragment.contains("const float ALPHA_MAX =") && !vertex.contains("#include") && vertex.is_ascii());
+    }
+
+    #[test]
+    fn a_scene_without_cameras_is_seen_from_where_most_of_it_is_in_view() {
+        let scene = random_scene(2, 400, 0, 0);
+        let camera = overview(&scene);
+        let seen = means(&scene).filter(|&mean| {
+            let (x, y, z) = camera.project(mean);
+            z > NEAR && (0.0..960.0).contains(&x) && (0.0..720.0).contains(&y)
+        });
+        assert!(seen.count() >= 300);
+        overview(&Scene::default());
+    }
+}

@@ -1,0 +1,222 @@
+// The page: what is shown, from where, and how large.
+//
+// Behind the page's address a # can say so: #camera=NAME (or CAMERA NUMBERS, see shotOf) and show=both, base or supplement and
+// background=R,G,B (0 to 1), joined by &. size=WIDTHxHEIGHT makes it a still image of so many pixels, drawn before the page has
+// loaded, without the panel; precision=float blends with 32 bits (bytes with 8), and pixels writes the image's RGB bytes in base64, rows from
+// the top, as the text of an element of the id "pixels".
+
+const SHOWS = ["both", "base", "supplement"];
+const PRECISIONS = ["half", "float", "bytes"]; // where the browser can; else the next worse
+const PER_PIXEL = 0.006; // radians a pixel of dragging turns by
+const PER_NOTCH = 0.0012; // of the logarithm of the distance, a pixel of the wheel
+
+const element = (id) => document.getElementById(id);
+
+function say(text) {
+    element("message").textContent = text;
+    element("message").hidden = !text;
+}
+
+/** Numbers of a text with commas between; an Error that names `field` where they are not `count`. */
+function numbers(field, text, count, expected) {
+    const values = text.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
+    if (values.length !== count || !values.every(Number.isFinite)) throw new Error(`#${field}=${text}: expected ${expected}.`);
+    return values;
+}
+
+/** The camera that `text` names, or gives as width, height, fx, fy, cx, cy, nine numbers of the rotation by rows and three of the translation. */
+function shotOf(scene, text) {
+    const named = scene.cameras.find(({ name }) => name === text);
+    if (named) return named;
+    const expected = `one of ${scene.cameras.length} cameras, such as ${scene.cameras[0].name}, or 18 numbers with commas between: width, ` +
+        "height, fx, fy, cx, cy, the rotation from world to camera by rows, the translation";
+    const [width, height, fx, fy, cx, cy, ...pose] = numbers("camera", text, 18, expected);
+    const rotation = pose.slice(0, 9), t = pose.slice(9);
+    const translation = [0, 1, 2].map((i) => t[i] + dot(rotation.slice(3 * i, 3 * i + 3), scene.origin));
+    return { name: "", width, height, fx, fy, cx, cy, rotation, translation };
+}
+
+/** What the address asks for. */
+function wishes(scene) {
+    const asked = new URLSearchParams(location.hash.slice(1));
+    const show = asked.get("show") || "both";
+    if (!SHOWS.includes(show)) throw new Error(`#show=${show}: expected ${SHOWS.join(", ")}.`);
+    const size = asked.get("size");
+    if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) throw new Error(`#size=${size}: expected such as 640x480.`);
+    const precision = asked.get("precision") || "half";
+    if (!PRECISIONS.includes(precision)) throw new Error(`#precision=${precision}: expected ${PRECISIONS.join(", ")}.`);
+    const background = asked.get("background");
+    return {
+        show,
+        shot: asked.has("camera") ? shotOf(scene, asked.get("camera")) : scene.cameras[0],
+        size: size && size.split("x").map(Number),
+        background: background ? numbers("background", background, 3, "three numbers from 0 to 1") : scene.background,
+        precision,
+        pixels: asked.has("pixels"),
+    };
+}
+
+/** First and last (exclusive) of the Gaussians that are shown. */
+function rangeOf(scene, show) {
+    return [show === "supplement" ? scene.base : 0, show === "base" ? scene.base : scene.count];
+}
+
+/** One image, at once. */
+function still(scene, wish) {
+    const canvas = element("canvas"), [width, height] = wish.size;
+    canvas.width = width;
+    canvas.height = height;
+    canvas.style.cssText = `width: ${width}px; height: ${height}px`;
+    const painter = new Painter(canvas, scene, wish.precision);
+    const view = new Camera(wish.shot, scene.focus, upOf(scene.cameras)).view(width, height);
+    const order = new Uint32Array(scene.count);
+    const sort = makeSorter(positionsOf(scene));
+    painter.setOrder(order.subarray(0, sort([...view.rowZ, scene.near], ...rangeOf(scene, wish.show), order)));
+    painter.draw(view, wish.background);
+    if (!wish.pixels) return;
+    const text = document.createElement("pre");
+    text.id = "pixels";
+    text.hidden = true;
+    text.textContent = textOf(painter.read());
+    document.body.append(text);
+}
+
+/** Draws when something has changed, and lets people change it. */
+function interactive(scene, wish) {
+    const canvas = element("canvas"), up = upOf(scene.cameras);
+    let painter = new Painter(canvas, scene, wish.precision);
+    let camera = new Camera(wish.shot, scene.focus, up);
+    let { show, background } = wish;
+    let waiting = false, sorted = "", sortTime = 0;
+
+    const order = new Order(() => positionsOf(scene), (indices, time) => {
+        painter.setOrder(indices);
+        sortTime = time;
+        ask();
+    });
+
+    function frame() {
+        waiting = false;
+        const ratio = Math.min(window.devicePixelRatio || 1, 2);
+        const width = Math.max(1, Math.round(canvas.clientWidth * ratio)), height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+        if (canvas.width !== width) canvas.width = width;
+        if (canvas.height !== height) canvas.height = height;
+        const view = camera.view(width, height);
+        // The order before is drawn until the next one is there.
+        const wanted = `${view.rowZ} ${show}`;
+        if (wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
+        painter.draw(view, background);
+        element("status").textContent = `${painter.count} of ${scene.count} Gaussians before the camera, sorted in ${sortTime.toFixed(1)} ms; ` +
+            `${width} x ${height} pixels, blended as ${painter.precision}`;
+    }
+
+    function ask() {
+        if (!waiting) requestAnimationFrame(frame);
+        waiting = true;
+    }
+
+    const list = element("cameras");
+    scene.cameras.forEach(({ name }, i) => list.add(new Option(name, i)));
+    list.value = String(scene.cameras.indexOf(wish.shot));
+    const jump = (to) => {
+        list.value = String(to);
+        camera = new Camera(scene.cameras[to], scene.focus, up);
+        ask();
+    };
+    list.onchange = () => jump(Number(list.value));
+
+    const parts = element("panel").elements.show;
+    const choose = (name) => {
+        parts.value = show = name;
+        ask();
+    };
+    parts.forEach((button) => (button.onchange = () => choose(button.value)));
+    element("parts").hidden = scene.supplement === 0;
+    parts.value = show;
+
+    const color = element("background");
+    color.value = "#" + background.map((c) => Math.round(255 * Math.min(Math.max(c, 0), 1)).toString(16).padStart(2, "0")).join("");
+    color.oninput = () => {
+        background = [1, 3, 5].map((at) => parseInt(color.value.slice(at, at + 2), 16) / 255);
+        ask();
+    };
+
+    const zoom = (pixels) => {
+        camera.zoom(Math.exp(Math.max(-1, Math.min(1, PER_NOTCH * pixels))));
+        ask();
+    };
+    canvas.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        zoom(event.deltaY * (event.deltaMode === 1 ? 16 : 1));
+    }, { passive: false });
+    canvas.oncontextmenu = (event) => event.preventDefault();
+
+    // Fingers, pens and the mouse alike, by id.
+    const pointers = new Map();
+    canvas.onpointerdown = (event) => {
+        canvas.setPointerCapture(event.pointerId);
+        pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    };
+    canvas.onpointerup = canvas.onpointercancel = (event) => pointers.delete(event.pointerId);
+    canvas.onpointermove = (event) => {
+        const before = pointers.get(event.pointerId);
+        if (!before) return;
+        const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
+        if (pointers.size > 1) {
+            // Half of each finger's way moves, what changes their distance brings nearer.
+            const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+            const apart = (p) => Math.max(Math.hypot(p[0] - other[0], p[1] - other[1]), 1);
+            camera.zoom(apart(before) / apart(now));
+            camera.pan(dx / 2, dy / 2, canvas.clientWidth, canvas.clientHeight);
+        } else if (event.shiftKey || event.buttons & 6) {
+            camera.pan(dx, dy, canvas.clientWidth, canvas.clientHeight);
+        } else {
+            camera.orbit(-PER_PIXEL * dx, -PER_PIXEL * dy);
+        }
+        pointers.set(event.pointerId, now);
+        ask();
+    };
+
+    document.onkeydown = (event) => {
+        if (event.target.tagName === "SELECT" || event.target.type === "color" || event.ctrlKey || event.metaKey || event.altKey) return;
+        const at = Number(list.value) || 0, all = scene.cameras.length;
+        const key = event.key.toLowerCase();
+        if ("123".includes(key) && scene.supplement > 0) choose(SHOWS[key - 1]);
+        else if (key === "arrowleft") jump((at + all - 1) % all);
+        else if (key === "arrowright") jump((at + 1) % all);
+        else if (key === "+" || key === "=") zoom(-100);
+        else if (key === "-") zoom(100);
+        else if (key === "h") element("panel").hidden = !element("panel").hidden;
+        else return;
+        event.preventDefault();
+    };
+
+    new ResizeObserver(ask).observe(canvas);
+    canvas.addEventListener("webglcontextlost", (event) => {
+        event.preventDefault();
+        say("The browser has taken the graphics device away; it may give it back.");
+    });
+    canvas.addEventListener("webglcontextrestored", () => attempt(() => {
+        painter = new Painter(canvas, scene, wish.precision);
+        sorted = "";
+        say("");
+        ask();
+    }));
+    onhashchange = () => location.reload();
+    element("panel").hidden = false;
+    ask();
+}
+
+/** Tells instead of throwing. */
+function attempt(work) {
+    try {
+        work();
+    } catch (error) {
+        say(error.message);
+    }
+}
+
+attempt(() => {
+    const scene = readScene(), wish = wishes(scene);
+    (wish.size ? still : interactive)(scene, wish);
+});

@@ -1,0 +1,49 @@
+// What the page holds: the scene's description (JSON) and its blocks (base64), see pack.rs.
+
+/** The bytes of the element `id`, which is emptied: nobody reads the text twice, and it is a third larger than what it says. */
+function bytesOf(id) {
+    const element = document.getElementById(id);
+    const text = element ? element.textContent : "";
+    if (element) element.remove();
+    if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+    const padding = text.endsWith("==") ? 2 : text.endsWith("=") ? 1 : 0;
+    const bytes = new Uint8Array((text.length / 4) * 3 - padding);
+    // In pieces of whole groups of four characters, so that no second text of the whole length is made.
+    const piece = 1 << 20;
+    for (let from = 0, at = 0; from < text.length; from += piece) {
+        const part = atob(text.slice(from, from + piece));
+        for (let i = 0; i < part.length; ++i) bytes[at++] = part.charCodeAt(i);
+    }
+    return bytes;
+}
+
+/** Bytes as base64. */
+function textOf(bytes) {
+    let text = "";
+    // A call takes some ten thousand arguments.
+    for (let from = 0; from < bytes.length; from += 8192) text += String.fromCharCode(...bytes.subarray(from, from + 8192));
+    return btoa(text);
+}
+
+const WORDS_OF_GEOMETRY = 8; // a Gaussian
+
+/** The scene as it lies in the page; typed arrays of little-endian words, as every machine with a browser has them. */
+function readScene() {
+    const scene = JSON.parse(document.getElementById("scene").textContent);
+    const words = (id) => new Uint32Array(bytesOf(id).buffer);
+    scene.geometry = words("geometry");
+    scene.harmonics = scene.degree > 0 ? words("harmonics") : null;
+    scene.lobes = scene.supplement > 0 ? words("lobes") : null;
+    scene.count = scene.base + scene.supplement;
+    return scene;
+}
+
+/** x, y, z of every Gaussian, for the sort. */
+function positionsOf(scene) {
+    const words = new Float32Array(scene.geometry.buffer);
+    const positions = new Float32Array(3 * scene.count);
+    for (let i = 0; i < scene.count; ++i) {
+        for (let axis = 0; axis < 3; ++axis) positions[3 * i + axis] = words[WORDS_OF_GEOMETRY * i + axis];
+    }
+    return positions;
+}

@@ -1,0 +1,131 @@
+//! The page of `glint export` in a browser without a window, its pixels beside the float64 twin's. Skips where there is no Chromium,
+//! unless `GLINT_REQUIRE_CHROMIUM` is set.
+
+#[path = "common/run.rs"]
+mod run;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use glint::{
+    reference::{self, Background, Options, Params, View, random_camera, random_scene},
+    report::viewer::Viewer,
+    scene::{Camera, Scene},
+};
+use tempfile::TempDir;
+
+const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
+
+/// Its name is other on other systems.
+fn chromium() -> Option<PathBuf> {
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&folders).flat_map(|folder| names.map(|name| folder.join(name)));
+    let path = found.into_iter().find(|path| path.is_file());
+    assert!(path.is_some() || std::env::var_os("GLINT_REQUIRE_CHROMIUM").is_none(), "there is no Chromium");
+    if path.is_none() {
+        eprintln!("skipped: there is no Chromium");
+    }
+    path
+}
+
+/// The page at `path` as it is when it has loaded.
+fn loaded(browser: &Path, path: &Path, hash: &str, more: &[&str]) -> String {
+    let profile = tempfile::tempdir().unwrap();
+    let mut command = Command::new(browser);
+    command.args(["--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage", "--no-first-run"]);
+    command.args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-extensions", "--dump-dom"]);
+    command.args(more).arg(format!("--user-data-dir={}", profile.path().display()));
+    let output = run::run(command.arg(format!("file://{}#{hash}", path.display())));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The text of the element of that id.
+fn text_of<'a>(page: &'a str, id: &str) -> Option<&'a str> {
+    let (_, behind) = page.split_once(&format!("id=\"{id}\""))?;
+    Some(behind.split_once('>')?.1.split_once('<')?.0)
+}
+
+fn pixels(page: &str) -> Vec<u8> {
+    let text = text_of(page, "pixels").unwrap_or_else(|| panic!("{:?}", text_of(page, "message")));
+    STANDARD.decode(text).unwrap()
+}
+
+#[test]
+fn the_page_draws_what_the_twin_draws() {
+    let Some(browser) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let (scene, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
+    for (show, precision, compensate) in
+        [("both", "half", false), ("base", "float", true), ("supplement", "half", true), ("both", "float", false)]
+    {
+        let cameras = vec![("a & b.png", camera)];
+        let viewer =
+            Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate };
+        fs::write(&path, viewer.page().unwrap()).unwrap();
+        let hash = format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&pixels");
+        let rgb = pixels(&loaded(&browser, &path, &hash, &[]));
+        compare(&rgb, &scene, show, &camera, compensate);
+    }
+}
+
+/// 8-bit values against the twin's, not rounded.
+///
+/// Rounding to 8 bits alone is 0.25 in the mean and 0.5 at most. Bytes of the harmonics are half of 0.2/127 off (`random_scene`'s are at
+/// most 0.2), that is 45 such errors of 0.2/127/√12, times basis functions whose squares sum up to 15/4π: 0.1 levels. Halves of light are
+/// 2^-12 off at each of the Gaussians that matter, the last ten or so: 0.2 levels at white. A value that is right at α = 1/255 or not
+/// is worth its colour, a level and a half. Where the twin stopped it left a transmittance t of 1e-4 to 0.01; the page goes on,
+/// and what it finds there is worth t times a colour. Colours of this scene are less than 3.
+fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: bool) {
+    let mut scene = scene.clone();
+    match show {
+        "base" => scene.supplement = None,
+        // An opacity of 2e-9 is none.
+        "supplement" => scene.base.opacities.fill(-20.0),
+        _ => {}
+    }
+    let params = Params::from_scene(&scene).unwrap();
+    let options = Options { compensate, ..Options::default() };
+    let background = Background::Color(BACKGROUND.map(f64::from));
+    let twin = reference::render(&params, &View::from_camera(camera), &options, background).blended.image;
+    assert_eq!(rgb.len(), 3 * twin.len());
+    let (mut offs, mut beyond) = (Vec::new(), 0.0f64);
+    for (pixel, [r, g, b, t]) in rgb.chunks(3).zip(&twin) {
+        let stopped = if *t < 0.01 { 3.0 * 255.0 * t } else { 0.0 };
+        for (value, expected) in pixel.iter().zip([r, g, b]) {
+            let off = (f64::from(*value) - 255.0 * expected.clamp(0.0, 1.0)).abs();
+            offs.push(off);
+            beyond = beyond.max(off - stopped);
+        }
+    }
+    offs.sort_by(f64::total_cmp);
+    let mean = offs.iter().sum::<f64>() / offs.len() as f64;
+    let most = offs[offs.len() * 99 / 100];
+    assert!(mean < 0.3 && most < 1.0 && beyond < 2.5, "mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
+}
+
+#[test]
+fn what_cannot_be_shown_is_said() {
+    let Some(browser) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let scene = random_scene(1, 20, 0, 0);
+    let cameras = vec![("a.png", random_camera(16, 12))];
+    let viewer =
+        Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate: false };
+    fs::write(&path, viewer.page().unwrap()).unwrap();
+    for (hash, more, words) in [
+        ("camera=b.png&size=16x12", &[][..], ["#camera=b.png", "a.png"]),
+        ("size=16x12", &["--disable-3d-apis"], ["WebGL2", "not offer"]),
+    ] {
+        let page = loaded(&browser, &path, hash, more);
+        let said = text_of(&page, "message").unwrap();
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
+}
