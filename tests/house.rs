@@ -36,7 +36,8 @@ fn unsafe_code_is_in_the_vulkan_layer_and_where_a_caller_hands_over_handles() {
     files(&root.join("src"), "rs", &mut sources);
     // The viewer's window is its own, and so are instance, device and swapchain, which it lends as any renderer would.
     let home = |path: &&std::path::PathBuf| {
-        path.starts_with(root.join("src/gpu")) || path.ends_with("frames.rs") || path.ends_with("cli/view/screen.rs")
+        let hands_over = path.ends_with("frames.rs") || path.ends_with("cli/view/screen.rs");
+        hands_over || ["src/gpu", "src/c"].iter().any(|folder| path.starts_with(root.join(folder)))
     };
     for path in sources.iter().filter(|path| !home(path)) {
         let text = fs::read_to_string(path).unwrap();
