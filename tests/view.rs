@@ -431,9 +431,10 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     }
     let path = CameraPath::read(folder.join("scene-path-1.json")).unwrap().frames(3);
     let eyes = [path[0].eye(), path[1].eye(), path[2].eye()];
-    // The wheel went a notch nearer to what the cameras look at, near the origin, and walking kept the height.
-    let away = camera(0.2).eye().length();
-    assert!((eyes[0].length() / away * 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
+    // The wheel went nearer to what the cameras look at, near the origin, and walking kept the height. winit 0.30 takes a wheel of
+    // buttons alone, as XTEST's is, for two notches: one when it is pressed, one when it is let go.
+    let nearer = camera(0.2).eye().length() / eyes[0].length();
+    assert!((nearer / 1.15 - 1.0).abs() < 0.05 || (nearer / 1.15 / 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
     assert!(eyes[1].distance(eyes[0]) > 0.01 && eyes[2].distance(eyes[1]) > 0.01);
     let up = -(0..3).map(|i| camera(0.2 * f64::from(i)).rotation.row(1)).sum::<DVec3>().normalize();
     assert!((eyes[2] - eyes[1]).dot(up).abs() < 1e-6, "{eyes:?}");

@@ -99,9 +99,9 @@ impl Flight {
         let pivot = eye + self.distance * self.forward();
         // The view turns right and down with the mouse; round a point, what is before it then follows the mouse.
         let from_pole = self.forward().dot(self.up).clamp(-1.0, 1.0).acos();
-        let to = (from_pole + TURN * down).clamp(POLE, std::f64::consts::PI - POLE);
-        // Past the pole already, as a photograph's camera may be, nothing is forced.
-        let pitch = if (POLE..=std::f64::consts::PI - POLE).contains(&from_pole) { to - from_pole } else { 0.0 };
+        // Beyond the poles, where a photograph's camera may be, a drag brings the view back, and no farther.
+        let (least, most) = (from_pole.min(POLE), from_pole.max(std::f64::consts::PI - POLE));
+        let pitch = (from_pole + TURN * down).clamp(least, most) - from_pole;
         let across = self.up.cross(self.forward()).try_normalize().unwrap_or(-self.camera.rotation.row(0));
         let turn = DMat3::from_axis_angle(self.up, -TURN * right) * DMat3::from_axis_angle(across, pitch);
         let rotation = self.camera.rotation * turn.transpose();
@@ -186,6 +186,8 @@ mod tests {
             // Never upside down.
             assert!(camera.rotation.row(1).dot(DVec3::NEG_Y) <= 0.0);
         }
+        // It came back from the pole.
+        assert!(flight.forward().dot(DVec3::NEG_Y) > 0.9);
     }
 
     #[test]
