@@ -559,7 +559,7 @@ mod tests {
         expect(b"", &["empty"]);
         expect(b"solid cube", &["nothing that glint knows", "not a PLY"]);
         expect(b"NGSP\x04", &["SPZ"]);
-        expect(b"\x1f\x8b\x08", &["gzip", "SPZ"]);
+        expect(b"\x1f\x8b\x08", &["gzip data", "not a PLY"]);
         let head = "ply\nformat ascii 1.0\nelement vertex 0\n";
         let xyz = "property float x\nproperty float y\nproperty float z\n";
         expect(format!("{head}{xyz}end_header\n").as_bytes(), &["point cloud", "3DGS"]);
