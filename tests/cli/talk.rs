@@ -136,6 +136,7 @@ fn completions_and_manual_pages_are_made() {
         "devices",
         "enhance",
         "eval",
+        "export",
         "info",
         "man",
         "render",

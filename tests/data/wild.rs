@@ -40,7 +40,8 @@ proptest! {
     fn every_kind_of_dataset_loads_to_the_same_cameras_and_pixels(
         (n, width, height) in (4..19usize, 5..17u32, 5..17u32),
         focal in 6.0..30.0f64,
-        folder in "[a-z]{1,8}( [a-z]{1,4})?",
+        // Before zz.png, the photo that is missing: it has a place in the order too.
+        folder in "[a-y][a-z]{0,7}( [a-z]{1,4})?",
         seed: u64,
     ) {
         let plain = Plain::new(n, [width, height], [focal, 1.1 * focal], &folder, seed);
