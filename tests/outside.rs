@@ -169,7 +169,13 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     let case = Case::new();
     let installed = case.path("installed");
     // As a distributor would: a folder with header, libraries and pkg-config file.
-    done(Command::new(within("tools/c-library")).arg(&installed).arg("--quiet"));
+    let mut library = Command::new(within("tools/c-library"));
+    library.arg(&installed).arg("--quiet");
+    // What takes time here is the compiler.
+    for setting in ["debug=0", "opt-level=0", "package.\"*\".opt-level=0"] {
+        library.args(["--config", &format!("profile.dev.{setting}")]);
+    }
+    done(&mut library);
     let pc = fs::read_to_string(installed.join("lib/pkgconfig/glint.pc")).unwrap();
     assert!(pc.contains(&format!("prefix={}", installed.display())) && pc.contains("Version: 0"));
     let program = case.path("frame");

@@ -156,7 +156,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "view")]
         Err(Failure::NoWindow(why)) => (
             format!(
-                "no window can be opened: {why} (expected a desktop: of X11 or Wayland, named by DISPLAY or WAYLAND_DISPLAY)"
+                "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
             ),
             1,
         ),
