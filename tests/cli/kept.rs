@@ -11,7 +11,7 @@ use std::{
 use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
-const TRAIN: &str = "train data --iterations 800 --sh-degree 1 --deterministic";
+const TRAIN: &str = "train data --iterations 400 --sh-degree 1 --deterministic";
 const ENHANCE: &str =
     "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic --work kept";
 
@@ -58,9 +58,9 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
     let report = work.json(&format!("{TRAIN} -o out.ply --json"));
-    assert_eq!(report["iterations"], 800);
+    assert_eq!(report["iterations"], 400);
     let resumed = report["iterations_resumed"].as_u64().unwrap();
-    assert!((16..800).contains(&resumed), "{report}");
+    assert!((16..400).contains(&resumed), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(work.0.path()), ["data", "out.ply", "whole.ply"]);
 
@@ -91,28 +91,28 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         format!("train data -o out.ply --iterations {iterations} --sh-degree 1 --deterministic {options}")
     };
     for (command, key) in [
-        (train(801, ""), "`options.iterations` was 800 and is 801"),
-        (train(800, "--seed 1"), "`options.seed` was 0 and is 1"),
-        (train(800, "--points 40"), "`options.points` was null and is 40"),
-        (train(800, "--background white"), "`resolved`"),
-        (train(800, "--compensate"), "`resolved`"),
-        (train(800, "--max-size 16"), "camera_crc32"),
-        (train(800, "--holdout none"), "`photos."),
+        (train(401, ""), "`options.iterations` was 400 and is 401"),
+        (train(400, "--seed 1"), "`options.seed` was 0 and is 1"),
+        (train(400, "--points 40"), "`options.points` was null and is 40"),
+        (train(400, "--background white"), "`resolved`"),
+        (train(400, "--compensate"), "`resolved`"),
+        (train(400, "--max-size 16"), "camera_crc32"),
+        (train(400, "--holdout none"), "`photos."),
     ] {
         work.refused(&command, &[CHECKPOINT, "another run", key, "--force begins anew"]);
     }
     let points = work.path("data/sparse/0/points3D.txt");
     let text = fs::read_to_string(&points).unwrap();
     fs::write(&points, text.replacen("120 130 140", "121 130 140", 1)).unwrap();
-    work.refused(&train(800, ""), &[CHECKPOINT, "`points.crc32`"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "`points.crc32`"]);
     fs::write(&points, text).unwrap();
     let mut photo = image::open(work.path("data/images/d.png")).unwrap().into_rgb8();
     photo.get_pixel_mut(3, 3).0[1] ^= 1;
     photo.save(work.path("data/images/d.png")).unwrap();
-    work.refused(&train(800, ""), &[CHECKPOINT, "`photos.d.png.pixels_crc32`"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "`photos.d.png.pixels_crc32`"]);
     // Nobody's.
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
-    work.refused(&train(800, ""), &[CHECKPOINT, "--force"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "--force"]);
 
     let said = work.said(&train(32, "--force"));
     assert!(said.contains("is replaced") && !work.path(CHECKPOINT).exists(), "{said}");
