@@ -5,7 +5,7 @@
 //! The camera moves, several frames are in flight, and the first of them is compared with `Renderer`'s image to the last bit.
 
 #[path = "../tests/common/engine.rs"]
-#[allow(dead_code)]
+#[allow(dead_code, reason = "a frame needs no images")]
 mod engine;
 
 use std::{collections::BTreeMap, fs, path::PathBuf, process::ExitCode, time::Instant};
