@@ -3,6 +3,8 @@
 mod common;
 #[path = "common/engine.rs"]
 mod engine;
+#[path = "common/shared.rs"]
+mod shared;
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -15,11 +17,13 @@ use engine::Engine;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use glint::{
     Error,
+    data::{Dataset, DatasetOptions},
     gpu::{Buffer, BufferRange, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder, f16},
     pipelines::{
         frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
         model::{self, Model, Upload},
         render::{Needs, RenderOptions, Renderer},
+        start::first_points,
         views::Views,
     },
     reference::{
@@ -31,7 +35,7 @@ use glint::{
         resolve::To,
         tiles::Tiling,
     },
-    scene::{Camera, Gaussians, Lobes, Scene, Supplement, layout},
+    scene::{Camera, Gaussians, Lobes, Scene, Supplement, from_points, layout},
     stages::constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
 };
 
@@ -663,6 +667,33 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let (planned, held) = (limits.plan(&gpu).bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
         drop(frames);
+    }
+}
+
+/// Not before its first frame is drawn could an engine learn how much room a scene takes: what there is without asking must do for a
+/// capture at the size of a screen, from where its photographs were taken, opaque and with gaps between points filled.
+#[test]
+fn a_first_frame_of_a_capture_finds_room_at_the_size_of_a_screen() {
+    let Some(path) = shared::shared("small/garden") else { return };
+    let gpu = Gpu::new();
+    let dataset = Dataset::open(path, &DatasetOptions::default()).unwrap();
+    let cloud = first_points(&dataset, Some(30_000), 0).cloud;
+    let mut base = from_points(&cloud.positions, &cloud.colors, 0);
+    base.opacities.fill(3.0);
+    let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
+    let (width, height) = (1920, 1080);
+    let mut frames = Frames::new(&gpu, Limits { texel: Texel::Rgba8, ..Limits::of(&model, width, height) }).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let target = Buffer::<u32>::new(&gpu, "target", (width * height) as usize, Location::Device).unwrap();
+    let range = BufferRange { buffer: target.raw().handle(), offset: 0 };
+    let color = Some(Target::new(Pixels::Buffer(range), Texel::Rgba8));
+    for photo in dataset.photos.iter().step_by(dataset.photos.len().div_ceil(4)) {
+        let view = FrameView { color, ..FrameView::new(photo.camera.fitted(width, height)) };
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+        let report = frames.report(0).unwrap();
+        println!("{}: {} intersections, room for {}", photo.name, report.intersections, frames.capacity());
+        assert!(report.needed.is_none() && report.intersections > 100_000, "{report:?}");
     }
 }
 

@@ -188,7 +188,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     work.ok(&format!("{TRAIN} -o whole.ply"));
     let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     // Photos and the scene take fewer submissions, the whole run more.
-    command.env("GLINT_LOST_AFTER", "150");
+    command.env("GLINT_LOST_AFTER", "80");
     let output = run::run(&mut command);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
