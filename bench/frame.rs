@@ -2,7 +2,8 @@
 //!
 //!     cargo bench --bench frame -- [SCENE.ply DATASET] [--gaussians N] [--size WxH] [--sh-degree L] [--lobes SHARE] [--half] [--json]
 //!
-//! The camera moves, several frames are in flight, and the first of them is compared with `Renderer`'s image to the last bit.
+//! The camera moves, several frames are in flight, and the first of them, where it shows all bands, is compared with `Renderer`'s image to
+//! the last bit.
 
 #[path = "../tests/common/engine.rs"]
 #[allow(dead_code, reason = "a frame needs no images")]

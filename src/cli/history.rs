@@ -107,7 +107,7 @@ impl<'a> History<'a> {
     }
 
     /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error.
-    pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<Quality> {
+    pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<()> {
         let Moment { step, seconds, bytes, loss } = moment;
         let progress = Progress::new("looking", "views", self.photos.len() as u64);
         let mut first = None;
@@ -140,7 +140,7 @@ impl<'a> History<'a> {
         write_text(&self.path, &self.lines)?;
         let Quality { psnr, ssim } = found.augmented;
         note(format!("step {step}: {psnr:.2} dB, SSIM {ssim:.4}, {} Gaussians", scene.base.len()));
-        Ok(found.augmented)
+        Ok(())
     }
 }
 

@@ -70,7 +70,7 @@ pub(super) struct Args {
     iterations: u32,
     /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
     /// they take, and all schedules end with the last
-    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["iterations", "eval_every"])]
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["iterations", "eval_every", "checkpoint_every"])]
     #[serde(skip)]
     time: Option<Duration>,
     /// Compare with the test photos after every N steps and at the end

@@ -59,7 +59,13 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
     assert_eq!(report["gaussians"], 300);
     assert!(report["iterations"].as_u64().unwrap() > 64, "{report}");
     assert_eq!(files(work.0.path()), ["data", "out.ply"]);
-    for (option, words) in [("--time 5x", "90s"), ("--time 0", "90s"), ("--time 5s --iterations 3", "cannot be used")] {
+    let refused = [
+        ("--time 5x", "90s"),
+        ("--time 0", "90s"),
+        ("--time 5s --iterations 3", "cannot be used"),
+        ("--time 5s --checkpoint-every 3", "cannot be used"),
+    ];
+    for (option, words) in refused {
         let output = work.run(&format!("train data -o other.ply {option}"));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(2) && said.contains(words), "{option}: {said}");
