@@ -7,7 +7,7 @@ use std::{
     process::Command,
 };
 
-use common::Gpu;
+use common::{Gpu, Turn};
 use glint::{
     gpu::{
         Buffer, Context, ContextOptions, Feature, GpuError, Location, Reconvergence,
@@ -203,21 +203,22 @@ fn every_feature_that_a_kernel_needs_is_asked_for() {
 
 #[test]
 fn a_size_of_subgroups_is_had_or_refused() {
-    let info = Gpu::new().info().clone();
+    let gpu = Gpu::new();
+    let info = gpu.info().clone();
     let [least, most] = info.subgroup_sizes;
     assert!((8..=64).contains(&info.subgroup_size) && info.max_workgroup.is_multiple_of(info.subgroup_size));
     // Software subgroups have any size.
     let offered = |lanes: u32| (least..=most).contains(&lanes) || info.reconvergence == Reconvergence::OneSubgroup;
     for lanes in [8, 16, 32, 64] {
         let options = ContextOptions { subgroup_size: Some(lanes), ..ContextOptions::from_env() };
-        match Context::new(&options) {
+        match gpu.again(&options) {
             Ok(context) => assert!(offered(lanes) && context.info().subgroup_size == lanes),
             Err(e) => assert!(!offered(lanes) && e.to_string().contains(&format!("subgroups of {lanes} lanes")), "{e}"),
         }
     }
     for lanes in [0, 4, 12, 128] {
         let options = ContextOptions { subgroup_size: Some(lanes), ..ContextOptions::from_env() };
-        assert!(matches!(Context::new(&options), Err(GpuError::Missing { .. })), "{lanes}");
+        assert!(matches!(gpu.again(&options), Err(GpuError::Missing { .. })), "{lanes}");
     }
 }
 
@@ -286,4 +287,18 @@ fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     assert!(Buffer::<u32>::new(&gpu, "all", 1 << 18, Location::Device).is_ok());
     // Without a cap there is what the device has.
     assert!(Gpu::new().memory().budget > 1 << 28);
+}
+
+#[test]
+fn a_context_made_again_keeps_the_device_open_and_has_the_rest_for_itself() {
+    let _turn = Turn::alone();
+    let first = Context::new(&ContextOptions::from_env()).unwrap();
+    let again = first.again(&ContextOptions { memory_budget: Some(1 << 20), ..ContextOptions::from_env() }).unwrap();
+    assert!(!again.is_same(&first) && again.device().handle() == first.device().handle());
+    let words = Buffer::from_slice(&first, "words", &[7u32; 100]).unwrap();
+    assert!(again.memory().used == 0 && again.counters().submissions == 0 && first.counters().submissions > 0);
+    drop((words, first));
+    assert_eq!(Buffer::from_slice(&again, "words", &[9u32; 100]).unwrap().download().unwrap(), [9; 100]);
+    assert!(Buffer::<u32>::new(&again, "too much", (1 << 18) + 1, Location::Device).is_err());
+    assert!(again.validation_messages().is_empty());
 }

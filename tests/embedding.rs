@@ -8,7 +8,7 @@ use std::sync::{
 };
 
 use ash::vk;
-use common::Gpu;
+use common::{Gpu, Turn};
 use glint::{
     gpu::{BorrowedDevice, Buffer, Context, FeatureChain, GpuError, Kept, QueueLock, Recorder},
     pipelines::{
@@ -31,10 +31,12 @@ struct Application {
     physical_device: vk::PhysicalDevice,
     device: ash::Device,
     queue_family: u32,
+    _turn: Turn,
 }
 
 impl Application {
     fn new() -> Self {
+        let turn = Turn::alone();
         unsafe {
             let entry = ash::Entry::load().unwrap();
             let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
@@ -55,7 +57,7 @@ impl Application {
                 .enabled_extension_names(&extensions)
                 .push_next(&mut features);
             let device = instance.create_device(physical_device, &info, None).unwrap();
-            Application { entry, instance, physical_device, device, queue_family }
+            Application { entry, instance, physical_device, device, queue_family, _turn: turn }
         }
     }
 

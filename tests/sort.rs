@@ -1,7 +1,10 @@
 //! Scan and radix sort on the GPU against their twins. All integers: equal means equal.
 
+mod common;
+
+use common::Gpu;
 use glint::{
-    gpu::{Buffer, Context, ContextOptions, GpuError},
+    gpu::{Buffer, Context, GpuError},
     pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
@@ -14,10 +17,6 @@ use glint::{
 const NO_KEY: u32 = u32::MAX;
 /// Nothing, one, a row less one, a block and its neighbours, several workgroups with a part of a block at the end.
 const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
-
-fn context() -> Context {
-    Context::new(&ContextOptions::from_env()).unwrap()
-}
 
 fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
     Buffer::from_slice(context, name, data).unwrap()
@@ -66,7 +65,7 @@ impl Counted {
 
 #[test]
 fn a_stage_over_no_items_is_not_recorded() {
-    let context = context();
+    let context = Gpu::new();
     let counted = Counted::new(&context, 9).unwrap();
     let buffers =
         dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
@@ -113,7 +112,7 @@ fn check_scan(context: &Context, values: &[u32], index: Option<&[u32]>) {
 
 #[test]
 fn a_scan_is_its_twin_at_every_size() {
-    let context = context();
+    let context = Gpu::new();
     for items in SIZES.into_iter().chain([300_000]) {
         check_scan(&context, &(0..items).map(|i| noise(i) % 100).collect::<Vec<_>>(), None);
     }
@@ -121,7 +120,7 @@ fn a_scan_is_its_twin_at_every_size() {
 
 #[test]
 fn a_gathering_scan_sums_in_the_order_of_the_index() {
-    let context = context();
+    let context = Gpu::new();
     let values: Vec<u32> = (0..5000).map(|i| noise(i) % 1000).collect();
     let index: Vec<u32> = (0..3000).map(|i| noise(i + 9) % 5000).collect();
     check_scan(&context, &values, Some(&index));
@@ -129,7 +128,7 @@ fn a_gathering_scan_sums_in_the_order_of_the_index() {
 
 #[test]
 fn a_scan_stops_at_the_largest_number() {
-    let context = context();
+    let context = Gpu::new();
     let mut values: Vec<u32> = (0..5000).map(|i| noise(i) % 1000).collect();
     values[2500] = u32::MAX - 800_000;
     check_scan(&context, &values, None);
@@ -141,7 +140,7 @@ fn a_scan_stops_at_the_largest_number() {
 
 #[test]
 fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
-    let context = context();
+    let context = Gpu::new();
     let cases = [(0, 10, 64), (1, 10, 64), (1000, 1000, 64), (1001, 1000, 64), (u32::MAX, 1 << 26, 1), (9, 9, 0)];
     for (items, capacity, per_group) in cases {
         let counted = Counted::new(&context, items).unwrap();
@@ -234,7 +233,7 @@ fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits:
 
 #[test]
 fn a_sort_is_its_twin_at_every_size() {
-    let context = context();
+    let context = Gpu::new();
     for items in SIZES {
         let keys: Vec<u32> = (0..items).map(noise).collect();
         let values: Vec<u32> = (0..items).map(|i| noise(i + 77)).collect();
@@ -244,7 +243,7 @@ fn a_sort_is_its_twin_at_every_size() {
 
 #[test]
 fn a_sort_is_stable_whatever_the_width_of_the_keys() {
-    let context = context();
+    let context = Gpu::new();
     let values: Vec<u32> = (0..9000).collect();
     for key_bits in [1, 3, 8, 12, 13, 31] {
         let keys: Vec<u32> = (0..9000).map(|i| noise(i) >> (32 - key_bits)).collect();
@@ -255,7 +254,7 @@ fn a_sort_is_stable_whatever_the_width_of_the_keys() {
 
 #[test]
 fn a_compacting_sort_drops_what_has_no_key() {
-    let context = context();
+    let context = Gpu::new();
     for items in SIZES {
         let keys: Vec<u32> = (0..items)
             .map(|i| if noise(i).is_multiple_of(3) { NO_KEY } else { (0.2 + i as f32 % 77.7).to_bits() })

@@ -161,7 +161,7 @@ pub(super) struct Inner {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
     // Keeps the Vulkan library loaded for as long as its functions are called.
-    _entry: ash::Entry,
+    entry: ash::Entry,
 }
 
 /// A device, its queue and its memory. Cheap to clone; everything made from it keeps it alive.
@@ -255,6 +255,39 @@ impl Context {
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
+    /// Another context on the same device, which takes turns with this one at the queue and keeps the device open. Pipelines, memory
+    /// budget, counters and twins are its own; the choice of a device and the validation layers are what they are.
+    ///
+    /// # Errors
+    /// As of [`Context::new`]: a subgroup size that the device does not have.
+    pub fn again(&self, options: &ContextOptions) -> Result<Self, GpuError> {
+        let inner = &self.0;
+        // SAFETY: the handles are live, and the queue lock keeps them so.
+        let physical = unsafe { Physical::query(&inner.instance, inner.physical) };
+        let subgroups = physical.check(options, &inner.features)?;
+        let first = self.clone();
+        let borrowed = BorrowedDevice {
+            entry: inner.entry.clone(),
+            instance: inner.instance.clone(),
+            physical_device: inner.physical,
+            device: inner.device.clone(),
+            queue_family: inner.queue_family,
+            queue: *inner.queue.lock().unwrap_or_else(|e| e.into_inner()),
+            optional: inner.features.clone(),
+            pipeline_cache: inner.pipeline_cache,
+            queue_lock: Some(QueueLock(Arc::new(move |work| first.0.with_queue(|_| work())))),
+            labels: inner.debug.is_some(),
+            memory_budget: options.memory_budget,
+        };
+        let own = Own {
+            messages: inner.messages.clone(),
+            twins: options.twins.clone(),
+            lost_after: options.lost_after,
+            ..Own::default()
+        };
+        Self::assemble(borrowed, &physical, subgroups, own)
+    }
+
     /// Uses the caller's device.
     ///
     /// # Errors
@@ -329,7 +362,7 @@ impl Context {
             instance,
             physical: physical_device,
             owned,
-            _entry: entry,
+            entry,
         }));
         let info = context.info();
         tracing::debug!(device = info.name, subgroup = info.subgroup_size, how = ?info.reconvergence, "device opened");
@@ -389,6 +422,17 @@ impl Context {
     /// What the validation layer said so far; empty unless [`ContextOptions::validation`] is on and something is wrong.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.messages.lock().map(|m| m.clone()).unwrap_or_default()
+    }
+}
+
+impl Inner {
+    /// Calls it once, while nobody else uses the queue: no glint of this device, nor its owner where there is a lock.
+    pub(super) fn with_queue(&self, mut work: impl FnMut(vk::Queue)) {
+        let queue = self.queue.lock().unwrap_or_else(|e| e.into_inner());
+        match &self.queue_lock {
+            None => work(*queue),
+            Some(lock) => (lock.0)(&mut || work(*queue)),
+        }
     }
 }
 

@@ -385,16 +385,11 @@ impl Recorder {
             inner.device.end_command_buffer(slot.commands).check("vkEndCommandBuffer")?;
             let commands = [slot.commands];
             let info = [vk::SubmitInfo::default().command_buffers(&commands)];
-            let queue = inner.queue.lock().unwrap_or_else(|e| e.into_inner());
-            let submit = || inner.device.queue_submit(*queue, &info, slot.fence).check("vkQueueSubmit");
-            match &inner.queue_lock {
-                None => submit(),
-                Some(lock) => {
-                    let mut result = Err(GpuError::NotSubmitted);
-                    (lock.0)(&mut || result = submit());
-                    result
-                }
-            }?;
+            let mut result = Err(GpuError::NotSubmitted);
+            inner.with_queue(|queue| {
+                result = inner.device.queue_submit(queue, &info, slot.fence).check("vkQueueSubmit")
+            });
+            result?;
         }
         inner.submissions.fetch_add(1, Ordering::Relaxed);
         Ok(())

@@ -1,5 +1,10 @@
 //! What the tests that need a device share.
 
+use std::{
+    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    thread::{self, ThreadId},
+};
+
 use glint::{
     gpu::{Context, ContextOptions},
     pipelines::session::{Policy, Reduction, Session},
@@ -12,9 +17,100 @@ pub fn session(context: &Context) -> Session {
     Session { policy, ..Session::new(context) }
 }
 
-/// A device with the validation layers on where `GLINT_VALIDATION` is set (`tools/test` sets it). On drop the test fails if
-/// the layers said anything.
-pub struct Gpu(pub Context);
+/// The devices of this test program, one for each thread. The validation layers look up the device of every call in a map that they
+/// do not lock (issue 4391 of KhronosGroup/Vulkan-ValidationLayers): where a device comes or goes while another thread uses its own,
+/// the process can end. So all are made while none is used, and go when all are back.
+struct Devices {
+    idle: Vec<Context>,
+    /// Who has which; more than once where a thread has several contexts. `None` is a device that a test makes itself.
+    taken: Vec<(ThreadId, Option<Context>)>,
+    /// One thread has all turns.
+    alone: bool,
+}
+
+static DEVICES: Mutex<Devices> = Mutex::new(Devices { idle: Vec::new(), taken: Vec::new(), alone: false });
+static RETURNED: Condvar = Condvar::new();
+
+fn devices() -> MutexGuard<'static, Devices> {
+    DEVICES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Held as long as the thread has its device.
+pub struct Turn {
+    thread: ThreadId,
+    has_device: bool,
+}
+
+impl Turn {
+    /// No other thread has a device meanwhile, so that this one may make its own.
+    #[allow(dead_code, reason = "few tests make devices")]
+    pub fn alone() -> Self {
+        let me = thread::current().id();
+        let mut devices = devices();
+        assert!(devices.alone || devices.taken.iter().all(|(holder, _)| *holder != me), "ask to be alone first");
+        while devices.taken.iter().any(|(holder, _)| *holder != me) {
+            devices = RETURNED.wait(devices).unwrap_or_else(PoisonError::into_inner);
+        }
+        devices.alone = true;
+        devices.taken.push((me, None));
+        Turn { thread: me, has_device: false }
+    }
+
+    /// The thread's device.
+    fn take() -> (Context, Self) {
+        let make = || Context::new(&ContextOptions::from_env()).expect("a Vulkan device, see tools/setup");
+        let me = thread::current().id();
+        let mut devices = devices();
+        let device = loop {
+            if let Some(mine) =
+                devices.taken.iter().find_map(|(holder, device)| device.as_ref().filter(|_| *holder == me))
+            {
+                break mine.clone();
+            }
+            let others = devices.taken.iter().any(|(holder, _)| *holder != me);
+            if !(devices.alone && others)
+                && let Some(device) = devices.idle.pop()
+            {
+                break device;
+            }
+            if others {
+                devices = RETURNED.wait(devices).unwrap_or_else(PoisonError::into_inner);
+            } else {
+                devices.idle = (0..thread::available_parallelism().map_or(1, usize::from)).map(|_| make()).collect();
+            }
+        };
+        devices.taken.push((me, Some(device.clone())));
+        (device, Turn { thread: me, has_device: true })
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        let mut devices = devices();
+        let is_mine = |(holder, device): &(ThreadId, Option<Context>)| {
+            *holder == self.thread && device.is_some() == self.has_device
+        };
+        if let Some(held) = devices.taken.iter().position(is_mine) {
+            let (_, device) = devices.taken.swap_remove(held);
+            if !devices.taken.iter().any(is_mine) {
+                devices.idle.extend(device);
+            }
+        }
+        if devices.taken.is_empty() {
+            devices.alone = false;
+            devices.idle.clear();
+        }
+        RETURNED.notify_all();
+    }
+}
+
+/// A context of its own, with the validation layers on where `GLINT_VALIDATION` is set (`tools/test` sets it). On drop the test fails
+/// if the layers said anything.
+pub struct Gpu {
+    context: Context,
+    // Goes back when the context is gone.
+    _turn: Turn,
+}
 
 impl Gpu {
     pub fn new() -> Self {
@@ -22,21 +118,22 @@ impl Gpu {
     }
 
     pub fn with(options: ContextOptions) -> Self {
-        Gpu(Context::new(&options).expect("a Vulkan device, see tools/setup"))
+        let (device, turn) = Turn::take();
+        Gpu { context: device.again(&options).unwrap(), _turn: turn }
     }
 }
 
 impl std::ops::Deref for Gpu {
     type Target = Context;
     fn deref(&self) -> &Context {
-        &self.0
+        &self.context
     }
 }
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        if !std::thread::panicking() {
-            let messages = self.0.validation_messages();
+        if !thread::panicking() {
+            let messages = self.context.validation_messages();
             assert!(messages.is_empty(), "validation layers: {messages:#?}");
         }
     }
