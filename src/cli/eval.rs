@@ -16,6 +16,7 @@ use crate::{
     report::{
         decompose::PartsQuality,
         evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
+        lpips::{Distances, Lpips},
         metrics::Quality,
         page::{Page, pictures},
         table::{Cell, Column, Table},
@@ -36,6 +37,7 @@ Examples:
   glint eval augmented.ply garden
   glint eval augmented.ply garden --report compared    # then open compared/index.html
   glint eval augmented.ply mirror --decomposition      # of glint synth mirror -o mirror
+  glint eval augmented.ply garden --lpips vgg.safetensors
   glint eval base.ply lego --split all --json | jq .base.psnr";
 
 /// Compare a scene with the photos: PSNR and SSIM of each view and their means
@@ -57,6 +59,10 @@ pub(super) struct Args {
     /// specular, as glint synth writes them): PSNR of each in linear light, in JSON under "decomposition"
     #[arg(long)]
     decomposition: bool,
+    /// Weights of LPIPS (AlexNet's or VGG's, which the tensors' names tell): the state_dict of lpips.LPIPS, without its lins.*
+    /// copies, as safetensors. LPIPS of each view and its mean, in JSON under "lpips"
+    #[arg(long, value_name = "FILE")]
+    lpips: Option<PathBuf>,
     /// Write pictures of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
     /// of all, index.html
     #[arg(long, value_name = "DIR")]
@@ -81,6 +87,7 @@ impl Args {
         if scene.supplement.is_none() {
             note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
         }
+        let lpips = self.lpips.as_ref().map(Lpips::read).transpose()?;
         let augmented = scene.supplement.is_some();
         let stems = stems(photos.iter().copied());
         if let Some(folder) = &self.report {
@@ -91,6 +98,7 @@ impl Args {
             self.replace.make_folder(folder, &inputs)?;
         }
         let (mut page, mut next) = (Page::new(augmented), stems.iter());
+        let mut distances = Vec::new();
         let (found, parts) = self.device.with(|context| {
             let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
             let parts = || evaluate_parts(context, &scene, &photos, options(), self.photos.background);
@@ -98,6 +106,9 @@ impl Args {
             let progress = Progress::new("comparing", "views", photos.len() as u64);
             let found = evaluate(context, &scene, &photos, options(), self.photos.background, |view| {
                 progress.advance();
+                if let Some(lpips) = &lpips {
+                    distances.push(lpips.of_view(view)?);
+                }
                 let (Some(folder), Some(stem)) = (&self.report, next.next()) else { return Ok(()) };
                 let pictures = pictures(view, augmented);
                 for (what, picture) in &pictures {
@@ -108,7 +119,8 @@ impl Args {
             })?;
             Ok((found, parts))
         })?;
-        let numbers = Numbers { found: &found, decomposition: parts.as_ref() };
+        let distances = lpips.is_some().then(|| Distances::of(distances));
+        let numbers = Numbers { found: &found, decomposition: parts.as_ref(), lpips: distances.as_ref() };
         if let Some(folder) = &self.report {
             let title = format!("{} against {}", self.scene.display(), self.dataset.display());
             write_text(folder.join(NUMBERS), &to_json(&numbers)?)?;
@@ -117,7 +129,7 @@ impl Args {
         if self.json {
             print_json(&numbers)?
         } else {
-            print(table(&found, augmented, parts.as_ref()))?
+            print(table(&numbers, augmented))?
         }
         Ok(())
     }
@@ -130,10 +142,13 @@ struct Numbers<'a> {
     found: &'a Evaluation,
     #[serde(skip_serializing_if = "Option::is_none")]
     decomposition: Option<&'a PartsEvaluation>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lpips: Option<&'a Distances>,
 }
 
 /// A row for each view and the mean; the columns of the supplement, and of the parts, only where there are such.
-fn table(found: &Evaluation, augmented: bool, parts: Option<&PartsEvaluation>) -> Table {
+fn table(numbers: &Numbers<'_>, augmented: bool) -> Table {
+    let Numbers { found, decomposition: parts, lpips } = *numbers;
     let text = Column { key: "view", title: "view", unit: "", decimals: 0 };
     let psnr = |key, title| Column { key, title, unit: "dB", decimals: 2 };
     let ssim = |key, title| Column { key, title, unit: "", decimals: 4 };
@@ -151,16 +166,24 @@ fn table(found: &Evaluation, augmented: bool, parts: Option<&PartsEvaluation>) -
     if parts.is_some() {
         columns.extend([psnr("diffuse_psnr", "diffuse PSNR"), psnr("specular_psnr", "specular PSNR")]);
     }
+    if lpips.is_some() {
+        let distance = |key, title| Column { key, title, unit: "", decimals: 4 };
+        columns.extend(augmented.then(|| distance("base_lpips", "base LPIPS")));
+        columns.push(distance("lpips", "LPIPS"));
+    }
     let mut table = Table::new(columns);
-    let mut row = |name: &str, base: Quality, whole: Quality, parts: Option<PartsQuality>| {
+    let mut row = |name: &str, [base, whole]: [Quality; 2], parts: Option<PartsQuality>, lpips: Option<[f64; 2]>| {
         let shown = if augmented { vec![base, whole] } else { vec![whole] };
         let numbers = shown.into_iter().flat_map(|q| [Cell::Number(q.psnr), Cell::Number(q.ssim)]);
         let parts = parts.into_iter().flat_map(|q| [Cell::Number(q.diffuse), Cell::Number(q.specular)]);
-        table.row(std::iter::once(name.into()).chain(numbers).chain(parts));
+        let distances = lpips.into_iter().flatten().skip(usize::from(!augmented)).map(Cell::Number);
+        table.row(std::iter::once(name.into()).chain(numbers).chain(parts).chain(distances));
     };
     for (i, view) in found.views.iter().enumerate() {
-        row(&view.name, view.base, view.augmented, parts.map(|parts| parts.views[i].quality));
+        let distances = lpips.map(|lpips| [lpips.views[i].base, lpips.views[i].augmented]);
+        row(&view.name, [view.base, view.augmented], parts.map(|parts| parts.views[i].quality), distances);
     }
-    row("mean", found.base, found.augmented, parts.map(|parts| parts.mean));
+    let distances = lpips.map(|lpips| [lpips.base, lpips.augmented]);
+    row("mean", [found.base, found.augmented], parts.map(|parts| parts.mean), distances);
     table
 }

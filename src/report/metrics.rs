@@ -128,13 +128,13 @@ fn value(v: f32) -> f64 {
 }
 
 impl Pair<'_> {
-    fn counts(&self, pixel: usize) -> bool {
+    pub(super) fn counts(&self, pixel: usize) -> bool {
         self.mask.is_none_or(|mask| mask[pixel])
     }
 
     /// The number of pixels that count. A metric of nothing, of images of different sizes or of NaN would be a number without
     /// meaning.
-    fn check(&self) -> Result<usize> {
+    pub(super) fn check(&self) -> Result<usize> {
         let expected = (self.width as u64 * self.height as u64).saturating_mul(3);
         let (image, reference) = (self.image.len() as u64, self.reference.len() as u64);
         if expected == 0 || image != expected || reference != expected {

@@ -6,6 +6,8 @@ pub mod decompose;
 pub mod evaluate;
 #[cfg(feature = "cli")]
 pub mod history;
+#[cfg(feature = "cli")]
+pub mod lpips;
 pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;

@@ -28,7 +28,7 @@ use glam::{DMat3, DQuat, DVec3};
 use glint::{
     data::{
         builtin::{Part, render_truth},
-        read_scene, write_png_rgb, write_scene,
+        read_scene, write_png_rgb, write_scene, write_tensors,
     },
     reference::sample::random_scene,
     report::decompose::{linear_from_srgb, srgb_from_linear},
@@ -164,6 +164,35 @@ fn exr(path: &Path) -> (usize, usize, Vec<(String, Vec<f32>)>) {
     (size.0, size.1, planes)
 }
 
+/// A network of VGG's form with two channels everywhere.
+fn write_vgg(path: &Path) {
+    let layers = [
+        [1, 0],
+        [1, 2],
+        [2, 5],
+        [2, 7],
+        [3, 10],
+        [3, 12],
+        [3, 14],
+        [4, 17],
+        [4, 19],
+        [4, 21],
+        [5, 24],
+        [5, 26],
+        [5, 28],
+    ];
+    let mut tensors = Vec::new();
+    let ripple = |count: usize| (0..count).map(|i| 0.2 * (1.0 + (7.0 * i as f32).sin())).collect::<Vec<f32>>();
+    for (i, [slice, layer]) in layers.into_iter().enumerate() {
+        let channels = if i == 0 { 3 } else { 2 };
+        tensors.push((format!("net.slice{slice}.{layer}.weight"), vec![2, channels, 3, 3], ripple(18 * channels)));
+        tensors.push((format!("net.slice{slice}.{layer}.bias"), vec![2], ripple(2)));
+    }
+    tensors.extend((0..5).map(|i| (format!("lin{i}.model.1.weight"), vec![1, 2, 1, 1], vec![0.5; 2])));
+    let list: Vec<_> = tensors.iter().map(|(name, shape, values)| (name.as_str(), &shape[..], &values[..])).collect();
+    write_tensors(path, &list).unwrap();
+}
+
 fn files(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -250,6 +279,20 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     assert_eq!(work.json("eval base.ply data --split all --json")["augmented"], found["base"]);
     let table = work.ok("eval scene.ply data");
     assert!(table.contains("base PSNR [dB]") && table.lines().last().unwrap().starts_with("mean"), "{table}");
+
+    write_vgg(&work.path("vgg.safetensors"));
+    let seen = work.json("eval scene.ply data --lpips vgg.safetensors --json");
+    assert_eq!(keys(&seen["lpips"]), set(["base", "augmented", "views"]));
+    assert_eq!(keys(&seen["lpips"]["views"][1]), set(["name", "base", "augmented"]));
+    let [base, augmented] = ["base", "augmented"].map(|part| seen["lpips"][part].as_f64().unwrap());
+    assert!(base > 0.0 && augmented > 0.0 && base != augmented);
+    let [first, second] = [0, 1].map(|i| seen["lpips"]["views"][i]["augmented"].as_f64().unwrap());
+    // JSON is read to a unit in the last place.
+    assert!((augmented - (first + second) / 2.0).abs() < 1e-12);
+    assert_eq!(work.json("eval base.ply data --lpips vgg.safetensors --json")["lpips"]["augmented"], base);
+    let table = work.ok("eval base.ply data --lpips vgg.safetensors");
+    assert!(table.contains("LPIPS") && table.lines().last().unwrap().ends_with(&format!("{base:.4}")), "{table}");
+    work.refused("eval base.ply data --lpips base.ply", &["base.ply", "safetensors"]);
 
     let mut images = std::collections::HashMap::new();
     for what in ["color", "base", "depth", "transmittance", "diffuse", "specular"] {
