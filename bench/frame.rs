@@ -8,6 +8,7 @@
 #[path = "../tests/common/engine.rs"]
 #[allow(dead_code, reason = "a frame needs no images")]
 mod engine;
+mod random;
 
 use std::{collections::BTreeMap, fs, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -24,7 +25,7 @@ use glint::{
         render::{Needs, RenderOptions, Renderer},
         views::Views,
     },
-    reference::{random_camera, random_scene},
+    reference::random_camera,
     report::table::{Cell, Column, Table},
     scene::{Camera, Scene},
 };
@@ -48,7 +49,7 @@ struct Args {
     #[arg(long, default_value_t = 0.0)]
     lobes: f64,
     /// Pixels
-    #[arg(long, default_value = "1280x720", value_parser = size)]
+    #[arg(long, default_value = "1280x720", value_parser = random::size)]
     size: [u32; 2],
     /// Bands of harmonics, at most the scene's
     #[arg(long, default_value_t = 3)]
@@ -66,11 +67,6 @@ struct Args {
     /// Given by cargo bench
     #[arg(long, hide = true)]
     bench: bool,
-}
-
-fn size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let numbers = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    numbers.filter(|n| !n.contains(&0)).ok_or_else(|| format!("`{text}`, expected WxH in pixels"))
 }
 
 fn main() -> ExitCode {
@@ -98,13 +94,7 @@ fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
     if !args.scene.is_empty() {
         return Err(Error::Usage("expected a scene and a dataset, or neither".into()));
     }
-    let lobes = (args.lobes.clamp(0.0, 1.0) * args.gaussians as f64) as usize;
-    let mut scene = random_scene(1, args.gaussians - lobes, lobes, args.sh_degree);
-    // As much of the image is covered as by 2,000 of the usual size.
-    let shrink = (0.5 * (2000.0 / args.gaussians.max(1) as f64).ln()) as f32;
-    let supplement = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.log_scales);
-    scene.base.log_scales.iter_mut().chain(supplement).flatten().for_each(|s| *s += shrink);
-    Ok((scene, random_camera(width, height)))
+    Ok((random::scene(args.gaussians, args.lobes, args.sh_degree), random_camera(width, height)))
 }
 
 /// CPU seconds of the process, all threads, as Linux counts them; 0 elsewhere.

@@ -1,12 +1,17 @@
-//! Time of one training step, stage by stage, on a dataset or on the built-in scene.
+//! Time of one training step, stage by stage, on a dataset, on the built-in scene or on random Gaussians.
 //!
-//!     cargo bench --bench step -- [DATASET] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--json]
+//!     cargo bench --bench step -- [DATASET | --size WxH] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--json]
+//!
+//! With a size, random Gaussians learn photographs of their own kind, which are renders of others.
 //!
 //! Before anything is timed, an image of the same kernels is compared with the float64 twin.
+
+mod random;
 
 use std::{collections::BTreeMap, path::PathBuf, process::ExitCode, time::Instant};
 
 use clap::Parser;
+use glam::DMat3;
 use glint::{
     Error, Result,
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
@@ -21,7 +26,7 @@ use glint::{
     },
     reference::{self, Background, Options, Params, random_camera, random_scene},
     report::table::{Cell, Column, Table},
-    scene::{Scene, from_points},
+    scene::{Camera, Scene, from_points},
     stages::step_done,
 };
 use serde_json::json;
@@ -31,6 +36,9 @@ use serde_json::json;
 struct Args {
     /// Folder or JSON file of a dataset; without, the built-in scene
     dataset: Option<PathBuf>,
+    /// Pixels of the views of random Gaussians
+    #[arg(long, value_parser = random::size, conflicts_with_all = ["dataset", "max_size"])]
+    size: Option<[u32; 2]>,
     /// Gaussians at most
     #[arg(long, default_value_t = 30_000)]
     gaussians: usize,
@@ -66,24 +74,15 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     check(&context)?;
-    let dataset = match &args.dataset {
-        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), ..Default::default() })?,
-        None => builtin_scene(args.gaussians).dataset(),
+    let Task { model, views, background, extent } = match args.size {
+        Some(size) => random_task(&context, args, size)?,
+        None => task(&context, args)?,
     };
-    let photos = photos_of(&dataset, Some(Split::Train))?;
-    let views = upload_photos(&context, &photos, dataset.background, |_, _| ())?;
-    let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
-    let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
-    let model = Model::upload_around(&context, views.origin, &Scene { base, supplement: None }, Room::default())?;
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
     let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
-    let session = Session {
-        policy: Policy { reduction, ..Default::default() },
-        background: dataset.background,
-        extent: dataset.extent() as f32,
-        ..Session::new(&context)
-    };
+    let session =
+        Session { policy: Policy { reduction, ..Default::default() }, background, extent, ..Session::new(&context) };
     train_base(&session, &model, &views, &options, false, |_| ())?;
     let started = Instant::now();
     train_base(&session, &model, &views, &options, false, |_| ())?;
@@ -134,6 +133,51 @@ fn run(args: &Args) -> Result<()> {
     }
     print!("{table}");
     Ok(())
+}
+
+/// What is trained.
+struct Task {
+    model: Model,
+    views: Views,
+    background: [f32; 3],
+    extent: f32,
+}
+
+fn task(context: &Context, args: &Args) -> Result<Task> {
+    let dataset = match &args.dataset {
+        Some(path) => Dataset::open(path, &DatasetOptions { max_size: Some(args.max_size), ..Default::default() })?,
+        None => builtin_scene(args.gaussians).dataset(),
+    };
+    let photos = photos_of(&dataset, Some(Split::Train))?;
+    let views = upload_photos(context, &photos, dataset.background, |_, _| ())?;
+    let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
+    let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
+    let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, Room::default())?;
+    Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })
+}
+
+/// Four views of random Gaussians whose colours have to change places.
+fn random_task(context: &Context, args: &Args, [width, height]: [u32; 2]) -> Result<Task> {
+    let scene = random::scene(args.gaussians, 0.0, args.sh_degree);
+    let camera = random_camera(width, height);
+    let cameras = [0.0, 0.05, 0.1, 0.15].map(|angle| {
+        let turn = DMat3::from_rotation_y(angle);
+        Camera { rotation: turn * camera.rotation, translation: turn * camera.translation, ..camera }
+    });
+    let mut other = scene.clone();
+    other.base.sh.rotate_right((args.sh_degree as usize + 1).pow(2));
+    let photographs: Vec<Vec<u8>> = {
+        let views = Views::upload(context, &cameras, &[])?;
+        let model = Model::upload(context, &other, 0)?;
+        let mut renderer = Renderer::new(context, Needs::of(&model), &views, RenderOptions::default())?;
+        let byte = |value: f32| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
+        let mut photograph =
+            |v| Ok(renderer.render(&model, &views, v, [0.0; 3])?.color.into_iter().map(byte).collect());
+        (0..cameras.len() as u32).map(&mut photograph).collect::<Result<_>>()?
+    };
+    let views = Views::upload(context, &cameras, &photographs.iter().map(Vec::as_slice).collect::<Vec<_>>())?;
+    let model = Model::upload(context, &scene, 0)?;
+    Ok(Task { model, views, background: [0.0; 3], extent: 1.0 })
 }
 
 /// Fails unless the device's image of a random scene is the twin's: mean difference below 1e-5 (measured: 5e-7).

@@ -5,6 +5,7 @@ mod convert;
 mod datasets;
 mod export;
 mod flags;
+mod gpu;
 mod kept;
 mod output;
 #[path = "../common/run.rs"]

@@ -1,0 +1,45 @@
+//! What is run on a GPU, where there is none.
+
+use std::os::unix::fs::{PermissionsExt, symlink};
+
+use super::*;
+
+/// `bench/gpu` with nothing packed but the program, which does not verify here: tests/verify.rs does.
+#[test]
+fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
+    let work = Work::new();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("bench/gpu");
+    fs::create_dir(work.path("packed")).unwrap();
+    symlink(&script, work.path("packed/gpu")).unwrap();
+    let program = env!("CARGO_BIN_EXE_glint");
+    let text = format!("#!/bin/sh\n[ \"$1\" != verify ] || set -- devices --json\nexec '{program}' \"$@\"\n");
+    fs::write(work.path("packed/glint"), text).unwrap();
+    fs::set_permissions(work.path("packed/glint"), fs::Permissions::from_mode(0o755)).unwrap();
+    fs::create_dir(work.path("all")).unwrap();
+    symlink(work.path("data"), work.path("all/garden")).unwrap();
+
+    let run = |data: &str| {
+        let mut command = Command::new(work.path("packed/gpu"));
+        let output =
+            command.args(["run", "--tiny", "-o", "found.json", data]).current_dir(work.path(".")).output().unwrap();
+        let found: Value = serde_json::from_slice(&fs::read(work.path("found.json")).unwrap()).unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap(), found)
+    };
+    let (code, said, found) = run("all");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("frame is not packed") && said.contains("no dataset bonsai"), "{said}");
+    assert!(found["verify"][0]["name"].is_string());
+    assert_eq!(
+        (&found["tests"], &found["frames"], &found["steps"]),
+        (&Value::Array(vec![]), &Value::Array(vec![]), &Value::Array(vec![]))
+    );
+    let [scene] = &found["scenes"].as_array().unwrap()[..] else { panic!("{found}") };
+    assert!(scene["train"]["gaussians"].as_u64().unwrap() > 0 && scene["enhance"].is_object());
+    let psnr = |part: &str| scene[part]["augmented"]["psnr"].as_f64().unwrap();
+    assert!(psnr("base") > 5.0 && psnr("augmented") > 5.0);
+
+    fs::remove_dir_all(work.path("data/images")).unwrap();
+    let (code, said, found) = run("all");
+    assert_eq!((code, &found["scenes"][0]["train"]["failed"]), (Some(1), &Value::from(2)), "{said}");
+    assert!(said.contains("failed with 2") && said.contains("images"), "{said}");
+}
