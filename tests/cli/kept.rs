@@ -31,10 +31,17 @@ impl Work {
         }
         child.kill().unwrap();
         assert!(!run::finish(child).status.success());
-        // What was on its way is no checkpoint; the next run sweeps it when it is a minute old.
-        for name in files(file.parent().unwrap()).iter().filter(|name| name.starts_with(".glint-")) {
-            fs::remove_file(file.with_file_name(name)).unwrap();
-        }
+        sweep(file.parent().unwrap());
+    }
+
+    /// Starts a command that keeps what it can at every opportunity, and kills it so much later, if it is still there.
+    fn killed_after(&self, arguments: &str, time: Duration) {
+        let mut command = self.command(&format!("{arguments} --checkpoint-every 0"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        thread::sleep(time);
+        child.kill().unwrap();
+        run::finish(child);
+        sweep(self.0.path());
     }
 
     /// Runs a command that must succeed; what it says on stderr.
@@ -47,15 +54,27 @@ impl Work {
     }
 }
 
+/// What was on its way is no checkpoint; the next run sweeps it when it is a minute old.
+fn sweep(folder: &Path) {
+    for name in files(folder).iter().filter(|name| name.starts_with(".glint-")) {
+        fs::remove_file(folder.join(name)).unwrap();
+    }
+}
+
 #[test]
 fn training_that_was_killed_goes_on_to_the_same_bits() {
     let work = Work::new();
+    let started = Instant::now();
     work.ok(&format!("{TRAIN} -o whole.ply"));
+    let taken = started.elapsed();
     let whole = fs::read(work.path("whole.ply")).unwrap();
     assert_eq!(files(work.0.path()), ["data", "whole.ply"]);
-    // Twice, the second time a run that goes on itself.
+    // Five times: with the first checkpoint, with one of a run that goes on itself, and wherever it is after a while.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    for share in [0.05, 0.1, 0.2] {
+        work.killed_after(&format!("{TRAIN} -o out.ply"), taken.mul_f64(share));
+    }
     assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
     let report = work.json(&format!("{TRAIN} -o out.ply --json"));
     assert_eq!(report["iterations"], 400);
