@@ -109,7 +109,9 @@ function interactive(scene, wish) {
         const wanted = `${view.rowZ} ${show}`;
         if (!sorted) {
             // The first order is made here: until the worker has read the scene there would be nothing to see.
+            const begin = performance.now();
             orderNow(painter, scene, view, show);
+            sortTime = performance.now() - begin;
             sorted = wanted;
         }
         // The order before is drawn until the next one is there.
