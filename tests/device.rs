@@ -107,7 +107,7 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
     for (kernel, function, least) in [
         ("project", "main", 10),
         ("screen_project", "main", 3),
-        ("blend", "main", 4),
+        ("blend", "take", 4),
         ("blend_backward", "tile_backward", 4),
         ("blend_backward_atomic", "tile_backward", 4),
         ("project_backward", "main", 4),
