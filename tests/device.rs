@@ -107,7 +107,7 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
     for (kernel, function, least) in [
         ("project", "main", 10),
         ("screen_project", "main", 3),
-        ("blend", "main", 4),
+        ("blend", "take", 4),
         ("blend_backward", "tile_backward", 4),
         ("blend_backward_atomic", "tile_backward", 4),
         ("project_backward", "main", 4),
@@ -234,6 +234,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
             background_image: false,
             median: false,
             occluded: false,
+            unrolled: false,
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())
     };

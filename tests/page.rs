@@ -111,6 +111,24 @@ fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: b
 }
 
 #[test]
+fn the_first_frame_waits_for_no_worker() {
+    let Some(browser) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let (scene, cameras) = (random_scene(41, 150, 50, 0), vec![("a.png", random_camera(160, 120))]);
+    let viewer =
+        Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate: false };
+    // A worker that never answers.
+    let page = viewer.page().unwrap().replacen("<script>", "<script>window.Worker = class { postMessage() {} };", 1);
+    assert!(page.contains("window.Worker"));
+    fs::write(&path, page).unwrap();
+    let page = loaded(&browser, &path, "", &["--virtual-time-budget=2000"]);
+    let status = text_of(&page, "status").unwrap();
+    let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
+    assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{status}");
+}
+
+#[test]
 fn what_cannot_be_shown_is_said() {
     let Some(browser) = chromium() else { return };
     let folder = TempDir::new().unwrap();

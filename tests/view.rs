@@ -483,6 +483,48 @@ fn a_scene_without_a_dataset_is_seen_whole() {
 }
 
 #[test]
+fn a_scene_that_learns_is_seen_and_learns_the_same() {
+    let (work, _) = work();
+    let folder = work.path();
+    let display = Display::new();
+    // The bits without a window are those with one, whether it is closed on the way or not.
+    for (name, closed, command) in
+        [("base", true, "train data --iterations 300 --points 200"), ("more", false, "enhance data --base base.ply")]
+    {
+        let plain = run::run(&mut glint(folder, &format!("{command} -o {name}.ply")));
+        assert!(plain.status.success(), "{}", String::from_utf8_lossy(&plain.stderr));
+        let mut viewed = glint(folder, &format!("{command} -o seen.ply --view --force"));
+        let child = viewed.env("DISPLAY", &display.name).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let windows = || display.client.query_tree(display.root).unwrap().reply().unwrap().children;
+        let find = || windows().into_iter().find(|&window| display.title(window).contains("step "));
+        let window = until("window", find);
+        assert!(display.title(window).starts_with("seen | augmented | orbit | a.png"), "{}", display.title(window));
+        until("picture", || {
+            let (width, height) = (WIDTH as u16, HEIGHT as u16);
+            let image = display.client.get_image(ImageFormat::Z_PIXMAP, window, 0, 0, width, height, !0);
+            let data = image.unwrap().reply().ok()?.data;
+            // Of the scene, whose middle has many colours, before a background of one.
+            let mut colours: Vec<[u8; 3]> = data.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
+            colours.sort_unstable();
+            colours.dedup();
+            (colours.len() > 100).then_some(())
+        });
+        if closed {
+            let client = &display.client;
+            client.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+            display.key(ESCAPE, Duration::ZERO);
+            until("end of the window", || find().is_none().then_some(()));
+        }
+        let output = run::finish(child);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{text}");
+        assert_eq!(text.contains("the window was closed, the run goes on"), closed, "{text}");
+        let bytes = |name: &str| fs::read(folder.join(name)).unwrap();
+        assert!(bytes("seen.ply") == bytes(&format!("{name}.ply")), "{name}");
+    }
+}
+
+#[test]
 fn where_nothing_can_be_shown_the_reason_is_said() {
     let (work, _) = work();
     let says = |command: &mut Command, code: i32, words: &[&str]| {
@@ -500,6 +542,10 @@ fn where_nothing_can_be_shown_the_reason_is_said() {
     says(&mut view("scene.ply --size 12"), 2, &["--size", "such as 1280x720"]);
     says(&mut view("scene.ply -o nowhere"), 2, &["nowhere", "expected a folder"]);
     says(&mut view("scene.ply --twin blend"), 2, &["--twin"]);
+    let none = "train data -o none.ply --view";
+    says(&mut glint(work.path(), none), 1, &["error: no window can be opened", "DISPLAY"]);
+    says(&mut glint(work.path(), &format!("{none} --twin blend")), 2, &["--twin", "--view"]);
+    assert!(!work.path().join("none.ply").exists());
     fs::write(work.path().join("path.json"), r#"{"width": 8, "height": 8, "keys": [{"eye": [0, 0, 0]}]}"#).unwrap();
     let render = |arguments: &str| glint(work.path(), &format!("render scene.ply {arguments} -o frames"));
     says(&mut render("--path path.json"), 2, &["path.json", "missing field `rotation`", "expected a camera path"]);

@@ -14,6 +14,7 @@
 layout(constant_id = 4) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
 layout(constant_id = 5) const bool MEDIAN = false;           // also note the Gaussian of median depth
 layout(constant_id = 6) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
+layout(constant_id = 7) const bool UNROLLED = false;         // a subgroup's splats in one piece of code, where lanes are constants
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;      // the first frame, index in frames
@@ -43,6 +44,42 @@ float occluder(uint at) {
     return z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX; // guard: occluders of nothing
 }
 
+// The pixels of this lane.
+float x;       // of their centres
+uint corner_y; // where the tile begins
+float T[PIXELS]; // below 0, and so without its sign, where the pixel is finished
+vec3 colour[PIXELS];
+uint median[PIXELS];
+float farthest[PIXELS]; // camera z
+// The splat that this lane has loaded.
+Splat own;
+vec3 tint;
+float depth;
+uint global;
+
+// Blends the splat of lane `j` into the tile.
+void take(uint j) {
+    vec2 centre = subgroupBroadcast(vec2(own.x, own.y), j);
+    vec4 shape = subgroupBroadcast(vec4(own.l11, own.l12, own.l22, own.opacity), j);
+    vec3 rgb = subgroupBroadcast(tint, j);
+    precise float u0 = shape.x * (x - centre.x);
+    uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
+    float z = OCCLUDED ? subgroupBroadcast(depth, j) : 0.0;
+    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+        float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
+        Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+        // All that comes later is farther still.
+        if (OCCLUDED && z > farthest[k]) T[k] = -abs(T[k]);
+        // Chosen, not branched to, as there is little to pass over.
+        precise float next = T[k] * (1.0 - e.alpha);
+        bool met = e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
+        bool taken = met && next >= T_MIN;
+        colour[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
+        T[k] = taken ? next : met ? -abs(T[k]) : T[k];
+        if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
+    }
+}
+
 void main() {
     uint index = subgroup_index();
     if (index >= push.tile_count) return;
@@ -52,59 +89,41 @@ void main() {
     if (corner.x >= frame.width || corner.y >= frame.height) return;
 
     uint px = corner.x + lane_x();
-    float x = float(px) + 0.5;
-    float T[PIXELS];
-    vec3 colour[PIXELS];
-    uint median[PIXELS];
-    float farthest[PIXELS]; // camera z
-    uint live = 0; // a bit for each pixel of the lane that is not finished
+    x = float(px) + 0.5;
+    corner_y = corner.y;
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-        T[k] = 1.0;
+        T[k] = -1.0;
         colour[k] = vec3(0.0);
         median[k] = NONE;
         farthest[k] = FLOAT_MAX;
         uint py = corner.y + lane_y(k);
         if (px < frame.width && py < frame.height) {
-            live |= 1u << k;
+            T[k] = 1.0;
             if (OCCLUDED) farthest[k] = occluder(frame.image_first + py * frame.width + px);
         }
     }
 
     uvec2 range = tile_ranges[index];
     for (uint first = range.x; first < range.y; first += gl_SubgroupSize) {
-        if (subgroupAll(live == 0)) break;
-        uint mine = first + gl_SubgroupInvocationID, global = NONE;
-        Splat s;
-        vec3 tint;
-        float depth;
+        float most = T[0];
+        [[unroll]] for (uint k = 1; k < PIXELS; ++k) most = max(most, T[k]);
+        if (subgroupAll(most < 0.0)) break;
+        uint mine = first + gl_SubgroupInvocationID;
+        // Of no opacity where there is none: no pixel takes it.
+        own = Splat(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        tint = vec3(0.0);
+        depth = 0.0;
         if (mine < range.y) {
             global = global_from_slot[isect_slots[mine]];
-            s = splats[global];
+            own = splats[global];
             tint = splat_colours[global];
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
         }
-        uint n = min(gl_SubgroupSize, range.y - first);
-        for (uint j = 0; j < n; ++j) {
-            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
-            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
-            vec3 rgb = subgroupBroadcast(tint, j);
-            precise float u0 = shape.x * (x - centre.x);
-            uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
-            float z = OCCLUDED ? subgroupBroadcast(depth, j) : 0.0;
-            [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
-                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
-                // All that comes later is farther still.
-                if (OCCLUDED) live &= ~(uint(z > farthest[k]) << k);
-                // Chosen, not branched to, as there is little to pass over.
-                precise float next = T[k] * (1.0 - e.alpha);
-                bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
-                bool last = met && next < T_MIN, taken = met && !last;
-                live &= ~(uint(last) << k);
-                colour[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
-                T[k] = taken ? next : T[k];
-                if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
-            }
+        if (UNROLLED) {
+            [[unroll]] for (uint j = 0; j < TILE_WIDTH * TILE_HEIGHT / PIXELS; ++j) take(j);
+        } else {
+            uint n = min(gl_SubgroupSize, range.y - first);
+            for (uint j = 0; j < n; ++j) take(j);
         }
     }
 
@@ -113,7 +132,8 @@ void main() {
         if (px < frame.width && py < frame.height) { // guard: pixels outside are not written
             uint at = frame.image_first + py * frame.width + px;
             vec3 behind = BACKGROUND_IMAGE ? backdrop[at].rgb : push.background;
-            image[at] = vec4(colour[k] + T[k] * behind, T[k]);
+            float passed = abs(T[k]);
+            image[at] = vec4(colour[k] + passed * behind, passed);
             if (MEDIAN) median_ids[at] = median[k];
         }
     }

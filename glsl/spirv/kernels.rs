@@ -2696,6 +2696,7 @@ pub struct Spec {
     pub background_image: bool,
     pub median: bool,
     pub occluded: bool,
+    pub unrolled: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -2752,7 +2753,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, background_image: call.constant(4) != 0, median: call.constant(5) != 0, occluded: call.constant(6) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, background_image: call.constant(4) != 0, median: call.constant(5) != 0, occluded: call.constant(6) != 0, unrolled: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), }
     }
@@ -2768,7 +2769,7 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.background_image as u32), (5, spec.median as u32), (6, spec.occluded as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.background_image as u32), (5, spec.median as u32), (6, spec.occluded as u32), (7, spec.unrolled as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
     }

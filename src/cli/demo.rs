@@ -133,7 +133,7 @@ impl Args {
 
         let options = self.choices.options(self.method, Preset::Quick)?;
         let started = Instant::now();
-        let enhanced = run_with_progress(&session, &base, &views, &options, None, None)?;
+        let enhanced = run_with_progress(&session, &base, &views, &options, None, None, &mut |_, _| ())?;
         let enhance_seconds = started.elapsed().as_secs_f64();
         let shown = enhanced.original.as_ref().unwrap_or(&enhanced.scene.base);
         write_augmented(self.output.join(AUGMENTED), shown, &enhanced.scene)?;

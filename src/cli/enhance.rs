@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, Outcome, PhotoArgs, ReductionArgs, SceneArgs,
+    DeviceArgs, DrawArgs, Failure as Ended, Look, Outcome, PhotoArgs, ReductionArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
@@ -188,6 +188,9 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     keep: KeepArgs,
+    #[command(flatten)]
+    #[serde(skip)]
+    watch: WatchArgs,
     /// Seed of the draws and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
@@ -303,7 +306,14 @@ impl Args {
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
         }
-        self.device.with(|context| {
+        let run = Watched {
+            device: &self.device,
+            dataset: &dataset,
+            policy: self.draw.policy(),
+            background,
+            output: &self.output,
+        };
+        self.watch.with(&run, |context, look_at| {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let mut pixels = Vec::with_capacity(photos.len());
             let views = upload_photos(context, &photos, background, |done, words| {
@@ -321,7 +331,7 @@ impl Args {
             };
             let interrupt = Interrupt::default();
             let kept = work.as_ref().map(|work| (work, self.keep.every()));
-            let found = run_with_progress(&session, &scene, &views, &options, kept, Some(&interrupt))?;
+            let found = run_with_progress(&session, &scene, &views, &options, kept, Some(&interrupt), look_at)?;
             write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
@@ -480,7 +490,7 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
 }
 
 /// Augments with a bar for each phase; `work` keeps what it can, the joint phase at such intervals, and is gone on from. With `interrupt`, which must live until the
-/// result is written, the joint phase ends when it is asked to.
+/// result is written, the joint phase ends when it is asked to. `look_at` sees the model at each event.
 pub(super) fn run_with_progress(
     session: &Session,
     scene: &Scene,
@@ -488,6 +498,7 @@ pub(super) fn run_with_progress(
     options: &EnhanceOptions,
     work: Option<(&WorkDir, Duration)>,
     interrupt: Option<&Interrupt>,
+    look_at: &mut Look<'_>,
 ) -> Result<Enhanced> {
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
@@ -513,6 +524,18 @@ pub(super) fn run_with_progress(
             (Err(error), Some(kept)) => return Err(kept.keep_after(error, || enhancer.checkpoint(views))),
             (Err(error), None) => return Err(error),
         };
+        let told_of = match &event {
+            Event::Place(at) => Some(("placing", at.step.into(), at.steps.into())),
+            Event::Screen { batch, batches, progress } => {
+                let (done, total) = screen_steps(&options.schedule, *batch, *batches, progress);
+                Some(("refining", done, total))
+            }
+            Event::Join { step, steps } => Some(("joining", u64::from(*step), u64::from(*steps))),
+            _ => None,
+        };
+        if let Some((label, done, total)) = told_of {
+            look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
+        }
         match event {
             // The next event brings a bar of its own.
             Event::Base => {}

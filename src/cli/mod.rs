@@ -28,7 +28,7 @@ mod verify;
 mod view;
 
 use std::{
-    fmt::Display,
+    fmt::{Arguments, Display},
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -40,9 +40,12 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dropped, SceneFile, Split},
+    data::{self, Dataset, Dropped, SceneFile, Split},
     gpu::{Context, ContextOptions, GpuError, Twin},
-    pipelines::session::{Policy, Reduction, Session},
+    pipelines::{
+        model::Model,
+        session::{Policy, Reduction, Session},
+    },
     reference,
     scene::Scene,
 };
@@ -245,13 +248,52 @@ impl DeviceArgs {
         let context = Context::new(&options).map_err(|error| self.explain(&options, error))?;
         tracing::info!("device: {}", context.info().name);
         let result = work(&context);
-        if let Some(bytes) = peak_memory() {
-            tracing::info!("the process held {:.1} MB of memory at most", bytes as f64 / 1e6);
+        tell_end(result, context.validation_messages().len())
+    }
+}
+
+/// What becomes of a device's work, where the validation layers found so many faults.
+fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
+    if let Some(bytes) = peak_memory() {
+        tracing::info!("the process held {:.1} MB of memory at most", bytes as f64 / 1e6);
+    }
+    match faults {
+        0 => result,
+        count => Err(Failure::Validation(count)),
+    }
+}
+
+/// What a run calls between its steps: with its model, and how it gets on.
+type Look<'a> = dyn FnMut(&Model, Arguments<'_>) + 'a;
+
+/// Whether a run is looked at.
+#[derive(Debug, Args)]
+struct WatchArgs {
+    /// Show the scene in a window as it learns, drawn so seldom that the run takes less than a tenth longer; the same scene comes
+    /// out. Keys and mouse as in glint view; closing the window does not end the run
+    #[cfg(feature = "view")]
+    #[arg(long)]
+    view: bool,
+}
+
+/// What is known of a run whose scene is shown.
+struct Watched<'a> {
+    device: &'a DeviceArgs,
+    dataset: &'a Dataset,
+    policy: Policy,
+    background: [f32; 3],
+    /// Where the scene will be.
+    output: &'a Path,
+}
+
+impl WatchArgs {
+    /// Opens the device, with a window where one is wanted, and does `work` on it as [`DeviceArgs::with`].
+    fn with<T>(&self, run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
+        #[cfg(feature = "view")]
+        if self.view {
+            return view::watch(run, work);
         }
-        match context.validation_messages().len() {
-            0 => result,
-            count => Err(Failure::Validation(count)),
-        }
+        run.device.with(|context| work(context, &mut |_, _| ()))
     }
 }
 

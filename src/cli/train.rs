@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs,
+    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs, WatchArgs, Watched,
     dataset::check_sight,
     deadline::{Deadline, Plan, duration},
     history::{History, Moment},
@@ -101,6 +101,9 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     keep: KeepArgs,
+    #[command(flatten)]
+    #[serde(skip)]
+    watch: WatchArgs,
     #[command(flatten)]
     #[serde(skip)]
     replace: OutputArgs,
@@ -204,7 +207,14 @@ impl Args {
         if extent == 0.0 {
             note("all training cameras stand at one place, which gives no scale: positions are not learned");
         }
-        self.device.with(|context| {
+        let run = Watched {
+            device: &self.device,
+            dataset: &dataset,
+            policy: self.draw.policy(),
+            background: self.photos.background,
+            output: &self.output,
+        };
+        self.watch.with(&run, |context, look_at| {
             let background = self.photos.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let mut checksums = Vec::with_capacity(photos.len());
@@ -289,6 +299,7 @@ impl Args {
                 trainer.go_on_to(stop.unwrap_or(iterations));
                 while !interrupt.asked() {
                     if let Some(done) = trainer.advance(&model, &views)? {
+                        look_at(&model, format_args!("step {done} of {iterations}"));
                         (ran, begun) = (ran + done - begun, done);
                         training.set_of(done.into(), iterations.into());
                         if deadline.is_none() {

@@ -232,6 +232,11 @@ impl Enhancer {
         })
     }
 
+    /// The scene as it is by now, which what is on its way may still change.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// Goes on until there is something to tell; `None` once all is done. `views` are those that it was made for.
     pub fn next(&mut self, views: &Views) -> Result<Option<Event>> {
         self.lifted = None;

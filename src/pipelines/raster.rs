@@ -9,7 +9,7 @@ use super::{
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
-    gpu::{Buffer, Context, GpuError, Kernel, Recorder, Unused},
+    gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Recorder, Unused},
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
         blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
@@ -324,6 +324,12 @@ pub struct Raster {
     unused: Unused,
 }
 
+/// Whether blending takes a subgroup's splats in one piece of code. A CPU hands round a lane that is a constant by one
+/// instruction, and one that is not through memory; a GPU's code should be short. Of more lanes are the software's subgroups only.
+fn unrolled(info: &DeviceInfo) -> bool {
+    info.is_cpu && info.subgroup_size <= 16
+}
+
 impl Raster {
     /// Makes the pipelines and buffers.
     ///
@@ -341,6 +347,7 @@ impl Raster {
             background_image: options.background_image,
             median: options.median,
             occluded: options.occluded,
+            unrolled: unrolled(context.info()),
         };
         let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
         let (backward, records) = match options.backward {

@@ -3,14 +3,17 @@
 mod flight;
 mod scenery;
 mod screen;
+mod watch;
 mod window;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, SceneArgs, output::writable};
-use crate::{Error, Result};
+use window::Desk;
+
+use super::{DeviceArgs, DrawArgs, Failure, Look, Outcome, PhotoArgs, SceneArgs, Watched, output::writable};
+use crate::{Error, Result, gpu::Context};
 
 const EXAMPLES: &str = "\
 Keys:
@@ -22,7 +25,7 @@ Keys:
   r              back to where it began
   c              take a screenshot: SCENE-0001.png in the folder --output
   k, Shift-K     add this pose to the camera path, save the path: SCENE-path-1.json
-  t              time the stages of a frame whenever the picture stands still
+  t              time the stages of a frame, shown when the picture stands still
   Escape         quit
 
 Mouse: the left button turns, the right or middle one shifts, the wheel goes nearer (orbit) or sets the speed (fly, walk). A \
@@ -68,6 +71,23 @@ pub(super) struct Args {
     device: DeviceArgs,
 }
 
+/// Shows the scene of a run while it learns.
+pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
+    let folder = run.output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let desk = Desk {
+        device: run.device,
+        dataset: Some(run.dataset),
+        lenient: &SceneArgs { lenient: false },
+        policy: run.policy,
+        background: run.background,
+        size: None,
+        up: None,
+        folder: folder.unwrap_or(Path::new(".")),
+        file: run.output,
+    };
+    watch::run(&desk, work)
+}
+
 /// The largest side that can be asked for: what windows and drivers take.
 const MAX_SIDE: u32 = 16_384;
 
@@ -100,9 +120,18 @@ impl Args {
         writable(&self.output).map_err(|error| Error::input(&self.output, format!("cannot be written to: {error}")))?;
         let scene = self.lenient.open(&self.scene)?;
         let dataset = self.dataset.as_deref().map(|path| self.photos.open(path)).transpose()?;
-        let options = self.device.options();
-        let messages = window::run(self, &options, scene, dataset)?;
-        match messages {
+        let desk = Desk {
+            device: &self.device,
+            dataset: dataset.as_ref(),
+            lenient: &self.lenient,
+            policy: self.draw.policy(),
+            background: self.photos.background,
+            size: self.size,
+            up: self.up,
+            folder: &self.output,
+            file: &self.scene,
+        };
+        match window::run(&desk, scene)? {
             0 => Ok(()),
             count => Err(Failure::Validation(count)),
         }

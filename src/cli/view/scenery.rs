@@ -1,5 +1,7 @@
 //! A scene on the window's device, and the ways to look at it.
 
+use std::{collections::BTreeMap, time::Duration};
+
 use crate::{
     Result,
     data::Image,
@@ -7,6 +9,7 @@ use crate::{
     pipelines::{
         frames::{Frames, Instance, Limits, Texel},
         model::{Model, Room, Segment},
+        render::Needs,
         session::Policy,
     },
     report::{decompose::decompose, page::FULL_ERROR, sidebyside::error_map},
@@ -17,7 +20,7 @@ use image::{RgbImage, imageops};
 
 use super::{
     super::picture::{Content, Picture},
-    screen::{self, Drawn, IN_FLIGHT, Screen, Shown, Wanted},
+    screen::{self, Drawn, IN_FLIGHT, PATIENCE, Screen, Shown, Wanted},
 };
 
 /// What is shown.
@@ -107,43 +110,55 @@ pub(super) struct Look<'a> {
 }
 
 /// What frames were made for, where it changes.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 struct Purpose {
     size: [u32; 2],
     /// For numbers.
     wide: bool,
     depth: bool,
+    /// Every stage is timed.
+    timed: bool,
+    /// Of the model.
+    needs: Needs,
 }
 
-/// A scene on the window's device.
+/// How a scene is drawn, and what is drawn beside its model.
 pub(super) struct Scenery {
-    whole: Model,
     /// The supplementary Gaussians, until their model is made.
     supplement: Option<Supplement>,
     lobes: Option<Model>,
     frames: Option<(Purpose, Frames)>,
     policy: Policy,
-    /// Base and supplement.
-    pub(super) counts: [usize; 2],
+    /// Base and supplement; of a scene that learns nobody knows.
+    pub(super) counts: Option<[usize; 2]>,
+    /// Stages are timed.
+    pub(super) timed: bool,
 }
 
 impl Scenery {
-    /// Waits.
-    pub(super) fn new(context: &Context, scene: Scene, origin: DVec3, policy: Policy) -> Result<Self> {
+    /// With the scene's model. Waits.
+    pub(super) fn new(context: &Context, scene: Scene, origin: DVec3, policy: Policy) -> Result<(Self, Model)> {
         let whole = Model::upload_around(context, origin, &scene, Room::default())?;
         let counts = [scene.base.len(), scene.supplement.as_ref().map_or(0, |s| s.gaussians.len())];
         let supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
-        Ok(Scenery { whole, supplement, lobes: None, frames: None, policy, counts })
+        Ok((Scenery { supplement, counts: Some(counts), ..Scenery::learning(policy) }, whole))
+    }
+
+    /// Of a model that learns while it is looked at.
+    pub(super) fn learning(policy: Policy) -> Self {
+        Scenery { supplement: None, lobes: None, frames: None, policy, counts: None, timed: false }
     }
 
     /// Why `mode` shows nothing, where that is so.
-    pub(super) fn lacks(&self, mode: Mode, at_photo: bool) -> Option<&'static str> {
-        match mode {
-            Mode::Photograph | Mode::Error if !at_photo => {
+    pub(super) fn lacks(&self, model: &Model, mode: Mode, at_photo: bool) -> Option<&'static str> {
+        let drawn = matches!(mode, Mode::Photograph | Mode::Augmented | Mode::Base);
+        match (mode, self.counts) {
+            (_, None) if !drawn => Some("glint view shows that once the scene is written"),
+            (Mode::Photograph | Mode::Error, _) if !at_photo => {
                 Some("no photograph was taken from here: n and p go to one's camera")
             }
-            Mode::Supplement if self.counts[1] == 0 => Some("the scene has no supplement"),
-            Mode::Specular if self.counts[1] == 0 && self.whole.sh_degree == 0 => {
+            (Mode::Supplement, Some([_, 0])) => Some("the scene has no supplement"),
+            (Mode::Specular, Some([_, 0])) if model.sh_degree == 0 => {
                 Some("the scene looks the same from everywhere: it has no specular part")
             }
             _ => None,
@@ -151,29 +166,44 @@ impl Scenery {
     }
 
     /// Draws a frame. With `save` waits for it and gives the window's pixels.
-    pub(super) fn show(&mut self, screen: &mut Screen, mode: Mode, look: &Look<'_>, save: bool) -> Result<Drawn> {
+    pub(super) fn show(
+        &mut self,
+        screen: &mut Screen,
+        model: &Model,
+        mode: Mode,
+        look: &Look<'_>,
+        save: bool,
+    ) -> Result<Drawn> {
         let Camera { width, height, .. } = look.camera;
         if mode == Mode::Supplement {
-            self.make_lobes(screen.context())?;
+            self.make_lobes(screen.context(), model)?;
         }
         let wide = matches!(mode, Mode::Diffuse | Mode::Specular | Mode::Error);
-        self.make_frames(screen, Purpose { size: [width, height], wide, depth: mode == Mode::Depth })?;
+        let (depth, timed) = (mode == Mode::Depth, self.timed);
+        let needs = Needs::of(model);
+        self.make_frames(screen, Purpose { size: [width, height], wide, depth, timed, needs })?;
+        // A run that is looked at does not stand still for a window.
+        let patience = if self.counts.is_some() { PATIENCE } else { Duration::ZERO };
         let picture = |content| Picture { width, height, content }.rgb();
         let rgb = match mode {
             Mode::Augmented | Mode::Base | Mode::Supplement => {
-                let Some(scene) = self.scene(mode, look) else { return Ok(Drawn { shown: false, pixels: None }) };
-                return screen.show(Shown::Scene(Box::new(scene)), save);
+                let Some(scene) = self.scene(model, mode, look) else {
+                    return Ok(Drawn { shown: false, pixels: None });
+                };
+                return screen.show(Shown::Scene(Box::new(scene)), save, patience);
             }
             Mode::Diffuse | Mode::Specular => {
-                let whole = self.numbers(screen, Mode::Augmented, look, Wanted::Color)?;
-                let parts = decompose(&whole, &self.numbers(screen, Mode::Diffuse, look, Wanted::Color)?);
+                let whole = self.numbers(screen, model, Mode::Augmented, look, Wanted::Color)?;
+                let parts = decompose(&whole, &self.numbers(screen, model, Mode::Diffuse, look, Wanted::Color)?);
                 picture(Content::Linear(if mode == Mode::Diffuse { parts.diffuse } else { parts.specular }))
             }
-            Mode::Depth => picture(Content::Depth(self.numbers(screen, Mode::Augmented, look, Wanted::Depth)?)),
+            Mode::Depth => {
+                picture(Content::Depth(self.numbers(screen, model, Mode::Augmented, look, Wanted::Depth)?))
+            }
             Mode::Photograph => look.photo.map(|photo| photo.rgb.clone()).unwrap_or_default(),
             Mode::Error => match look.photo {
                 Some(photo) => {
-                    let whole = self.numbers(screen, Mode::Augmented, look, Wanted::Color)?;
+                    let whole = self.numbers(screen, model, Mode::Augmented, look, Wanted::Color)?;
                     let mut map = error_map(&whole, &photo.rgb, FULL_ERROR);
                     for (pixel, _) in map.chunks_exact_mut(3).zip(&photo.counts).filter(|(_, counts)| !**counts) {
                         pixel.fill(128);
@@ -183,7 +213,7 @@ impl Scenery {
                 None => Vec::new(),
             },
         };
-        screen.show(Shown::Picture(&rgb), save)
+        screen.show(Shown::Picture(&rgb), save, patience)
     }
 
     /// Makes room for what the last frame had none for; whether it should be drawn again. Waits.
@@ -194,21 +224,27 @@ impl Scenery {
         }
     }
 
-    /// How long each stage takes, the slowest first. Draws a frame for it, and waits.
-    pub(super) fn stages(
-        &mut self,
-        screen: &mut Screen,
-        mode: Mode,
-        look: &Look<'_>,
-    ) -> Result<Vec<(&'static str, std::time::Duration)>> {
-        match self.scene(mode, look) {
-            Some(scene) => screen.stages(&scene),
-            None => Ok(Vec::new()),
+    /// How long each stage of the last frame took, which was waited for, the slowest first; none where they are not timed.
+    pub(super) fn stages(&self, screen: &Screen) -> Result<Vec<(&'static str, Duration)>> {
+        let Some((_, frames)) = &self.frames else { return Ok(Vec::new()) };
+        let mut sums = BTreeMap::<&'static str, Duration>::new();
+        for stage in screen.stages(frames)? {
+            *sums.entry(stage.name).or_default() += stage.time;
         }
+        let mut stages: Vec<_> = sums.into_iter().collect();
+        stages.sort_by_key(|(_, time)| std::cmp::Reverse(*time));
+        Ok(stages)
     }
 
-    fn numbers(&mut self, screen: &mut Screen, mode: Mode, look: &Look<'_>, wanted: Wanted) -> Result<Vec<f32>> {
-        match self.scene(mode, look) {
+    fn numbers(
+        &mut self,
+        screen: &mut Screen,
+        model: &Model,
+        mode: Mode,
+        look: &Look<'_>,
+        wanted: Wanted,
+    ) -> Result<Vec<f32>> {
+        match self.scene(model, mode, look) {
             Some(mut scene) => screen.numbers(&mut scene, wanted),
             None => Ok(Vec::new()),
         }
@@ -216,8 +252,8 @@ impl Scenery {
 
     /// What of the scene the device draws for a mode: of diffuse light the base with its constant harmonic, of what is made of the
     /// whole scene the whole. `None` before there are frames.
-    fn scene(&mut self, mode: Mode, look: &Look<'_>) -> Option<screen::Scene<'_>> {
-        let all = Instance::of(&self.whole);
+    fn scene<'a>(&'a mut self, model: &'a Model, mode: Mode, look: &Look<'_>) -> Option<screen::Scene<'a>> {
+        let all = Instance::of(model);
         let instance = match mode {
             Mode::Base => Instance { upto: Segment::Base, ..all },
             Mode::Diffuse => Instance { upto: Segment::Base, degree: 0, ..all },
@@ -229,11 +265,11 @@ impl Scenery {
     }
 
     /// The supplement is drawn without the base by a model of its own, made when it is first asked for.
-    fn make_lobes(&mut self, context: &Context) -> Result<()> {
+    fn make_lobes(&mut self, context: &Context, model: &Model) -> Result<()> {
         let Some(supplement) = self.supplement.take_if(|_| self.lobes.is_none()) else { return Ok(()) };
-        let base = Gaussians { sh_degree: self.whole.sh_degree, ..Default::default() };
+        let base = Gaussians { sh_degree: model.sh_degree, ..Default::default() };
         let scene = Scene { base, supplement: Some(supplement) };
-        self.lobes = Some(Model::upload_around(context, self.whole.origin, &scene, Room::default())?);
+        self.lobes = Some(Model::upload_around(context, model.origin, &scene, Room::default())?);
         Ok(())
     }
 
@@ -243,17 +279,19 @@ impl Scenery {
         }
         // What the old ones drew may still run.
         screen.finish()?;
+        screen.forget();
         self.frames = None;
         let [width, height] = wanted.size;
-        let mut degrees = vec![self.whole.sh_degree, 0];
-        degrees.dedup();
+        let mut needs = wanted.needs.clone();
+        needs.degrees.push(0);
+        needs.degrees.dedup();
         let limits = Limits {
             in_flight: IN_FLIGHT,
             texel: if wanted.wide { Texel::Rgba32F } else { Texel::Rgba8 },
-            degrees,
             depth_out: wanted.depth,
+            timings: wanted.timed,
             policy: self.policy,
-            ..Limits::of(&self.whole, width, height)
+            ..Limits::for_needs(needs, width, height)
         };
         self.frames = Some((wanted, Frames::new(screen.context(), limits)?));
         Ok(())

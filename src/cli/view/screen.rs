@@ -2,10 +2,10 @@
 //! program that calls Vulkan itself.
 
 use std::{
-    collections::BTreeMap,
     ffi::CStr,
+    rc::Rc,
     sync::{Arc, Mutex},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use ash::{ext, khr, vk};
@@ -18,7 +18,7 @@ use crate::{
     Result,
     gpu::{
         BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, Feature, FeatureChain, GpuError, ImageRegion,
-        Kept, Location, Pixels, Recorder, create_instance, create_messenger,
+        Kept, Location, Pixels, Recorder, StageTime, create_instance, create_messenger,
     },
     pipelines::frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Target, Texel},
     scene::Camera,
@@ -26,8 +26,8 @@ use crate::{
 
 /// Frames in flight: one is drawn while the next is recorded.
 pub(super) const IN_FLIGHT: u32 = 2;
-/// Nanoseconds to wait for an image of the window: a compositor may keep them all while nobody looks.
-const PATIENCE: u64 = 1_000_000_000;
+/// How long to wait for an image of the window: a compositor may keep them all while nobody looks.
+pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 /// Times that a picture is drawn again with more room for intersections.
 const TRIES: u32 = 4;
 
@@ -65,17 +65,31 @@ pub(super) enum Wanted {
     Depth,
 }
 
-/// What must outlive the device.
-struct Display {
+/// What must outlive device and surface.
+struct Instanced {
     entry: ash::Entry,
     instance: ash::Instance,
     debug: bool,
     messages: Arc<Mutex<Vec<String>>>,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+}
+
+/// What of a window a device draws on.
+struct Surface {
     surfaces: khr::surface::Instance,
     surface: vk::SurfaceKHR,
     // The surface is this window's.
     window: Arc<Window>,
+    // After the surface.
+    instanced: Rc<Instanced>,
+}
+
+/// A device that is lent to glint. It may outlive the window that it was chosen for; all that is made on it must be dropped before.
+pub(super) struct Lender {
+    context: Option<Context>,
+    device: ash::Device,
+    // After the device.
+    instanced: Rc<Instanced>,
 }
 
 /// A frame in flight.
@@ -105,9 +119,8 @@ struct Chain {
     stale: bool,
 }
 
-/// A window with its device. All that is made from [`Screen::context`] must be dropped before it.
+/// A window with the device that draws in it.
 pub(super) struct Screen {
-    context: Option<Context>,
     presenter: khr::swapchain::Device,
     device: ash::Device,
     physical: vk::PhysicalDevice,
@@ -120,17 +133,22 @@ pub(super) struct Screen {
     chain: Chain,
     format: vk::SurfaceFormatKHR,
     texel: Texel,
+    /// The slot of the last scene that was drawn.
+    last: Option<usize>,
     /// Of the device for the last scene that was waited for.
     time: Option<Duration>,
+    /// How long the host has waited for the device.
+    waited: Duration,
+    surface: Surface,
     // Last, as it must be dropped.
-    display: Display,
+    lender: Rc<Lender>,
 }
 
 fn named(call: &'static str) -> impl Fn(vk::Result) -> GpuError {
     move |result| GpuError::Vulkan { call, result }
 }
 
-impl Display {
+impl Surface {
     fn new(window: Arc<Window>, validation: bool) -> Result<Self, GpuError> {
         let no_handle = |error| GpuError::NoDevice(format!(": the window has no handle: {error}"));
         let display_handle = window.display_handle().map_err(no_handle)?.as_raw();
@@ -140,28 +158,25 @@ impl Display {
         // SAFETY: the list is of static strings.
         let names: Vec<&CStr> = names.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
         let (entry, instance, debug) = create_instance(validation, &names)?;
-        let surfaces = khr::surface::Instance::new(&entry, &instance);
-        let surface = vk::SurfaceKHR::null();
-        let messages = Arc::default();
-        let mut display =
-            Display { entry, instance, debug, messages, messenger: None, surfaces, surface, window: window.clone() };
+        let mut instanced = Instanced { entry, instance, debug, messages: Arc::default(), messenger: None };
         if validation {
-            display.messenger = Some(create_messenger(&display.entry, &display.instance, &display.messages)?);
+            instanced.messenger = Some(create_messenger(&instanced.entry, &instanced.instance, &instanced.messages)?);
         }
+        let (entry, instance) = (&instanced.entry, &instanced.instance);
+        let surfaces = khr::surface::Instance::new(entry, instance);
         // SAFETY: the handles are of the window, which this keeps; the instance has the extensions.
-        display.surface = unsafe {
-            ash_window::create_surface(&display.entry, &display.instance, display_handle, window_handle, None)
-        }
-        .map_err(named("vkCreateSurface"))?;
-        Ok(display)
+        let surface = unsafe { ash_window::create_surface(entry, instance, display_handle, window_handle, None) }
+            .map_err(named("vkCreateSurface"))?;
+        Ok(Surface { surfaces, surface, window, instanced: Rc::new(instanced) })
     }
 
     /// A family that computes and can show what it has drawn in the window.
     fn queue_family(&self, physical: vk::PhysicalDevice) -> Result<u32, GpuError> {
         // SAFETY: queries of live handles.
         let (families, name) = unsafe {
-            let name = self.instance.get_physical_device_properties(physical);
-            (self.instance.get_physical_device_queue_family_properties(physical), name)
+            let instance = &self.instanced.instance;
+            let name = instance.get_physical_device_properties(physical);
+            (instance.get_physical_device_queue_family_properties(physical), name)
         };
         let fits = |(i, family): &(u32, &vk::QueueFamilyProperties)| {
             // SAFETY: as above.
@@ -190,7 +205,7 @@ impl Display {
         names.dedup();
         // SAFETY: queries and a creation on live handles, from structures that live for the call.
         unsafe {
-            let there = self.instance.enumerate_device_extension_properties(physical).unwrap_or_default();
+            let there = self.instanced.instance.enumerate_device_extension_properties(physical).unwrap_or_default();
             // What became a part of Vulkan 1.3 need not be there as an extension; what is missing else, the device says.
             let has = |name: &&CStr| there.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == *name));
             let extensions: Vec<_> =
@@ -202,7 +217,7 @@ impl Display {
                 .queue_create_infos(&queues)
                 .enabled_extension_names(&extensions)
                 .push_next(&mut features);
-            self.instance.create_device(physical, &info, None).map_err(named("vkCreateDevice"))
+            self.instanced.instance.create_device(physical, &info, None).map_err(named("vkCreateDevice"))
         }
     }
 
@@ -222,11 +237,10 @@ impl Display {
     }
 }
 
-impl Drop for Display {
+impl Drop for Instanced {
     fn drop(&mut self) {
-        // SAFETY: the device is gone, and with it all that used these.
+        // SAFETY: device and surface are gone, and with them all that used these.
         unsafe {
-            self.surfaces.destroy_surface(self.surface, None);
             if let Some((utils, messenger)) = &self.messenger {
                 utils.destroy_debug_utils_messenger(*messenger, None);
             }
@@ -235,19 +249,67 @@ impl Drop for Display {
     }
 }
 
+impl Drop for Surface {
+    fn drop(&mut self) {
+        // SAFETY: its swapchain is gone; the instance is there.
+        unsafe { self.surfaces.destroy_surface(self.surface, None) };
+    }
+}
+
+impl Drop for Lender {
+    fn drop(&mut self) {
+        // SAFETY: the device is done with all; what glint made on it is gone, see above, and now glint is too.
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            drop(self.context.take());
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+impl Lender {
+    /// What models and frames are made on.
+    pub(super) fn context(&self) -> &Context {
+        // Set as soon as anybody has it, and taken by `drop` only.
+        self.context.as_ref().expect("a lender has lent its device")
+    }
+
+    /// What the validation layers say, also after the device is gone.
+    pub(super) fn messages(&self) -> Arc<Mutex<Vec<String>>> {
+        self.instanced.messages.clone()
+    }
+}
+
 impl Screen {
     /// A device that can draw in `window`, chosen as glint chooses its own.
     pub(super) fn new(window: Arc<Window>, options: &ContextOptions) -> Result<Self, GpuError> {
-        let display = Display::new(window, options.validation)?;
-        let (physical, offered) = Context::choose(&display.instance, options)?;
-        let family = display.queue_family(physical)?;
-        let (format, texel) = display.format(physical)?;
-        let device = display.device(physical, family, offered.iter().copied())?;
+        let surface = Surface::new(window, options.validation)?;
+        let instanced = surface.instanced.clone();
+        let (physical, offered) = Context::choose(&instanced.instance, options)?;
+        let family = surface.queue_family(physical)?;
+        let (format, texel) = surface.format(physical)?;
+        let device = surface.device(physical, family, offered.iter().copied())?;
+        let mut lender = Lender { context: None, device: device.clone(), instanced: instanced.clone() };
         // SAFETY: the family and index 0 were asked for at creation.
         let queue = unsafe { device.get_device_queue(family, 0) };
+        let borrowed = BorrowedDevice {
+            entry: instanced.entry.clone(),
+            instance: instanced.instance.clone(),
+            physical_device: physical,
+            device: device.clone(),
+            queue_family: family,
+            queue,
+            optional: offered,
+            pipeline_cache: vk::PipelineCache::null(),
+            // One thread draws and loads.
+            queue_lock: None,
+            labels: instanced.debug,
+            memory_budget: options.memory_budget,
+        };
+        // SAFETY: the handles belong together, the device has what is asked for and outlives the context: see `Lender`.
+        lender.context = Some(unsafe { Context::borrow(borrowed) }?);
         let mut screen = Screen {
-            context: None,
-            presenter: khr::swapchain::Device::new(&display.instance, &device),
+            presenter: khr::swapchain::Device::new(&instanced.instance, &device),
             device,
             physical,
             queue,
@@ -258,28 +320,20 @@ impl Screen {
             chain: Chain { stale: true, ..Default::default() },
             format,
             texel,
+            last: None,
             time: None,
-            display,
+            waited: Duration::ZERO,
+            surface,
+            lender: Rc::new(lender),
         };
-        let borrowed = BorrowedDevice {
-            entry: screen.display.entry.clone(),
-            instance: screen.display.instance.clone(),
-            physical_device: physical,
-            device: screen.device.clone(),
-            queue_family: family,
-            queue,
-            optional: offered,
-            pipeline_cache: vk::PipelineCache::null(),
-            // One thread draws and loads.
-            queue_lock: None,
-            labels: screen.display.debug,
-            memory_budget: options.memory_budget,
-        };
-        // SAFETY: the handles belong together, the device has what is asked for and outlives the context: see `drop`.
-        screen.context = Some(unsafe { Context::borrow(borrowed) }?);
         screen.make_slots(family)?;
         screen.fit()?;
         Ok(screen)
+    }
+
+    /// Who lends the device: it stays when the window goes.
+    pub(super) fn lender(&self) -> Rc<Lender> {
+        self.lender.clone()
     }
 
     fn make_slots(&mut self, family: u32) -> Result<(), GpuError> {
@@ -311,18 +365,22 @@ impl Screen {
 
     /// What models and frames are made on.
     pub(super) fn context(&self) -> &Context {
-        // Set as soon as there is a screen, and taken by `drop` only.
-        self.context.as_ref().expect("a screen has lent its device")
-    }
-
-    /// What the validation layers say, also after the screen is gone.
-    pub(super) fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.display.messages.clone()
+        self.lender.context()
     }
 
     /// Of the device for drawing the last scene that was waited for.
     pub(super) fn time(&self) -> Option<Duration> {
         self.time
+    }
+
+    /// How long the host has waited for the device, all together.
+    pub(super) fn waited(&self) -> Duration {
+        self.waited
+    }
+
+    /// Frames that were drawn are not asked about any more.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
     }
 
     /// The window's size may have changed.
@@ -341,10 +399,12 @@ impl Screen {
     /// Images of the window's size.
     fn fit(&mut self) -> Result<(), GpuError> {
         self.finish()?;
-        let Display { surfaces, surface, window, .. } = &self.display;
+        let Surface { surfaces, surface, window, .. } = &self.surface;
         // SAFETY: nothing that the device does uses the old images, which the new swapchain takes the place of.
         unsafe {
+            let began = Instant::now();
             self.device.device_wait_idle().map_err(named("vkDeviceWaitIdle"))?;
+            self.waited += began.elapsed();
             let can = surfaces
                 .get_physical_device_surface_capabilities(self.physical, *surface)
                 .map_err(named("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?;
@@ -413,7 +473,9 @@ impl Screen {
         let (fence, draws) = (*fence, *draws);
         // SAFETY: the fence was submitted; of the slot's two timestamps both are written once it is signalled.
         unsafe {
+            let began = Instant::now();
             self.device.wait_for_fences(&[fence], true, u64::MAX).map_err(named("vkWaitForFences"))?;
+            self.waited += began.elapsed();
             let period = f64::from(self.context().info().timestamp_period);
             if period > 0.0 && draws {
                 let mut stamps = [0u64; 2];
@@ -424,6 +486,12 @@ impl Screen {
             }
         }
         Ok(())
+    }
+
+    /// Whether all that was drawn is done, without waiting.
+    pub(super) fn is_done(&self) -> bool {
+        // SAFETY: queries of live handles.
+        self.slots.iter().all(|s| !s.pending || unsafe { self.device.get_fence_status(s.fence) }.unwrap_or(true))
     }
 
     /// Waits for all that is in flight.
@@ -503,8 +571,9 @@ impl Screen {
         unsafe { self.device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &[barrier]) };
     }
 
-    /// Draws the next frame. With `save` waits for it and gives the pixels that the window shows.
-    pub(super) fn show(&mut self, shown: Shown<'_>, save: bool) -> Result<Drawn> {
+    /// Draws the next frame, where the window has an image for it within `patience`. With `save` waits for it and gives the pixels
+    /// that the window shows.
+    pub(super) fn show(&mut self, shown: Shown<'_>, save: bool, patience: Duration) -> Result<Drawn> {
         let nothing = Drawn { shown: false, pixels: None };
         let size = self.size()?;
         let fits = match &shown {
@@ -519,8 +588,10 @@ impl Screen {
         self.settle(slot)?;
         let acquired = self.slots[slot].acquired;
         // SAFETY: the semaphore was waited for by the slot's last commands, which have run.
-        let got =
-            unsafe { self.presenter.acquire_next_image(self.chain.handle, PATIENCE, acquired, vk::Fence::null()) };
+        let got = unsafe {
+            let patience = patience.as_nanos() as u64;
+            self.presenter.acquire_next_image(self.chain.handle, patience, acquired, vk::Fence::null())
+        };
         let index = match got {
             Ok((index, suboptimal)) => {
                 self.chain.stale |= suboptimal;
@@ -548,6 +619,7 @@ impl Screen {
                 let frame = Frame { slot: slot as u32, instances: &[instance], views: &views };
                 // SAFETY: the image is of the window's size and in the layout that is said, the slot's commands have run.
                 unsafe { frames.record(commands, &frame) }?;
+                self.last = Some(slot);
             }
             Shown::Picture(rgb) => {
                 let words: Vec<u32> = rgb.chunks_exact(3).map(|p| self.word([p[0], p[1], p[2]])).collect();
@@ -647,6 +719,7 @@ impl Screen {
             // SAFETY: the buffer is as large as the picture and nobody else's, the slot's commands have run.
             unsafe { scene.frames.record(commands, &frame) }?;
             self.slots[0].draws = true;
+            self.last = Some(0);
             self.submit(0, None)?;
             self.settle(0)?;
             match scene.frames.report(0)?.needed {
@@ -661,36 +734,19 @@ impl Screen {
         })
     }
 
-    /// How long each stage takes for `scene`, the slowest first; empty where the device has no clock. Draws a frame for it, and waits.
-    pub(super) fn stages(&mut self, scene: &Scene<'_>) -> Result<Vec<(&'static str, Duration)>> {
-        self.finish()?;
-        let buffer = Buffer::<u32>::new(self.context(), "timed", scene.camera.pixels() as usize, Location::Device)?;
-        let target = Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 });
-        let color = Target { blend: Blend::Opaque(scene.background), ..Target::new(target, self.texel) };
-        let views = [FrameView { color: Some(color), ..FrameView::new(scene.camera) }];
-        let mut recorder = self.context().recorder("stages")?;
-        recorder.time_stages();
-        // SAFETY: the buffer is as large as the picture and nobody else's; all that was submitted before has run.
-        unsafe {
-            scene.frames.record_into(&mut recorder, &Frame { slot: 0, instances: &[scene.instance], views: &views })
-        }?;
-        let mut sums = BTreeMap::<&'static str, Duration>::new();
-        for stage in recorder.submit()?.wait()? {
-            *sums.entry(stage.name).or_default() += stage.time;
-        }
-        let mut stages: Vec<_> = sums.into_iter().collect();
-        stages.sort_by_key(|(_, time)| std::cmp::Reverse(*time));
-        Ok(stages)
+    /// How long each stage of the last scene took, which was drawn by `frames` and waited for, in their order; nothing where they are
+    /// not timed.
+    pub(super) fn stages(&self, frames: &Frames) -> Result<Vec<StageTime>> {
+        self.last.map_or(Ok(Vec::new()), |slot| frames.times(slot as u32))
     }
 }
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        // SAFETY: the device is done with all; what glint made on it is gone, see above, and now glint is too.
+        // SAFETY: the device is done with all that these are used by.
         unsafe {
             let _ = self.device.device_wait_idle();
             self.slots.iter_mut().for_each(|slot| slot.kept.clear());
-            drop(self.context.take());
             self.chain.drawn.iter().for_each(|semaphore| self.device.destroy_semaphore(*semaphore, None));
             self.presenter.destroy_swapchain(self.chain.handle, None);
             for slot in &self.slots {
@@ -699,7 +755,6 @@ impl Drop for Screen {
             }
             self.device.destroy_query_pool(self.queries, None);
             self.device.destroy_command_pool(self.pool, None);
-            self.device.destroy_device(None);
         }
     }
 }

@@ -4,7 +4,7 @@ use std::{
     collections::HashSet,
     path::{Path, PathBuf},
     sync::Arc,
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use glam::{DMat3, DVec3};
@@ -18,8 +18,7 @@ use winit::{
 };
 
 use super::{
-    super::{Failure, Outcome, print, progress::note},
-    Args,
+    super::{DeviceArgs, Failure, Outcome, SceneArgs, print, progress::note},
     flight::{Flight, Motion},
     scenery::{Fitted, Look, Mode, Scenery},
     screen::Screen,
@@ -27,8 +26,11 @@ use super::{
 use crate::{
     Error, Result,
     data::{CameraPath, Dataset, Photo, Split, write_png_bytes},
-    gpu::ContextOptions,
-    pipelines::views::{origin_around, origin_for},
+    pipelines::{
+        model::Model,
+        session::Policy,
+        views::{origin_around, origin_for},
+    },
     scene::{Camera, Scene},
 };
 
@@ -47,15 +49,55 @@ const PIXELS_PER_NOTCH: f64 = 40.0;
 /// Stages that the title names.
 const STAGES: usize = 5;
 
+/// What a window is opened with.
+pub(super) struct Desk<'a> {
+    pub(super) device: &'a DeviceArgs,
+    pub(super) dataset: Option<&'a Dataset>,
+    /// How files that are dropped are read.
+    pub(super) lenient: &'a SceneArgs,
+    pub(super) policy: Policy,
+    /// sRGB.
+    pub(super) background: [f32; 3],
+    /// Of the window, pixels; `None` for that of a photograph.
+    pub(super) size: Option<[u32; 2]>,
+    /// `None` for what photographs have above.
+    pub(super) up: Option<DVec3>,
+    /// For screenshots and camera paths.
+    pub(super) folder: &'a Path,
+    /// The scene's file.
+    pub(super) file: &'a Path,
+}
+
+impl Desk<'_> {
+    fn window_size(&self) -> [u32; 2] {
+        let of = |i: usize| [self.photos()[i].camera.width, self.photos()[i].camera.height];
+        self.size.or(self.first().map(of)).unwrap_or(SIZE)
+    }
+
+    fn photos(&self) -> &[Photo] {
+        self.dataset.map_or(&[][..], |dataset| &dataset.photos)
+    }
+
+    /// The photograph that is shown first.
+    fn first(&self) -> Option<usize> {
+        let photos = self.photos();
+        photos.iter().position(|photo| photo.split == Split::Test).or((!photos.is_empty()).then_some(0))
+    }
+}
+
+/// Why there is no window.
+pub(super) fn no_window(error: &impl ToString) -> Failure {
+    Failure::NoWindow(reason(&error.to_string()))
+}
+
 /// Shows `scene` until the window is closed; how many faults the validation layers found.
-pub(super) fn run(args: &Args, options: &ContextOptions, scene: Scene, dataset: Option<Dataset>) -> Outcome<usize> {
-    let no_window = |error: winit::error::EventLoopError| Failure::NoWindow(reason(&error.to_string()));
-    let events = EventLoop::new().map_err(no_window)?;
-    let mut viewer = Viewer { args, options, start: Some(scene), dataset, open: None, outcome: Ok(()), faults: 0 };
+pub(super) fn run(desk: &Desk<'_>, scene: Scene) -> Outcome<usize> {
+    let events = EventLoop::new().map_err(|error| no_window(&error))?;
+    let mut viewer = Viewer { desk, start: Some(scene), open: None, outcome: Ok(()), faults: 0 };
     let ended = events.run_app(&mut viewer);
     viewer.close();
     viewer.outcome?;
-    ended.map_err(no_window)?;
+    ended.map_err(|error| no_window(&error))?;
     Ok(viewer.faults)
 }
 
@@ -66,18 +108,17 @@ fn reason(text: &str) -> String {
 }
 
 struct Viewer<'a> {
-    args: &'a Args,
-    options: &'a ContextOptions,
+    desk: &'a Desk<'a>,
     /// Until there is a window.
     start: Option<Scene>,
-    dataset: Option<Dataset>,
-    open: Option<Open>,
+    // The model goes first: it is on the device of the window.
+    open: Option<(Model, Open)>,
     outcome: Outcome,
     faults: usize,
 }
 
 /// What there is while the window is open.
-struct Open {
+pub(super) struct Open {
     // Before the screen, on whose device it is.
     scenery: Scenery,
     screen: Screen,
@@ -96,9 +137,10 @@ struct Open {
     path: CameraPath,
     /// Take a screenshot with the next frame.
     save: bool,
-    timing: bool,
     /// Of the last frame that was timed.
     stages: String,
+    /// How a run gets on.
+    progress: String,
     /// What just happened.
     note: String,
     held: HashSet<KeyCode>,
@@ -108,7 +150,7 @@ struct Open {
     /// When keys moved the camera last.
     moved: Instant,
     /// Something has changed since the last frame.
-    stale: bool,
+    pub(super) stale: bool,
     /// The last frame has not been waited for.
     running: bool,
 }
@@ -132,58 +174,20 @@ impl ApplicationHandler for Viewer<'_> {
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        if matches!(event, WindowEvent::CloseRequested) {
+        if closes(&event) {
             return events.exit();
         }
-        let Some(open) = &mut self.open else { return };
+        let Some((model, open)) = &mut self.open else { return };
         let outcome = match event {
-            WindowEvent::RedrawRequested => open.draw(self.dataset.as_ref(), self.args).map_err(Failure::from),
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
-                open.screen.resized();
-                open.touch();
-                Ok(())
-            }
-            WindowEvent::Occluded(false) => {
-                open.touch();
-                Ok(())
-            }
-            WindowEvent::Focused(false) => {
-                open.held.clear();
-                open.button = None;
-                Ok(())
-            }
-            WindowEvent::ModifiersChanged(modifiers) => {
-                open.modifiers = modifiers.state();
-                Ok(())
-            }
-            WindowEvent::KeyboardInput { event, .. } => match event {
-                KeyEvent { logical_key: Key::Named(NamedKey::Escape), state: ElementState::Pressed, .. } => {
-                    events.exit();
-                    Ok(())
-                }
-                event => open.key(&event, self.dataset.as_ref(), self.args),
-            },
-            WindowEvent::MouseInput { state, button, .. } => {
-                open.button = (state == ElementState::Pressed).then_some(button);
-                Ok(())
-            }
-            WindowEvent::CursorMoved { position, .. } => {
-                open.mouse(position);
-                Ok(())
-            }
-            WindowEvent::MouseWheel { delta, .. } => {
-                open.flight.wheel(match delta {
-                    MouseScrollDelta::LineDelta(_, lines) => lines.into(),
-                    MouseScrollDelta::PixelDelta(moved) => moved.y / PIXELS_PER_NOTCH,
-                });
-                open.left();
-                Ok(())
-            }
+            WindowEvent::RedrawRequested => open.draw(self.desk, model).map_err(Failure::from),
             WindowEvent::DroppedFile(path) => {
-                open.drop_in(&path, self.args);
+                if let Some(other) = open.drop_in(&path, self.desk) {
+                    *model = other;
+                    open.settle_mode(model);
+                }
                 Ok(())
             }
-            _ => Ok(()),
+            event => open.event(&event, self.desk, model),
         };
         if let Err(failure) = outcome {
             self.fail(events, failure);
@@ -191,9 +195,9 @@ impl ApplicationHandler for Viewer<'_> {
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        let Some(open) = &mut self.open else { return };
+        let Some((_, open)) = &mut self.open else { return };
         open.keys();
-        let outcome = if open.stale { Ok(()) } else { open.rest(self.dataset.as_ref(), self.args) };
+        let outcome = if open.stale { Ok(()) } else { open.rest(self.desk) };
         if open.stale {
             open.window.request_redraw();
         }
@@ -216,37 +220,65 @@ impl Viewer<'_> {
 
     /// Gives everything back, before the display is gone.
     fn close(&mut self) {
-        let Some(open) = self.open.take() else { return };
-        let messages = open.screen.messages();
+        let Some((model, open)) = self.open.take() else { return };
+        let messages = open.screen.lender().messages();
+        drop(model);
         drop(open);
         self.faults = messages.lock().map_or(0, |list| list.len());
     }
 
-    fn make(&mut self, events: &ActiveEventLoop, scene: Scene) -> Outcome<Open> {
-        let photos = self.dataset.as_ref().map_or(&[][..], |dataset| &dataset.photos);
-        let first = photos.iter().position(|photo| photo.split == Split::Test).or((!photos.is_empty()).then_some(0));
-        let size = self.args.size.or(first.map(|i| [photos[i].camera.width, photos[i].camera.height])).unwrap_or(SIZE);
-        let attributes =
-            Window::default_attributes().with_title("glint").with_inner_size(PhysicalSize::new(size[0], size[1]));
-        let window = events.create_window(attributes).map_err(|error| Failure::NoWindow(reason(&error.to_string())))?;
-        let window = Arc::new(window);
-        let screen =
-            Screen::new(window.clone(), self.options).map_err(|error| self.args.device.explain(self.options, error))?;
-        tracing::info!("device: {}", screen.context().info().name);
+    fn make(&self, events: &ActiveEventLoop, scene: Scene) -> Outcome<(Model, Open)> {
+        let (window, screen) = open_window(events, self.desk)?;
         let (middle, radius) = ball(&scene);
-        let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-        let focus = self.dataset.as_ref().and_then(Dataset::focus);
-        let pivot = focus.map_or(middle, |focus| focus.center);
+        let cameras: Vec<Camera> = self.desk.photos().iter().map(|photo| photo.camera).collect();
         let origin = if cameras.is_empty() { origin_around(middle, radius) } else { origin_for(&cameras) };
-        let above = -cameras.iter().map(|camera| camera.rotation.row(1)).sum::<DVec3>();
-        let up = self.args.up.or(above.try_normalize()).unwrap_or(DVec3::NEG_Y);
-        let home = first.map_or_else(|| overview(middle, radius, up, size), |i| photos[i].camera);
-        let scenery = Scenery::new(screen.context(), scene, origin, self.args.draw.policy())?;
-        Ok(Open {
+        let (scenery, model) = Scenery::new(screen.context(), scene, origin, self.desk.policy)?;
+        Ok((model, Open::new(window, screen, scenery, self.desk, (middle, radius))))
+    }
+}
+
+/// Whether somebody wants the window closed.
+pub(super) fn closes(event: &WindowEvent) -> bool {
+    match event {
+        WindowEvent::CloseRequested => true,
+        WindowEvent::KeyboardInput { event: KeyEvent { logical_key, state, .. }, .. } => {
+            *logical_key == Key::Named(NamedKey::Escape) && *state == ElementState::Pressed
+        }
+        _ => false,
+    }
+}
+
+/// A window, and a device that can draw in it.
+pub(super) fn open_window(events: &ActiveEventLoop, desk: &Desk<'_>) -> Outcome<(Arc<Window>, Screen)> {
+    let size = desk.window_size();
+    let attributes =
+        Window::default_attributes().with_title("glint").with_inner_size(PhysicalSize::new(size[0], size[1]));
+    let window = Arc::new(events.create_window(attributes).map_err(|error| no_window(&error))?);
+    let options = desk.device.options();
+    let screen = Screen::new(window.clone(), &options).map_err(|error| desk.device.explain(&options, error))?;
+    tracing::info!("device: {}", screen.context().info().name);
+    Ok((window, screen))
+}
+
+impl Open {
+    /// Of a scene with its middle and radius.
+    pub(super) fn new(
+        window: Arc<Window>,
+        screen: Screen,
+        scenery: Scenery,
+        desk: &Desk<'_>,
+        (middle, radius): (DVec3, f64),
+    ) -> Self {
+        let (photos, first) = (desk.photos(), desk.first());
+        let pivot = desk.dataset.and_then(Dataset::focus).map_or(middle, |focus| focus.center);
+        let above = -photos.iter().map(|photo| photo.camera.rotation.row(1)).sum::<DVec3>();
+        let up = desk.up.or(above.try_normalize()).unwrap_or(DVec3::NEG_Y);
+        let home = first.map_or_else(|| overview(middle, radius, up, desk.window_size()), |i| photos[i].camera);
+        Open {
             scenery,
             screen,
             window,
-            name: stem(&self.args.scene),
+            name: stem(desk.file),
             flight: Flight::new(home, pivot, up),
             home,
             pivot,
@@ -255,8 +287,8 @@ impl Viewer<'_> {
             fitted: None,
             path: CameraPath::default(),
             save: false,
-            timing: false,
             stages: String::new(),
+            progress: String::new(),
             note: String::new(),
             held: HashSet::new(),
             modifiers: ModifiersState::default(),
@@ -265,13 +297,57 @@ impl Viewer<'_> {
             moved: Instant::now(),
             stale: true,
             running: false,
-        })
+        }
     }
-}
 
-impl Open {
+    /// What an event does that is not the loop's own affair.
+    pub(super) fn event(&mut self, event: &WindowEvent, desk: &Desk<'_>, model: &Model) -> Outcome {
+        match event {
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
+                self.screen.resized();
+                self.touch();
+            }
+            WindowEvent::RedrawRequested | WindowEvent::Occluded(false) => self.touch(),
+            WindowEvent::Focused(false) => {
+                self.held.clear();
+                self.button = None;
+            }
+            WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
+            WindowEvent::KeyboardInput { event, .. } => self.key(event, desk, model)?,
+            WindowEvent::MouseInput { state, button, .. } => {
+                self.button = (*state == ElementState::Pressed).then_some(*button);
+            }
+            WindowEvent::CursorMoved { position, .. } => self.mouse(*position),
+            WindowEvent::MouseWheel { delta, .. } => {
+                self.flight.wheel(match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => (*lines).into(),
+                    MouseScrollDelta::PixelDelta(moved) => moved.y / PIXELS_PER_NOTCH,
+                });
+                self.left();
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether a frame is on its way.
+    pub(super) fn is_drawing(&self) -> bool {
+        self.running && !self.screen.is_done()
+    }
+
+    /// How long the host has waited for the device, and how long the device took for the last frame that was waited for, where it
+    /// has a clock.
+    pub(super) fn costs(&self) -> (Duration, Option<Duration>) {
+        (self.screen.waited(), self.screen.time())
+    }
+
+    /// What the title says beside.
+    pub(super) fn tell(&mut self, progress: String) {
+        self.progress = progress;
+    }
+
     /// Something is to be seen that was not.
-    fn touch(&mut self) {
+    pub(super) fn touch(&mut self) {
         self.stale = true;
     }
 
@@ -295,7 +371,7 @@ impl Open {
         self.say(error.to_string());
     }
 
-    fn key(&mut self, event: &KeyEvent, dataset: Option<&Dataset>, args: &Args) -> Outcome {
+    fn key(&mut self, event: &KeyEvent, desk: &Desk<'_>, model: &Model) -> Outcome {
         let PhysicalKey::Code(code) = event.physical_key else { return Ok(()) };
         let pressed = event.state == ElementState::Pressed;
         if step(code).is_some() {
@@ -313,7 +389,7 @@ impl Open {
             return Ok(());
         }
         if let Some(mode) = digit(code).and_then(|i| Mode::ALL.get(i)) {
-            match self.scenery.lacks(*mode, self.photo.is_some()) {
+            match self.scenery.lacks(model, *mode, self.photo.is_some()) {
                 Some(why) => self.say(why),
                 None => {
                     self.mode = *mode;
@@ -323,7 +399,7 @@ impl Open {
             return Ok(());
         }
         let Key::Character(character) = &event.logical_key else { return Ok(()) };
-        let photos = dataset.map_or(&[][..], |dataset| &dataset.photos);
+        let photos = desk.photos();
         match character.to_lowercase().as_str() {
             "n" => self.turn_to(photos, 1),
             "p" => self.turn_to(photos, photos.len().saturating_sub(1)),
@@ -340,11 +416,11 @@ impl Open {
                 self.touch();
             }
             "t" => {
-                self.timing = !self.timing;
+                self.scenery.timed = !self.scenery.timed;
                 self.stages.clear();
                 self.touch();
             }
-            "k" if self.modifiers.shift_key() => self.save_path(args)?,
+            "k" if self.modifiers.shift_key() => self.save_path(desk)?,
             "k" => {
                 let camera = self.camera()?;
                 self.path.push(camera);
@@ -392,7 +468,7 @@ impl Open {
     }
 
     /// Moves while keys are held.
-    fn keys(&mut self) {
+    pub(super) fn keys(&mut self) {
         if self.held.is_empty() {
             return;
         }
@@ -412,27 +488,27 @@ impl Open {
     }
 
     /// A frame, and what is asked for with it.
-    fn draw(&mut self, dataset: Option<&Dataset>, args: &Args) -> Result<()> {
+    pub(super) fn draw(&mut self, desk: &Desk<'_>, model: &Model) -> Result<()> {
         let size = self.screen.size()?;
         if size == [0, 0] {
             self.stale = false;
             return Ok(());
         }
-        if let Err(error) = self.fit_photo(dataset, args, size) {
+        if let Err(error) = self.fit_photo(desk, size) {
             self.mode = Mode::Augmented;
             self.complain(&error);
         }
         let look = Look {
             camera: self.flight.camera().fitted(size[0], size[1]),
-            background: args.photos.background,
+            background: desk.background,
             photo: self.fitted.as_ref().filter(|_| self.photo.is_some()).map(|(_, _, fitted)| fitted),
         };
         let asked = self.save;
-        let mut drawn = self.scenery.show(&mut self.screen, self.mode, &look, asked)?;
+        let mut drawn = self.scenery.show(&mut self.screen, model, self.mode, &look, asked)?;
         if asked && drawn.shown {
             // A first frame may have had too little room.
             if self.scenery.make_room(&mut self.screen)? {
-                drawn = self.scenery.show(&mut self.screen, self.mode, &look, true)?;
+                drawn = self.scenery.show(&mut self.screen, model, self.mode, &look, true)?;
             }
             self.save = !drawn.shown;
         }
@@ -440,7 +516,7 @@ impl Open {
         self.stale = !drawn.shown;
         self.running = drawn.shown;
         if let Some(pixels) = drawn.pixels {
-            let file = free(&args.output, |i| format!("{}-{i:04}.png", self.name));
+            let file = free(desk.folder, |i| format!("{}-{i:04}.png", self.name));
             match write_png_bytes(&file, size[0], size[1], &pixels) {
                 Ok(()) => {
                     print(format_args!("{}\n", file.display()))?;
@@ -451,46 +527,46 @@ impl Open {
         } else if drawn.shown && asked {
             self.note = "this window's pixels cannot be read".into();
         }
-        self.title(dataset);
+        self.title(desk);
         Ok(())
     }
 
     /// Nothing moves: waits for the last frame, and sees to what it had too little room for.
-    fn rest(&mut self, dataset: Option<&Dataset>, args: &Args) -> Result<()> {
+    pub(super) fn rest(&mut self, desk: &Desk<'_>) -> Result<()> {
         if !std::mem::take(&mut self.running) {
             return Ok(());
         }
         self.stale = self.scenery.make_room(&mut self.screen)?;
-        if self.timing && !self.stale {
-            let camera = self.camera()?;
-            let look = Look { camera, background: args.photos.background, photo: None };
-            let stages = self.scenery.stages(&mut self.screen, self.mode, &look)?;
+        if self.scenery.timed && !self.stale {
+            let stages = self.scenery.stages(&self.screen)?;
             let named = stages.iter().take(STAGES);
             let named: Vec<_> = named.map(|(name, time)| format!("{name} {:.1}", 1e3 * time.as_secs_f64())).collect();
             self.stages = if named.is_empty() { "no clock".into() } else { named.join(", ") };
         }
-        self.title(dataset);
+        self.title(desk);
         Ok(())
     }
 
     /// The photograph of this camera at the window's size, where it is shown.
-    fn fit_photo(&mut self, dataset: Option<&Dataset>, args: &Args, size: [u32; 2]) -> Result<()> {
-        let (Some(dataset), Some(i), true) = (dataset, self.photo, self.mode.of_photograph()) else { return Ok(()) };
+    fn fit_photo(&mut self, desk: &Desk<'_>, size: [u32; 2]) -> Result<()> {
+        let (Some(dataset), Some(i), true) = (desk.dataset, self.photo, self.mode.of_photograph()) else {
+            return Ok(());
+        };
         if self.fitted.as_ref().is_none_or(|(photo, of, _)| (*photo, *of) != (i, size)) {
-            let image = dataset.photos[i].load(args.photos.background)?;
+            let image = dataset.photos[i].load(desk.background)?;
             self.fitted = Some((i, size, Fitted::new(&image, size)));
         }
         Ok(())
     }
 
-    fn title(&self, dataset: Option<&Dataset>) {
-        let photo = self.photo.zip(dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
+    fn title(&self, desk: &Desk<'_>) {
+        let photo = self.photo.zip(desk.dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
         // A photograph takes no time.
         let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
             let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
         });
-        let [base, supplement] = self.scenery.counts;
+        let counts = self.scenery.counts.map(|[base, supplement]| format!("{base} + {supplement} Gaussians"));
         let memory = self.screen.context().memory().used as f64 / 1e6;
         let parts = [
             Some(self.name.clone()),
@@ -498,7 +574,8 @@ impl Open {
             Some(self.flight.motion.name().to_owned()),
             photo.map(str::to_owned),
             time,
-            Some(format!("{base} + {supplement} Gaussians")),
+            counts,
+            Some(self.progress.clone()).filter(|progress| !progress.is_empty()),
             Some(format!("{memory:.1} MB")),
             Some(self.note.clone()).filter(|note| !note.is_empty()),
         ];
@@ -507,12 +584,12 @@ impl Open {
         self.window.set_title(&title);
     }
 
-    fn save_path(&mut self, args: &Args) -> Outcome {
+    fn save_path(&mut self, desk: &Desk<'_>) -> Outcome {
         if self.path.is_empty() {
             self.say("the path has no poses yet: k adds one");
             return Ok(());
         }
-        let file = free(&args.output, |i| format!("{}-path-{i}.json", self.name));
+        let file = free(desk.folder, |i| format!("{}-path-{i}.json", self.name));
         if let Err(error) = self.path.write(&file) {
             self.complain(&error);
             return Ok(());
@@ -523,26 +600,37 @@ impl Open {
         Ok(())
     }
 
-    /// Another scene takes this one's place, unless something is wrong with it.
-    fn drop_in(&mut self, path: &Path, args: &Args) {
-        let made = args.lenient.open(path).and_then(|scene| {
+    /// Another scene, whose model is given, takes this one's place, unless something is wrong with it.
+    fn drop_in(&mut self, path: &Path, desk: &Desk<'_>) -> Option<Model> {
+        let made = desk.lenient.open(path).and_then(|scene| {
             let (middle, radius) = ball(&scene);
             let camera = self.flight.camera();
             // Where the camera is the coordinates are fine enough, wherever the scene is.
             let origin = origin_around(camera.eye(), camera.eye().distance(middle).max(radius));
-            Scenery::new(self.screen.context(), scene, origin, args.draw.policy())
+            Scenery::new(self.screen.context(), scene, origin, desk.policy)
         });
-        match made.and_then(|scenery| self.screen.finish().map(|()| scenery).map_err(Error::from)) {
-            Ok(scenery) => {
+        match made.and_then(|made| self.screen.finish().map(|()| made).map_err(Error::from)) {
+            Ok((scenery, model)) => {
+                let timed = self.scenery.timed;
                 self.scenery = scenery;
+                self.scenery.timed = timed;
+                self.screen.forget();
                 self.name = stem(path);
-                if self.scenery.lacks(self.mode, self.photo.is_some()).is_some() {
-                    self.mode = Mode::Augmented;
-                }
                 self.say("");
+                Some(model)
             }
             // The window stays as it was.
-            Err(error) => self.complain(&error),
+            Err(error) => {
+                self.complain(&error);
+                None
+            }
+        }
+    }
+
+    /// What is shown is there in another scene too.
+    fn settle_mode(&mut self, model: &Model) {
+        if self.scenery.lacks(model, self.mode, self.photo.is_some()).is_some() {
+            self.mode = Mode::Augmented;
         }
     }
 }

@@ -61,6 +61,12 @@ function rangeOf(scene, show) {
     return [show === "supplement" ? scene.base : 0, show === "base" ? scene.base : scene.count];
 }
 
+/** Has `painter` draw in the order for `view`, at once. */
+function orderNow(painter, scene, view, show) {
+    const order = new Uint32Array(scene.count), sort = makeSorter(positionsOf(scene));
+    painter.setOrder(order.subarray(0, sort([...view.rowZ, scene.near], ...rangeOf(scene, show), order)));
+}
+
 /** One image, at once. */
 function still(scene, wish) {
     const canvas = element("canvas"), [width, height] = wish.size;
@@ -69,9 +75,7 @@ function still(scene, wish) {
     canvas.style.cssText = `width: ${width}px; height: ${height}px`;
     const painter = new Painter(canvas, scene, wish.precision);
     const view = new Camera(wish.shot, scene.focus, upOf(scene.cameras)).view(width, height);
-    const order = new Uint32Array(scene.count);
-    const sort = makeSorter(positionsOf(scene));
-    painter.setOrder(order.subarray(0, sort([...view.rowZ, scene.near], ...rangeOf(scene, wish.show), order)));
+    orderNow(painter, scene, view, wish.show);
     painter.draw(view, wish.background);
     if (!wish.pixels) return;
     const text = document.createElement("pre");
@@ -102,8 +106,15 @@ function interactive(scene, wish) {
         if (canvas.width !== width) canvas.width = width;
         if (canvas.height !== height) canvas.height = height;
         const view = camera.view(width, height);
-        // The order before is drawn until the next one is there.
         const wanted = `${view.rowZ} ${show}`;
+        if (!sorted) {
+            // The first order is made here: until the worker has read the scene there would be nothing to see.
+            const begin = performance.now();
+            orderNow(painter, scene, view, show);
+            sortTime = performance.now() - begin;
+            sorted = wanted;
+        }
+        // The order before is drawn until the next one is there.
         if (wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
         painter.draw(view, background);
         element("status").textContent = `${painter.count} of ${scene.count} Gaussians before the camera, sorted in ${sortTime.toFixed(1)} ms; ` +
