@@ -489,7 +489,7 @@ fn a_scene_that_learns_is_seen_and_learns_the_same() {
     let display = Display::new();
     // The bits without a window are those with one, whether it is closed on the way or not.
     for (name, closed, command) in
-        [("base", true, "train data --iterations 300 --points 200"), ("more", false, "enhance data --base base.ply")]
+        [("base", true, "train data --iterations 200 --points 200"), ("more", false, "enhance data --base base.ply")]
     {
         let plain = run::run(&mut glint(folder, &format!("{command} -o {name}.ply")));
         assert!(plain.status.success(), "{}", String::from_utf8_lossy(&plain.stderr));

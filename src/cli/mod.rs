@@ -277,6 +277,7 @@ struct WatchArgs {
 }
 
 /// What is known of a run whose scene is shown.
+#[cfg_attr(not(feature = "view"), expect(dead_code, reason = "nothing shows it"))]
 struct Watched<'a> {
     device: &'a DeviceArgs,
     dataset: &'a Dataset,
