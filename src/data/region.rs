@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::dataset::{Dataset, DatasetKind, Photo, Split};
+use super::dataset::{Dataset, DatasetKind, Photo, Split, load_photos};
+use super::images::Image;
 use super::ply::PointCloud;
 use crate::Result;
 use crate::scene::Camera;
@@ -153,14 +154,11 @@ impl Dataset {
         if self.kind != DatasetKind::Blender || photos.len() < WITNESSES {
             return Ok(None);
         }
-        let mut silhouettes = Vec::with_capacity(photos.len());
-        for &photo in &photos {
-            let silhouette = Silhouette::of(photo)?;
-            if !silhouette.alpha.contains(&0) {
-                return Ok(None);
-            }
-            silhouettes.push(silhouette);
+        // Most datasets' first photo says that none is transparent.
+        if !silhouettes(&photos[..1])?[0].alpha.contains(&0) {
+            return Ok(None);
         }
+        let silhouettes = silhouettes(&photos)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
         let (mut positions, mut colors) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -186,19 +184,23 @@ struct Silhouette {
     alpha: Vec<u8>,
 }
 
-impl Silhouette {
-    fn of(photo: &Photo) -> Result<Silhouette> {
-        let Camera { width, height, .. } = photo.camera;
-        let [width, height] = super::images::fit([width, height], Some(SILHOUETTE_SIDE));
-        let mut over = Vec::with_capacity(2);
-        for background in [[0.0; 3], [1.0; 3]] {
-            over.push(photo.load(background)?.reduced([width, height]).rgb);
-        }
-        let [black, white] = [&over[0], &over[1]];
+fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
+    let over = |background| -> Result<Vec<Image>> {
+        let mut small = Vec::with_capacity(photos.len());
+        load_photos(photos, background, |image| {
+            small.push(image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE))));
+            Ok(())
+        })?;
+        Ok(small)
+    };
+    let pairs = over([0.0; 3])?.into_iter().zip(over([1.0; 3])?);
+    let silhouette = |((black, white), photo): ((Image, Image), &&Photo)| Silhouette {
+        camera: photo.camera.resized(black.width, black.height),
         // What is put over white is as much brighter as it is transparent.
-        let alpha = black.iter().zip(white).step_by(3).map(|(&b, &w)| 255 - w.saturating_sub(b)).collect();
-        Ok(Silhouette { camera: photo.camera.resized(width, height), alpha, rgb: over.swap_remove(0) })
-    }
+        alpha: black.rgb.iter().zip(&white.rgb).step_by(3).map(|(&b, &w)| 255 - w.saturating_sub(b)).collect(),
+        rgb: black.rgb,
+    };
+    Ok(pairs.zip(photos).map(silhouette).collect())
 }
 
 /// The median colour at a point, channel by channel, of the photos that show something opaque there; `None` where one shows that there is
@@ -246,7 +248,6 @@ mod tests {
     use std::sync::Arc;
 
     use super::super::dataset::{Alpha, ImageFile, PixelSource};
-    use super::super::images::Image;
     use super::super::reduce::Reduce;
     use super::*;
 

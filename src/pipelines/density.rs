@@ -89,7 +89,7 @@ pub const FIRST_SCALE: f32 = 0.1;
 /// MCMC and the budget: rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;
 /// The budget: first opacity.
-pub const BUDGET_OPACITY: f32 = 0.3;
+pub const BUDGET_OPACITY: f32 = 0.4;
 /// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
 pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
 /// The budget: refinements of a run, as far as intervals of 10 to 100 steps allow.
@@ -97,7 +97,7 @@ pub const BUDGET_EVENTS: u32 = 40;
 /// The budget looks at the scores of one step in so many.
 pub const SCORED_NTH: u32 = 3;
 /// The budget: what the rates of a run end with, of what they began with.
-pub const LAST_RATE: f64 = 0.2;
+pub const LAST_RATE: f64 = 0.6;
 /// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
 pub const RATE_POWER: f64 = 0.2;
 
