@@ -83,11 +83,11 @@ pub(super) struct Args {
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
-    /// most 100000]
+    /// sparse ones. Fewer are faster [default: all sparse points, or as many random ones as --gaussians or 4 for each pixel of the
+    /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start]
+    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start, before a quarter of them is taken]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
