@@ -49,6 +49,8 @@ Examples:
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
+/// Where photos show by their transparency where a scene is, random points are one to begin with for so many Gaussians in the end.
+const CARVED_NTH: usize = 4;
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -81,11 +83,11 @@ pub(super) struct Args {
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or 4 random ones for each pixel of the largest photo, at
-    /// most 100000]
+    /// sparse ones. Fewer are faster [default: all sparse points, or as many random ones as --gaussians or 4 for each pixel of the
+    /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start]
+    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start, before a quarter of them is taken]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
@@ -184,15 +186,23 @@ impl Args {
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let wanted = [self.points, self.gaussians].into_iter().flatten().min();
-        let first = first_points(&dataset, wanted.map(|n| n as usize), self.seed);
+        let mut first = first_points(&dataset, wanted.map(|n| n as usize), self.seed);
+        let most = first.cloud.positions.len();
+        let mut place = "";
+        // The other strategies' papers begin with as many points as they say, anywhere.
+        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
+            let few = self.points.map_or((most / CARVED_NTH).max(1), |_| most);
+            if let Some(cloud) = dataset.carved_points(few, self.seed)? {
+                first.cloud = cloud;
+                place = " where no photo is transparent";
+            }
+        }
         let count = first.cloud.positions.len();
-        check_room(
-            &self.output,
-            scene_bytes(self.density(count as u32, self.iterations).limit.into(), 0, self.sh_degree),
-        )?;
+        let density = |iterations| self.density([count, most], iterations);
+        check_room(&self.output, scene_bytes(density(self.iterations).limit.into(), 0, self.sh_degree))?;
         check_sight(&dataset, &first.cloud.positions)?;
         match (first.sparse, self.points) {
-            (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones")),
+            (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
             (Some(n), Some(wanted)) if n < wanted as usize => {
                 note(format!("the dataset has {n} sparse points, fewer than the {wanted} that --points allows"));
             }
@@ -227,16 +237,16 @@ impl Args {
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
             let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
-            let density = self.density(count as u32, iterations);
+            let control = density(iterations);
             // Adam has two moments of everything.
-            let most = density.limit.max(count as u32);
+            let most = control.limit.max(count as u32);
             let scene = 3 * scene_bytes(most.into(), 0, self.sh_degree);
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
-            density.begin(&mut base);
+            control.begin(&mut base);
             let scene = Scene { base, supplement: None };
             let (sh_degree, seed) = (self.sh_degree, self.seed);
-            let room = Room { base: density.limit.saturating_sub(count as u32), ..Default::default() };
+            let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
             // For --json and -v.
@@ -244,13 +254,9 @@ impl Args {
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
             let options = |iterations| BaseOptions { iterations, sh_degree };
-            let make = |iterations| {
-                let density = self.density(count as u32, iterations);
-                dense_trainer(&session, &model, &views, &options(iterations), &density)
-            };
-            let mut trainer = make(iterations)?;
+            let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             let settings =
-                self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &density)?;
+                self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &control)?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
             let found = match &deadline {
                 None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
@@ -309,11 +315,9 @@ impl Args {
                     }
                     let Some(step) = stop.filter(|&step| step < iterations) else { break };
                     stop = if let Some(deadline) = &mut deadline {
-                        let learned = trainer.checkpoint(&model, &views)?;
                         let Plan { total, done } = deadline.plan(step);
                         tracing::info!("a run of {total} steps, of which {done} count as done");
-                        trainer = make(total)?;
-                        trainer.resume(&model, &learned.moved_to(done)?, timed)?;
+                        trainer.replan(&session, &views, &options(total), &density(total), done)?;
                         (iterations, begun) = (total, done);
                         deadline.next()
                     } else {
@@ -389,10 +393,10 @@ impl Args {
         })
     }
 
-    /// Of a run that begins with `first` Gaussians.
-    fn density(&self, first: u32, iterations: u32) -> DensityOptions {
-        let limit = self.gaussians.unwrap_or(first);
-        DensityOptions { strategy: self.strategy.into(), limit, first, iterations }
+    /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.
+    fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
+        let limit = self.gaussians.unwrap_or(most as u32);
+        DensityOptions { strategy: self.strategy.into(), limit, first: first as u32, iterations }
     }
 
     /// Everything that training depends on.

@@ -51,6 +51,35 @@ impl Image {
     }
 }
 
+impl Image {
+    /// The same picture with fewer pixels, each the mean of the area that it covers. One counts where all that it is made of does.
+    pub fn reduced(&self, to: [u32; 2]) -> Image {
+        let width = self.width as usize;
+        let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);
+        let mut reducer = Reducer::new([self.width, self.height], to, Reduce::Area);
+        let mut row = Vec::with_capacity(width);
+        for (y, line) in self.rgb.chunks_exact(3 * width).enumerate() {
+            row.clear();
+            row.extend(line.chunks_exact(3).enumerate().map(|(x, p)| {
+                let [r, g, b] = [p[0], p[1], p[2]].map(|byte| f32::from(byte) / 255.0);
+                [r, g, b, f32::from(u8::from(counts(y * width + x)))]
+            }));
+            reducer.feed(&row);
+        }
+        finish(reducer, to)
+    }
+}
+
+/// Bytes of what was reduced.
+fn finish(reducer: Reducer, to: [u32; 2]) -> Image {
+    let pixels = reducer.finish();
+    let rgb = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(super::write::to_byte)).collect();
+    // A reduced pixel counts where all that it is made of does.
+    let mask: Vec<bool> = pixels.iter().map(|pixel| pixel[3] > WHOLE).collect();
+    let mask = mask.contains(&false).then_some(mask);
+    Image { width: to[0], height: to[1], rgb, mask }
+}
+
 /// What a header says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
@@ -178,12 +207,7 @@ impl Source<'_> {
             }
             reducer.feed(&row);
         }
-        let pixels = reducer.finish();
-        let rgb = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(super::write::to_byte)).collect();
-        // A reduced pixel counts where all that it is made of does.
-        let mask: Vec<bool> = pixels.iter().map(|pixel| pixel[3] > WHOLE).collect();
-        let mask = mask.contains(&false).then_some(mask);
-        Image { width: to[0], height: to[1], rgb, mask }
+        finish(reducer, to)
     }
 }
 

@@ -5,8 +5,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::dataset::{Dataset, DatasetKind, Photo, Split};
+use super::dataset::{Dataset, DatasetKind, Photo, Split, load_photos};
+use super::images::Image;
 use super::ply::PointCloud;
+use crate::Result;
 use crate::scene::Camera;
 
 /// Half the side of the cube that NeRF Synthetic scenes lie in (3DGS draws its first points there).
@@ -16,6 +18,10 @@ pub const NEAR: f64 = 0.2;
 /// Farther from it than this many half sides, cameras with the lens of those scenes (fov 40°) would have the cube in a third of
 /// their pictures at most.
 const BLENDER_REACH: f64 = 8.0;
+/// Longer side of the silhouettes that points are carved by at most, px.
+const SILHOUETTE_SIDE: u32 = 256;
+/// Of so many random points one at least must lie within all silhouettes.
+const CARVED_NTH: usize = 1000;
 /// Training cameras that must see a random point: two give depth, the third tells a coincidence from a surface.
 const WITNESSES: usize = 3;
 
@@ -136,6 +142,89 @@ impl Dataset {
         let colors = vec![[128; 3]; positions.len()];
         PointCloud { positions, colors }
     }
+
+    /// `n` random points in the part of NeRF Synthetic's cube that is nowhere seen through: where a training photo is wholly
+    /// transparent there is nothing. Each has the median colour of the photos that show something there. The same for the same seed,
+    /// on every machine. `None` for other datasets, and where photos are not transparent or their opaque parts share nothing.
+    ///
+    /// # Errors
+    /// Those of the photos.
+    pub fn carved_points(&self, n: usize, seed: u64) -> Result<Option<PointCloud>> {
+        let photos: Vec<&Photo> = self.split(Split::Train).map(|(_, photo)| photo).collect();
+        if self.kind != DatasetKind::Blender || photos.len() < WITNESSES {
+            return Ok(None);
+        }
+        // Most datasets' first photo says that none is transparent.
+        if !silhouettes(&photos[..1])?[0].alpha.contains(&0) {
+            return Ok(None);
+        }
+        let silhouettes = silhouettes(&photos)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
+        let (mut positions, mut colors) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for _ in 0..n.saturating_mul(CARVED_NTH) {
+            if positions.len() == n {
+                break;
+            }
+            let p = (BLENDER_HALF * DVec3::new(signed(), signed(), signed())).as_vec3();
+            if let Some(color) = shown(&silhouettes, p.as_dvec3()) {
+                positions.push(p.to_array());
+                colors.push(color);
+            }
+        }
+        Ok((positions.len() == n).then_some(PointCloud { positions, colors }))
+    }
+}
+
+/// A photo without its background.
+struct Silhouette {
+    camera: Camera,
+    /// 8-bit sRGB times alpha.
+    rgb: Vec<u8>,
+    alpha: Vec<u8>,
+}
+
+fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
+    let over = |background| -> Result<Vec<Image>> {
+        let mut small = Vec::with_capacity(photos.len());
+        load_photos(photos, background, |image| {
+            small.push(image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE))));
+            Ok(())
+        })?;
+        Ok(small)
+    };
+    let pairs = over([0.0; 3])?.into_iter().zip(over([1.0; 3])?);
+    let silhouette = |((black, white), photo): ((Image, Image), &&Photo)| Silhouette {
+        camera: photo.camera.resized(black.width, black.height),
+        // What is put over white is as much brighter as it is transparent.
+        alpha: black.rgb.iter().zip(&white.rgb).step_by(3).map(|(&b, &w)| 255 - w.saturating_sub(b)).collect(),
+        rgb: black.rgb,
+    };
+    Ok(pairs.zip(photos).map(silhouette).collect())
+}
+
+/// The median colour at a point, channel by channel, of the photos that show something opaque there; `None` where one shows that there is
+/// nothing, or fewer than [`WITNESSES`] show something.
+fn shown(silhouettes: &[Silhouette], p: DVec3) -> Option<[u8; 3]> {
+    let mut seen: [Vec<u8>; 3] = Default::default();
+    for Silhouette { camera, rgb, alpha } in silhouettes.iter().filter(|silhouette| sees(&silhouette.camera, p)) {
+        let (x, y, _) = camera.project(p);
+        let pixel = y as usize * camera.width as usize + x as usize;
+        match alpha[pixel] {
+            0 => return None,
+            a if a >= 128 => {
+                for (seen, &value) in seen.iter_mut().zip(&rgb[3 * pixel..]) {
+                    seen.push((u32::from(value) * 255 / u32::from(a)).min(255) as u8);
+                }
+            }
+            _ => {}
+        }
+    }
+    let median = |mut values: Vec<u8>| {
+        values.sort_unstable();
+        values[values.len() / 2]
+    };
+    (seen[0].len() >= WITNESSES).then(|| seen.map(median))
 }
 
 /// The optical axis in world space, a unit vector.
@@ -158,8 +247,8 @@ fn sees(camera: &Camera, world: DVec3) -> bool {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::dataset::PixelSource;
-    use super::super::images::Image;
+    use super::super::dataset::{Alpha, ImageFile, PixelSource};
+    use super::super::reduce::Reduce;
     use super::*;
 
     fn look(eye: DVec3, at: DVec3) -> Camera {
@@ -225,6 +314,45 @@ mod tests {
         assert!(cloud.positions.iter().all(|&p| witnesses(&data, p) >= 3));
         assert_eq!(cloud, data.random_points(2000, 1));
         assert_ne!(cloud, data.random_points(2000, 2));
+    }
+
+    #[test]
+    fn points_are_carved_by_what_is_seen_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let photographed = |name: &str, outside: u8| {
+            let path = folder.path().join(name);
+            let disc = |x: u32, y: u32| (f64::from(x) - 19.5).hypot(f64::from(y) - 14.5) < 5.0;
+            let pixel = |x, y| image::Rgba(if disc(x, y) { [200, 40, 0, 255] } else { [9, 9, 9, outside] });
+            image::RgbaImage::from_fn(40, 30, pixel).save(&path).unwrap();
+            let eyes = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z];
+            let mut data = dataset(eyes.into_iter().map(|eye| look(4.0 * eye, DVec3::ZERO)).collect());
+            data.kind = DatasetKind::Blender;
+            for photo in &mut data.photos {
+                photo.pixels = PixelSource::File(Box::new(ImageFile {
+                    path: path.clone(),
+                    size: [40, 30],
+                    bytes_per_pixel: 4,
+                    lens: None,
+                    mask: None,
+                    alpha: Alpha::Background,
+                    reduce: Reduce::Area,
+                }));
+            }
+            data
+        };
+        let mut data = photographed("disc.png", 0);
+        let cloud = data.carved_points(500, 1).unwrap().unwrap();
+        assert_eq!(cloud.colors, [[200, 40, 0]; 500]);
+        // Five pixels are 4/7 of a unit at the middle, and 0.66 on its far side.
+        let inside = |p: &[f32; 3]| (0..3).all(|axis| p[axis].hypot(p[(axis + 1) % 3]) < 0.67);
+        assert!(cloud.positions.len() == 500 && cloud.positions.iter().all(inside));
+        assert!(cloud.positions.iter().any(|p| p[0].hypot(p[1]) > 0.45));
+        assert_eq!(cloud, data.carved_points(500, 1).unwrap().unwrap());
+        assert_ne!(cloud, data.carved_points(500, 2).unwrap().unwrap());
+        // Where nothing is transparent, or the cube is not where the scene is, nothing can be said.
+        assert_eq!(photographed("all.png", 255).carved_points(5, 1).unwrap(), None);
+        data.kind = DatasetKind::Transforms;
+        assert_eq!(data.carved_points(5, 1).unwrap(), None);
     }
 
     #[test]

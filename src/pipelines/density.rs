@@ -88,6 +88,8 @@ pub const FIRST_OPACITY: f32 = 0.5;
 pub const FIRST_SCALE: f32 = 0.1;
 /// MCMC and the budget: rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;
+/// The budget: first opacity.
+pub const BUDGET_OPACITY: f32 = 0.4;
 /// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
 pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
 /// The budget: refinements of a run, as far as intervals of 10 to 100 steps allow.
@@ -95,7 +97,7 @@ pub const BUDGET_EVENTS: u32 = 40;
 /// The budget looks at the scores of one step in so many.
 pub const SCORED_NTH: u32 = 3;
 /// The budget: what the rates of a run end with, of what they began with.
-pub const LAST_RATE: f64 = 0.2;
+pub const LAST_RATE: f64 = 0.6;
 /// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
 pub const RATE_POWER: f64 = 0.2;
 
@@ -180,8 +182,12 @@ impl DensityOptions {
 
     /// Makes of the Gaussians that 3DGS begins with those that the strategy does.
     pub fn begin(&self, gaussians: &mut Gaussians) {
+        let logit = |opacity: f32| (opacity / (1.0 - opacity)).ln();
+        if self.strategy == Strategy::Budget {
+            gaussians.opacities.fill(logit(BUDGET_OPACITY));
+        }
         if self.strategy == Strategy::Mcmc {
-            gaussians.opacities.fill((FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln());
+            gaussians.opacities.fill(logit(FIRST_OPACITY));
             gaussians.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += FIRST_SCALE.ln());
         }
     }
@@ -289,6 +295,11 @@ impl Density {
     /// What it was made with.
     pub fn options(&self) -> &DensityOptions {
         &self.options
+    }
+
+    /// Its refinements are from now on those of a run of another length.
+    pub(super) fn replan(&mut self, iterations: u32) {
+        self.options.iterations = iterations;
     }
 
     /// After the step on a view: adds its scores where the step looks at them. The raster's gradient records may be written anew.

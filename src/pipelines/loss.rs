@@ -117,6 +117,14 @@ impl Photometric {
         })
     }
 
+    /// Remembers as many losses as `count` from now on, which may lose those that it has.
+    pub fn make_room(&mut self, context: &Context, count: usize) -> Result<(), GpuError> {
+        if self.losses.len() < count {
+            self.losses = Buffer::new(context, "losses", count, Location::Readback)?;
+        }
+        Ok(())
+    }
+
     /// What the loss of such batches holds.
     pub fn plan(options: &LossOptions) -> Plan {
         LossBuffers::plan(options)

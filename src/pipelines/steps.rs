@@ -105,6 +105,14 @@ impl Steps {
         Ok(())
     }
 
+    /// Of a loop of which nothing is on its way: `done` steps of `total` are done from now on. What it did stays in its report.
+    pub fn count_anew(&mut self, done: u32, total: u32) -> Result<()> {
+        let Run { timed, submitted, report, .. } = mem::take(&mut self.run);
+        self.start_at(done, total, timed)?;
+        (self.run.submitted, self.run.report) = (submitted, report);
+        Ok(())
+    }
+
     /// Lets the loop go on to step `step` and no further: [`Steps::advance`] then has nothing more to do.
     pub fn go_on_to(&mut self, step: u32) {
         self.run.until = step.min(self.run.total);

@@ -165,9 +165,7 @@ impl Trainer {
         for (segment, count) in counts {
             model.set_count(segment, count)?;
         }
-        // Their parts are only for `glint verify`.
-        let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
-        self.work.loss.losses.write_mapped(&losses.iter().map(whole).collect::<Vec<_>>());
+        self.work.write_losses(losses);
         self.steps.start_at(step, total, timed)
     }
 
@@ -215,6 +213,32 @@ impl Trainer {
         self.work.loss.losses.mapped().iter().take(seen.min(self.work.schedule.len())).map(|l| l.total).collect()
     }
 
+    /// Makes a loop of [`dense_trainer`] one of another number of steps, of which `done` count as done, with all that was learned.
+    /// Of the losses the last ones stay; where there are too few, the first stands for those before it. Waits.
+    pub fn replan(
+        &mut self,
+        session: &Session,
+        views: &Views,
+        options: &BaseOptions,
+        density: &DensityOptions,
+        done: u32,
+    ) -> Result<()> {
+        let before = self.steps.stop()?;
+        let losses = self.losses(before);
+        let (schedule, plan) = course(session, views, options, density);
+        let late = losses.len().saturating_sub(done as usize);
+        let first = losses.first().copied().unwrap_or(0.0);
+        let padding = std::iter::repeat_n(first, (done as usize).saturating_sub(losses.len()));
+        let moved: Vec<f32> = padding.chain(losses[late..].iter().copied()).collect();
+        self.work.loss.make_room(&session.context, schedule.len())?;
+        self.work.write_losses(&moved);
+        (self.work.schedule, self.work.plan) = (schedule, Box::new(plan));
+        if let Some(control) = &mut self.work.density {
+            control.replan(options.iterations);
+        }
+        self.steps.count_anew(done, self.total())
+    }
+
     /// What was done.
     pub fn report(&mut self) -> TrainReport {
         TrainReport { losses: self.losses(self.total()), steps: self.steps.report() }
@@ -245,23 +269,13 @@ impl Trainer {
 /// Name of the losses in a checkpoint.
 const LOSSES: &str = "losses";
 
-impl Checkpoint {
-    /// What was learned, for a run of more or fewer steps that goes on from its step `step`. Of the losses the last ones stay; where
-    /// there are too few, the first stands for those before it.
-    pub fn moved_to(mut self, step: u32) -> Result<Self> {
-        let (seen, had) = (self.columns(LOSSES)?, self.step.max(1) as usize);
-        let losses = self.floats(LOSSES, seen)?;
-        let now = seen / had * step as usize;
-        let first = losses.first().copied().unwrap_or(0.0);
-        let padding = std::iter::repeat_n(first, now.saturating_sub(seen));
-        let moved: Vec<f32> = padding.chain(losses[seen.saturating_sub(now)..].iter().copied()).collect();
-        self.put(LOSSES.into(), [1, now], moved);
-        self.step = step;
-        Ok(self)
-    }
-}
-
 impl Training {
+    /// Those of the first steps. Their parts are only for `glint verify`.
+    fn write_losses(&mut self, losses: &[f32]) {
+        let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
+        self.loss.losses.write_mapped(&losses.iter().map(whole).collect::<Vec<_>>());
+    }
+
     /// Everything that a learner and density control change, by its name in a checkpoint: parameters, their moments, scores.
     fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
         let part = model.part(learner.lesson.segment);
@@ -429,18 +443,29 @@ pub fn dense_trainer(
         bias_correction: true,
         compensate: session.policy.compensate,
     };
-    let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
-    let (extent, options, density) = (session.extent, *options, *density);
-    let plan = move |step| {
-        let plan = options.plan(extent, step);
-        StepPlan { rates: density.rates(plan.rates, step), ..plan }
-    };
+    let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
         trainer.work.density = Some(Density::new(session, model, &density)?);
         trainer.let_counts_vary();
     }
     Ok(trainer)
+}
+
+/// The views of a run of [`dense_trainer`], and what each step does.
+fn course(
+    session: &Session,
+    views: &Views,
+    options: &BaseOptions,
+    density: &DensityOptions,
+) -> (Vec<u32>, impl Fn(u32) -> StepPlan + Send + 'static + use<>) {
+    let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
+    let (extent, options, density) = (session.extent, *options, *density);
+    let plan = move |step| {
+        let plan = options.plan(extent, step);
+        StepPlan { rates: density.rates(plan.rates, step), ..plan }
+    };
+    (schedule, plan)
 }
 
 /// The whole of [`base_trainer`]; `progress` is called with the number of finished steps.
