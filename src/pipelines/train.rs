@@ -446,7 +446,7 @@ pub fn dense_trainer(
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
-        trainer.work.density = Some(Density::new(session, model, &density)?);
+        trainer.work.density = Some(Density::new(session, model, density)?);
         trainer.let_counts_vary();
     }
     Ok(trainer)
