@@ -5,11 +5,13 @@ mod common;
 use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
+    data::scene_bytes,
     pipelines::{
-        enhance::{EnhanceOptions, enhance},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, enhance},
         model::{Model, Room, Segment},
         pursuit::{Kinds, Placed, Pursuit, PursuitOptions},
         render::{Needs, RenderOptions, Renderer},
+        spend::{Spending, Weigh},
         views::{Views, pack},
     },
     scene::{Camera, Gaussians, Scene},
@@ -214,6 +216,101 @@ fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
     let found = enhance(&session(&gpu), &wall(), &views, &options, |_| ()).unwrap();
     assert!(found.join.is_none() && found.original.is_none());
     assert_eq!(found.scene, wall());
+}
+
+/// What an augmentation of the wall adds, `colours` of view and pixel being what the photographs have.
+fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceOptions) -> (Enhanced, Spending) {
+    let (width, height) = SIZE;
+    let photo = |v: usize| -> Vec<u8> { (0..width * height).flat_map(|p| colours(v, p)).collect() };
+    let photos: Vec<Vec<u8>> = (0..4).map(photo).collect();
+    let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
+    let views = Views::upload(gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
+    let found = enhance(&session(gpu), &wall(), &views, &options, |_| ()).unwrap();
+    let plan = found.spending.clone().unwrap();
+    // What was placed at first is what the plan says, and all that there is in the end is what it allows.
+    assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
+    let plain = (found.scene.base.len() - wall().base.len()) as u32;
+    assert!(found.lifted + plain <= plan.gaussians_allowed, "{} {plain} {plan:?}", found.lifted);
+    let added = scene_bytes(plain.into(), found.lifted.into(), 0);
+    assert!(options.bytes.is_none_or(|bytes| added <= bytes), "{added} {plan:?}");
+    (found, plan)
+}
+
+fn short(weigh: Weigh) -> EnhanceOptions {
+    let mut options = EnhanceOptions { ratio: 0.5, weigh, ..EnhanceOptions::pursuit() };
+    options.join.steps_per_view = 4;
+    options
+}
+
+/// The wall's photographs: a stripe that all have, and a light that moves over the wall with the eye.
+fn lit(stripe: bool, light: bool) -> impl Fn(usize, u32) -> [u8; 3] {
+    move |v, p| {
+        let (u, w) = (p % SIZE.0, p / SIZE.0);
+        let on = |at: u32| u.abs_diff(at) < 4 && w.abs_diff(12) < 4;
+        // What lies on the wall moves 6 px with each camera, this the other way.
+        if light && on(40 - 4 * v as u32) {
+            [250, 250, 240]
+        } else if stripe && (20..26).contains(&u.wrapping_sub(6 * v as u32)) {
+            [220, 200, 60]
+        } else {
+            GREY
+        }
+    }
+}
+
+/// A diffuse scene gets plain Gaussians or nothing, a shiny one lobes; where nothing is lacking the scene stays as it is, and the plan
+/// says so.
+#[test]
+fn a_plan_spends_on_what_gains_and_on_nothing_where_nothing_does() {
+    let gpu = Gpu::new();
+    let (_, diffuse) = weighed(&gpu, lit(true, false), short(Weigh::Limit));
+    assert!(diffuse.plain.placed > 5 && 4 * diffuse.lobes.placed < diffuse.plain.placed, "{diffuse:?}");
+    let (_, shiny) = weighed(&gpu, lit(false, true), short(Weigh::Tell));
+    assert!(shiny.lobes.placed > 3 && 4 * shiny.plain.placed < shiny.lobes.placed, "{shiny:?}");
+    assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
+    // The wall is this grey to within the 8 bits.
+    let (found, nothing) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));
+    assert!(nothing.placed() == 0 && found.scene == wall() && found.join.is_none(), "{nothing:?}");
+}
+
+#[test]
+fn bytes_and_gaussians_are_never_more_than_asked_for() {
+    let gpu = Gpu::new();
+    for bytes in [0, 100, 1_000, u64::MAX] {
+        let options = EnhanceOptions { bytes: Some(bytes), ..short(Weigh::Not) };
+        let (_, plan) = weighed(&gpu, lit(true, true), options);
+        assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / scene_bytes(0, 1, 0)));
+        assert!(plan.training_on_db.is_none() && (plan.placed() > 0) == (bytes >= 1_000), "{plan:?}");
+    }
+}
+
+/// A joint phase that is planned anew ends when the last plan says, and places all that it would have placed.
+#[test]
+fn a_joint_phase_can_become_longer_or_shorter_on_its_way() {
+    let gpu = Gpu::new();
+    let photos: Vec<Vec<u8>> = (0..4).map(|v| striped(v).concat()).collect();
+    let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
+    let views = Views::upload(&gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
+    for steps in [200, 34] {
+        let mut enhancer = Enhancer::new(&session(&gpu), &wall(), &views, &short(Weigh::Tell)).unwrap();
+        let (mut last, mut anew) = (0, false);
+        while let Some(event) = enhancer.next(&views).unwrap() {
+            match event {
+                Event::Weighed => enhancer.take_steps(100),
+                Event::Planned => assert_eq!(enhancer.spending().unwrap().steps, 100),
+                Event::Join { step, steps: all } => {
+                    (last, anew) = (all, anew || step > 40);
+                    if anew && all == 100 {
+                        enhancer.replan(&views, |step| [steps, step * steps / 100]).unwrap();
+                    }
+                }
+                _ => {}
+            }
+        }
+        let found = enhancer.finish(&views).unwrap();
+        assert_eq!((last, found.steps, found.placed.len()), (steps, steps, 3));
+        assert_eq!(found.join.unwrap().losses.len(), steps as usize);
+    }
 }
 
 /// The whole of it makes a scene better, and what other viewers see is never worse than before.
