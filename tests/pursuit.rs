@@ -22,9 +22,14 @@ const GREY: [u8; 3] = [150, 115, 165];
 
 /// A wall at z = 4.
 fn wall() -> Scene {
+    wall_of(9)
+}
+
+/// Of so many Gaussians across, at least; 9 leave some of what the outer cameras see empty.
+fn wall_of(across: i32) -> Scene {
     let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
-        base.means.push([0.6 * (i as f32 - 4.0), 0.6 * (j as f32 - 4.0), 4.0]);
+    for (i, j) in (0..across).flat_map(|i| (0..9).map(move |j| (i, j))) {
+        base.means.push([0.6 * (i - across / 2) as f32, 0.6 * (j as f32 - 4.0), 4.0]);
         base.log_scales.push([-0.7, -0.7, -4.0]);
         base.quats.push([1.0, 0.0, 0.0, 0.0]);
         base.opacities.push(5.0);
@@ -225,11 +230,11 @@ fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceO
     let photos: Vec<Vec<u8>> = (0..4).map(photo).collect();
     let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
     let views = Views::upload(gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
-    let found = enhance(&session(gpu), &wall(), &views, &options, |_| ()).unwrap();
+    let found = enhance(&session(gpu), &wall_of(15), &views, &options, |_| ()).unwrap();
     let plan = found.spending.clone().unwrap();
     // What was placed at first is what the plan says, and all that there is in the end is what it allows.
     assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
-    let plain = (found.scene.base.len() - wall().base.len()) as u32;
+    let plain = (found.scene.base.len() - wall_of(15).base.len()) as u32;
     assert!(found.lifted + plain <= plan.gaussians_allowed, "{} {plain} {plan:?}", found.lifted);
     let added = scene_bytes(plain.into(), found.lifted.into(), 0);
     assert!(options.bytes.is_none_or(|bytes| added <= bytes), "{added} {plan:?}");
@@ -237,7 +242,7 @@ fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceO
 }
 
 fn short(weigh: Weigh) -> EnhanceOptions {
-    let mut options = EnhanceOptions { ratio: 0.5, weigh, ..EnhanceOptions::pursuit() };
+    let mut options = EnhanceOptions { ratio: 0.3, weigh, ..EnhanceOptions::pursuit() };
     options.join.steps_per_view = 4;
     options
 }
@@ -266,17 +271,17 @@ fn a_plan_spends_on_what_gains_and_on_nothing_where_nothing_does() {
     let (_, diffuse) = weighed(&gpu, lit(true, false), short(Weigh::Limit));
     assert!(diffuse.plain.placed > 5 && 4 * diffuse.lobes.placed < diffuse.plain.placed, "{diffuse:?}");
     let (_, shiny) = weighed(&gpu, lit(false, true), short(Weigh::Tell));
-    assert!(shiny.lobes.placed > 3 && 4 * shiny.plain.placed < shiny.lobes.placed, "{shiny:?}");
+    assert!(shiny.lobes.placed > 3 && shiny.lobes.gain_db > 10.0 * shiny.plain.gain_db, "{shiny:?}");
     assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
     // The wall is this grey to within the 8 bits.
     let (found, nothing) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));
-    assert!(nothing.placed() == 0 && found.scene == wall() && found.join.is_none(), "{nothing:?}");
+    assert!(nothing.placed() == 0 && found.scene == wall_of(15) && found.join.is_none(), "{nothing:?}");
 }
 
 #[test]
 fn bytes_and_gaussians_are_never_more_than_asked_for() {
     let gpu = Gpu::new();
-    for bytes in [0, 100, 1_000, u64::MAX] {
+    for bytes in [0, 80, 1_000, u64::MAX] {
         let options = EnhanceOptions { bytes: Some(bytes), ..short(Weigh::Not) };
         let (_, plan) = weighed(&gpu, lit(true, true), options);
         assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / scene_bytes(0, 1, 0)));

@@ -137,8 +137,8 @@ fn read_plan(path: &Path) -> Result<(String, Spending)> {
         output: String,
         plan: Option<Spending>,
     }
-    let text = fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let Printed { output, plan } = serde_json::from_str(&text)
+    let text = fs::read(path).map_err(|e| Error::io(path, e))?;
+    let Printed { output, plan } = serde_json::from_slice(&text)
         .map_err(|e| Error::input(path, format!("is not what `glint enhance --json` prints: {e}")))?;
     Ok((output, plan.ok_or_else(|| Error::input(path, "has no plan, as --method augs makes none"))?))
 }

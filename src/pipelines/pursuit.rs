@@ -58,6 +58,8 @@ pub struct PursuitOptions {
     pub rounds: u32,
     /// Which Gaussians may be placed.
     pub kinds: Kinds,
+    /// What the gain of a lobe counts where both kinds may be placed: what it gains by a hair over a plain Gaussian is noise.
+    pub lobe_worth: f32,
     /// Placements in all: the first before the joint phase, the others in its first part, each of what is lacking by then.
     pub placements: u32,
     /// That part of the joint phase.
@@ -82,6 +84,7 @@ impl Default for PursuitOptions {
             size_ratio: std::f32::consts::SQRT_2,
             rounds: 24,
             kinds: Kinds::Both,
+            lobe_worth: 0.98,
             placements: 3,
             until: 0.5,
             least_gain: 0.0,
@@ -337,7 +340,7 @@ impl Pursuit {
             most: most.max(1),
         };
         let worth = match options.kinds {
-            Kinds::Both => [1.0, 1.0],
+            Kinds::Both => [options.lobe_worth, 1.0],
             Kinds::Lobes => [1.0, 0.0],
             Kinds::Plain => [0.0, 1.0],
         };
