@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     checkpoint::Checkpoint,
-    join::{JoinOptions, join_for},
+    join::{JoinOptions, course, join_for},
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
     pursuit::{self, Placed, Pursuit, PursuitOptions},
@@ -508,18 +508,12 @@ impl Enhancer {
     /// at. Waits.
     pub fn replan(&mut self, views: &Views, plan: impl FnOnce(u32) -> [u32; 2]) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
-        let learned = trainer.checkpoint(&self.model, views)?;
-        let [steps, done] = plan(learned.step);
-        let mut anew = join_for(&self.session, &self.model, views, &self.options.join, steps)?;
+        let [steps, done] = plan(trainer.halt()?);
+        let (schedule, plan) = course(&self.session, &self.model, views, &self.options.join, steps);
+        trainer.follow(&self.session, schedule, plan, done)?;
         if self.options.method == Method::Pursuit {
-            anew.let_counts_vary();
+            trainer.go_on_to(pause(steps, self.placed.len() as u32, &self.options.pursuit));
         }
-        anew.resume(&self.model, &learned.moved_to(done)?, true)?;
-        self.model.learn_counts()?;
-        if self.options.method == Method::Pursuit {
-            anew.go_on_to(pause(steps, self.placed.len() as u32, &self.options.pursuit));
-        }
-        **trainer = anew;
         self.steps = steps;
         Ok(())
     }

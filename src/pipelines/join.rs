@@ -82,12 +82,23 @@ pub fn join(session: &Session, model: &Model, views: &Views, options: &JoinOptio
 
 /// The same of `steps` steps in all.
 pub fn join_for(session: &Session, model: &Model, views: &Views, options: &JoinOptions, steps: u32) -> Result<Trainer> {
-    let count = views.cameras.len() as u32;
-    let schedule = permutations(count, steps, session.seed);
+    let (schedule, plan) = course(session, model, views, options, steps);
+    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
+}
+
+/// The views of a joint phase of `steps` steps, and what each step does.
+pub(super) fn course(
+    session: &Session,
+    model: &Model,
+    views: &Views,
+    options: &JoinOptions,
+    steps: u32,
+) -> (Vec<u32>, impl Fn(u32) -> StepPlan + Send + 'static + use<>) {
+    let schedule = permutations(views.cameras.len() as u32, steps, session.seed);
     let (options, extent, active_degree) = (*options, session.extent, model.sh_degree);
     let plan = move |step| {
         let done = step as f32 / steps.max(1) as f32;
         StepPlan { rates: options.rates(extent, done), supplement_pace: options.supplement_pace, active_degree }
     };
-    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
+    (schedule, plan)
 }

@@ -216,7 +216,7 @@ impl Trainer {
     }
 
     /// Makes a loop of [`dense_trainer`] one of another number of steps, of which `done` count as done, with all that was learned.
-    /// Of the losses the last ones stay; where there are too few, the first stands for those before it. Waits.
+    /// Waits.
     pub fn replan(
         &mut self,
         session: &Session,
@@ -225,9 +225,29 @@ impl Trainer {
         density: &DensityOptions,
         done: u32,
     ) -> Result<()> {
-        let before = self.steps.stop()?;
-        let losses = self.losses(before);
         let (schedule, plan) = course(session, views, options, density);
+        if let Some(control) = &mut self.work.density {
+            control.replan(options.iterations);
+        }
+        self.follow(session, schedule, plan, done)
+    }
+
+    /// Stands still: how many steps are done. Waits.
+    pub(super) fn halt(&mut self) -> Result<u32> {
+        self.steps.stop()
+    }
+
+    /// Another course, of which `done` steps count as done, with all that was learned. Of the losses the last ones stay; where there are
+    /// too few, the first stands for those before it. Waits.
+    pub(super) fn follow(
+        &mut self,
+        session: &Session,
+        schedule: Vec<u32>,
+        plan: impl Fn(u32) -> StepPlan + Send + 'static,
+        done: u32,
+    ) -> Result<()> {
+        let before = self.halt()?;
+        let losses = self.losses(before);
         let late = losses.len().saturating_sub(done as usize);
         let first = losses.first().copied().unwrap_or(0.0);
         let padding = std::iter::repeat_n(first, (done as usize).saturating_sub(losses.len()));
@@ -235,9 +255,6 @@ impl Trainer {
         self.work.loss.make_room(&session.context, schedule.len())?;
         self.work.write_losses(&moved);
         (self.work.schedule, self.work.plan) = (schedule, Box::new(plan));
-        if let Some(control) = &mut self.work.density {
-            control.replan(options.iterations);
-        }
         self.steps.count_anew(done, self.total())
     }
 
@@ -453,7 +470,7 @@ pub fn dense_trainer(
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
-        trainer.work.density = Some(Density::new(session, model, &density)?);
+        trainer.work.density = Some(Density::new(session, model, density)?);
         trainer.let_counts_vary();
     }
     Ok(trainer)
