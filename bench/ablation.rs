@@ -6,6 +6,7 @@
 //!
 //! - `more`: nothing is added, the base learns on;
 //! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: whichever gains more for its bytes;
+//! - `auto`: as `glint enhance` has it without options: pursuit as long as a Gaussian gains more than training on;
 //! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its own;
 //! - `augs+`: its placement, and a joint phase in which everything learns, as the others have it.
 //!
@@ -27,6 +28,7 @@ use glint::{
         pursuit::Kinds,
         render::RenderOptions,
         session::Session,
+        spend::{MOST_BY_GAIN, Weigh},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -69,7 +71,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
     /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
-    /// placements, pace, decay
+    /// placements, worth, until, pace, decay, supplement
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -95,7 +97,7 @@ fn main() -> ExitCode {
 fn options_of(row: &str, args: &Args) -> Result<Option<EnhanceOptions>> {
     let mut options = match row {
         "more" => return Ok(None),
-        "plain" | "lobes" | "pursuit" => EnhanceOptions::pursuit(),
+        "plain" | "lobes" | "pursuit" | "auto" => EnhanceOptions::pursuit(),
         "augs" | "augs+" => EnhanceOptions::quick(),
         "paper" => EnhanceOptions::paper(),
         other => return Err(Error::Usage(format!("unknown row `{other}`"))),
@@ -105,6 +107,7 @@ fn options_of(row: &str, args: &Args) -> Result<Option<EnhanceOptions>> {
     match row {
         "plain" => options.pursuit.kinds = Kinds::Plain,
         "lobes" => options.pursuit.kinds = Kinds::Lobes,
+        "auto" => (options.ratio, options.weigh) = (MOST_BY_GAIN, Weigh::Limit),
         "augs+" => options.join = join_all(args)?,
         _ => {}
     }
@@ -138,6 +141,9 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
+            "supplement" => options.join.supplement_pace = value,
+            "worth" => options.pursuit.lobe_worth = value,
+            "until" => options.pursuit.until = value,
             _ => return Err(bad()),
         }
     }

@@ -5,11 +5,13 @@ mod common;
 use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
+    data::scene_bytes,
     pipelines::{
-        enhance::{EnhanceOptions, enhance},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, enhance},
         model::{Model, Room, Segment},
         pursuit::{Kinds, Placed, Pursuit, PursuitOptions},
         render::{Needs, RenderOptions, Renderer},
+        spend::{Spending, Weigh},
         views::{Views, pack},
     },
     scene::{Camera, Gaussians, Scene},
@@ -20,9 +22,14 @@ const GREY: [u8; 3] = [150, 115, 165];
 
 /// A wall at z = 4.
 fn wall() -> Scene {
+    wall_of(9)
+}
+
+/// Of so many Gaussians across, at least; 9 leave some of what the outer cameras see empty.
+fn wall_of(across: i32) -> Scene {
     let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
-        base.means.push([0.6 * (i as f32 - 4.0), 0.6 * (j as f32 - 4.0), 4.0]);
+    for (i, j) in (0..across).flat_map(|i| (0..9).map(move |j| (i, j))) {
+        base.means.push([0.6 * (i - across / 2) as f32, 0.6 * (j as f32 - 4.0), 4.0]);
         base.log_scales.push([-0.7, -0.7, -4.0]);
         base.quats.push([1.0, 0.0, 0.0, 0.0]);
         base.opacities.push(5.0);
@@ -214,6 +221,106 @@ fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
     let found = enhance(&session(&gpu), &wall(), &views, &options, |_| ()).unwrap();
     assert!(found.join.is_none() && found.original.is_none());
     assert_eq!(found.scene, wall());
+}
+
+/// What an augmentation of the wall adds, `colours` of view and pixel being what the photographs have.
+fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceOptions) -> (Enhanced, Spending) {
+    let (width, height) = SIZE;
+    let photo = |v: usize| -> Vec<u8> { (0..width * height).flat_map(|p| colours(v, p)).collect() };
+    let photos: Vec<Vec<u8>> = (0..4).map(photo).collect();
+    let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
+    let views = Views::upload(gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
+    let found = enhance(&session(gpu), &wall_of(15), &views, &options, |_| ()).unwrap();
+    let plan = found.spending.clone().unwrap();
+    // What was placed at first is what the plan says, and all that there is in the end is what it allows.
+    assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
+    let plain = (found.scene.base.len() - wall_of(15).base.len()) as u32;
+    assert!(found.lifted + plain <= plan.gaussians_allowed, "{} {plain} {plan:?}", found.lifted);
+    let added = scene_bytes(plain.into(), found.lifted.into(), 0);
+    assert!(options.bytes.is_none_or(|bytes| added <= bytes), "{added} {plan:?}");
+    (found, plan)
+}
+
+fn short(weigh: Weigh) -> EnhanceOptions {
+    let mut options = EnhanceOptions { ratio: 0.3, weigh, ..EnhanceOptions::pursuit() };
+    options.join.steps_per_view = 4;
+    options
+}
+
+/// The wall's photographs: a stripe that all have, and a light that moves over the wall with the eye.
+fn lit(stripe: bool, light: bool) -> impl Fn(usize, u32) -> [u8; 3] {
+    move |v, p| {
+        let (u, w) = (p % SIZE.0, p / SIZE.0);
+        let on = |at: u32| u.abs_diff(at) < 4 && w.abs_diff(12) < 4;
+        // What lies on the wall moves 6 px with each camera, this the other way.
+        if light && on(40 - 4 * v as u32) {
+            [250, 250, 240]
+        } else if stripe && (20..26).contains(&u.wrapping_sub(6 * v as u32)) {
+            [220, 200, 60]
+        } else {
+            GREY
+        }
+    }
+}
+
+/// A diffuse scene gets plain Gaussians, a shiny one lobes; where nothing is worth it the scene stays as it is, and the plan says so.
+#[test]
+fn a_plan_spends_on_what_gains_and_on_nothing_where_that_is_too_little() {
+    let gpu = Gpu::new();
+    let (_, diffuse) = weighed(&gpu, lit(true, false), short(Weigh::Limit));
+    assert!(diffuse.plain.placed > 5 && 4 * diffuse.lobes.placed < diffuse.plain.placed, "{diffuse:?}");
+    let (_, shiny) = weighed(&gpu, lit(false, true), short(Weigh::Tell));
+    assert!(shiny.lobes.placed > 3 && shiny.lobes.gain_db > 10.0 * shiny.plain.gain_db, "{shiny:?}");
+    assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
+    // The wall is this grey but for a little of every channel, from everywhere.
+    let (found, even) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));
+    assert!(even.lobes.chosen == 0 && even.below_training_on > 0 && found.lifted == 0, "{even:?}");
+    // A demand that nothing meets.
+    let mut options = short(Weigh::Limit);
+    options.pursuit.least_gain = 1e9;
+    let (found, nothing) = weighed(&gpu, lit(true, true), options);
+    assert!(nothing.placed() == 0 && nothing.below_training_on > 0, "{nothing:?}");
+    assert!(found.join.is_none() && found.scene == wall_of(15));
+}
+
+#[test]
+fn bytes_and_gaussians_are_never_more_than_asked_for() {
+    let gpu = Gpu::new();
+    for bytes in [0, 80, 1_000, u64::MAX] {
+        let options = EnhanceOptions { bytes: Some(bytes), ..short(Weigh::Not) };
+        let (_, plan) = weighed(&gpu, lit(true, true), options);
+        assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / scene_bytes(0, 1, 0)));
+        assert!(plan.training_on_db.is_none() && (plan.placed() > 0) == (bytes >= 1_000), "{plan:?}");
+    }
+}
+
+/// A joint phase that is planned anew ends when the last plan says, and places all that it would have placed.
+#[test]
+fn a_joint_phase_can_become_longer_or_shorter_on_its_way() {
+    let gpu = Gpu::new();
+    let photos: Vec<Vec<u8>> = (0..4).map(|v| striped(v).concat()).collect();
+    let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
+    let views = Views::upload(&gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
+    for steps in [200, 34] {
+        let mut enhancer = Enhancer::new(&session(&gpu), &wall(), &views, &short(Weigh::Tell)).unwrap();
+        let (mut last, mut anew) = (0, false);
+        while let Some(event) = enhancer.next(&views).unwrap() {
+            match event {
+                Event::Weighed => enhancer.take_steps(100),
+                Event::Planned => assert_eq!(enhancer.spending().unwrap().steps, 100),
+                Event::Join { step, steps: all } => {
+                    (last, anew) = (all, anew || step > 40);
+                    if anew && all == 100 {
+                        enhancer.replan(&views, |step| [steps, step * steps / 100]).unwrap();
+                    }
+                }
+                _ => {}
+            }
+        }
+        let found = enhancer.finish(&views).unwrap();
+        assert_eq!((last, found.steps, found.placed.len()), (steps, steps, 3));
+        assert_eq!(found.join.unwrap().losses.len(), steps as usize);
+    }
 }
 
 /// The whole of it makes a scene better, and what other viewers see is never worse than before.

@@ -1,9 +1,10 @@
 #version 460
 // What a view's render lacks of its photograph: the texels that the pyramid is blurred from, and the errors that pixels are drawn by.
 //
-// One subgroup takes a block of ERROR_BLOCK pixels. image, targets, depths -> texels (unblurred), errors, error_sums by block, explained
+// One subgroup takes a block of ERROR_BLOCK pixels. image, targets, depths -> texels (unblurred), errors, error_sums and squares by block,
+// explained
 // The error of a pixel is the square of its mean absolute difference; 0 where it does not count (alpha 0 in `targets`), has no depth, or
-// is not finite. Renders are clamped to 0..1. explained, see pursuit_attenuate, becomes 0.
+// is not finite. squares has the squared error over channels of all that counts, seen or not. Renders are clamped to 0..1. explained, see pursuit_attenuate, becomes 0.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -21,13 +22,14 @@ layout(set = 0, binding = 6, scalar) writeonly buffer SurfaceDepths { float surf
 layout(set = 0, binding = 7, scalar) writeonly buffer Errors { float errors[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer ErrorSums { float error_sums[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer Explained { uint explained[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Squares { float squares[]; };
 
 void main() {
     Frame frame = frames[push.view];
     Plot plot = plots[push.view];
     uint block = subgroup_index(), pixels = frame.width * frame.height;
     if (block * ERROR_BLOCK >= pixels) return;
-    float sum = 0.0;
+    float sum = 0.0, square = 0.0;
     for (uint k = gl_SubgroupInvocationID; k < ERROR_BLOCK; k += gl_SubgroupSize) {
         uint pixel = block * ERROR_BLOCK + k;
         if (pixel >= pixels) continue;
@@ -45,7 +47,11 @@ void main() {
         errors[plot.pixel_first + pixel] = error;
         explained[plot.pixel_first + pixel] = 0;
         sum += error;
+        square += dot(difference, difference);
     }
     sum = subgroupAdd(sum);
-    if (subgroupElect()) error_sums[plot.block_first + block] = sum;
+    square = subgroupAdd(square);
+    if (!subgroupElect()) return;
+    error_sums[plot.block_first + block] = sum;
+    squares[plot.block_first + block] = square;
 }

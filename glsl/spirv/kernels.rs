@@ -2542,6 +2542,8 @@ pub struct Buffers<'a> {
     pub error_sums: &'a crate::gpu::Buffer<f32>,
     /// WriteOnly
     pub explained: &'a crate::gpu::Buffer<u32>,
+    /// WriteOnly
+    pub squares: &'a crate::gpu::Buffer<f32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2568,12 +2570,14 @@ pub struct Host<'a> {
     pub error_sums: &'a mut [f32],
     /// WriteOnly
     pub explained: &'a mut [u32],
+    /// WriteOnly
+    pub squares: &'a mut [f32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), errors: crate::gpu::next_binding(&mut bindings), error_sums: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), errors: crate::gpu::next_binding(&mut bindings), error_sums: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), squares: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2582,14 +2586,14 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_residual";
     const LABEL: &'static std::ffi::CStr = c"pursuit_residual";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.plots.raw(), b.image.raw(), b.targets.raw(), b.depths.raw(), b.texels.raw(), b.surface_depths.raw(), b.errors.raw(), b.error_sums.raw(), b.explained.raw()])
+        with(&[b.frames.raw(), b.plots.raw(), b.image.raw(), b.targets.raw(), b.depths.raw(), b.texels.raw(), b.surface_depths.raw(), b.errors.raw(), b.error_sums.raw(), b.explained.raw(), b.squares.raw()])
     }
 }
 impl crate::stages::Stage for Kernel {

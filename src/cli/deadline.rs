@@ -54,6 +54,11 @@ impl Deadline {
         Deadline { end, total: FIRST, since: Instant::now(), step: 0, guessed: true, marks: MARKS.iter() }
     }
 
+    /// The same of a run that is thought to have `total` steps.
+    pub(super) fn of(end: Instant, total: u32) -> Self {
+        Deadline { total, guessed: false, ..Deadline::new(end) }
+    }
+
     /// The step at which the run is to be planned anew; `None` for its end.
     pub(super) fn next(&mut self) -> Option<u32> {
         if self.guessed {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, Outcome, ReductionArgs,
-    enhance::{ChoiceArgs, Preset, Way, run_with_progress},
+    enhance::{Beside, ChoiceArgs, Preset, Way, run_with_progress},
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
@@ -20,6 +20,7 @@ use crate::{
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Session},
+        spend::Spending,
         start::{photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
@@ -133,7 +134,8 @@ impl Args {
 
         let options = self.choices.options(self.method, Preset::Quick)?;
         let started = Instant::now();
-        let enhanced = run_with_progress(&session, &base, &views, &options, None, None, &mut |_, _| ())?;
+        let beside = Beside { silent: self.json, ..Default::default() };
+        let enhanced = run_with_progress(&session, &base, &views, &options, &beside, &mut |_, _| ())?;
         let enhance_seconds = started.elapsed().as_secs_f64();
         let shown = enhanced.original.as_ref().unwrap_or(&enhanced.scene.base);
         write_augmented(self.output.join(AUGMENTED), shown, &enhanced.scene)?;
@@ -166,7 +168,7 @@ impl Args {
                 &score,
             ),
         ];
-        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows)?;
+        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows, enhanced.spending.as_ref())?;
         self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;
         let report = Report {
@@ -215,6 +217,7 @@ impl Args {
         background: [f32; 3],
         scenes: [&Scene; 3],
         rows: &[Row; 3],
+        plan: Option<&Spending>,
     ) -> Result<()> {
         let bytes = rows.each_ref().map(|r| scene_bytes(r.gaussians as u64, r.supplementary as u64, SH_DEGREE));
         let shown: Vec<Shown> = scenes
@@ -241,6 +244,7 @@ impl Args {
             &self.output,
             "the built-in scene",
             &history,
+            &plan.map(|plan| ("augmented".to_owned(), plan.clone())).into_iter().collect::<Vec<_>>(),
         )
     }
 

@@ -1,6 +1,6 @@
 use std::{
     path::{Path, PathBuf},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use clap::ValueEnum;
@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::{
     DeviceArgs, DrawArgs, Failure as Ended, Look, Outcome, PhotoArgs, ReductionArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
+    deadline::{Deadline, duration},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
     names::stems,
@@ -27,23 +28,27 @@ use crate::{
         render::RenderOptions,
         screen::{self, Schedule},
         session::{Policy, Reduction, Session},
+        spend::{Allowance, MOST_BY_BYTES, MOST_BY_GAIN, Spending, Weigh},
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
     },
-    report::{evaluate::evaluate, metrics::Quality},
+    report::{evaluate::evaluate, metrics::Quality, spending},
     scene::Scene,
 };
 
 const EXAMPLES: &str = "\
 Gaussians are placed where they take most from the squared error of all training photos together: supplementary ones, whose \
-opacity depends on the view, or plain ones where those gain more. Then all learn together with the base. Only training photos are \
+opacity depends on the view, or plain ones where those gain more. Then all learn together with the base. Of --ratio, --bytes and \
+--time the tightest holds; without --ratio and --bytes Gaussians are added until one gains less than training on for the time that it takes. What is \
+spent on which, and what is left out and why, is printed before it is done. Only training photos are \
 used; the gain is then measured on the test photos. With --method augs the paper's own way is taken: 2D Gaussians are fitted to what \
 the base gets wrong in each photo, lifted into the scene and optimised together with the base's opacities.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
+  glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
   glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to resume";
 
@@ -153,6 +158,8 @@ impl ChoiceArgs {
             },
             join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
             ratio: preset.ratio,
+            bytes: preset.bytes,
+            weigh: preset.weigh,
         })
     }
 }
@@ -177,9 +184,17 @@ pub(super) struct Args {
     /// How Gaussians are placed
     #[arg(long, value_enum, default_value_t = Way::Pursuit)]
     method: Way,
-    /// Gaussians that may be added, per Gaussian of the base
-    #[arg(long, default_value_t = 0.1, value_parser = parse_ratio)]
-    ratio: f64,
+    /// Gaussians that may be added, per Gaussian of the base [default: with --method augs 0.1, else as many as gain more than training
+    /// on, 0.25 at most]
+    #[arg(long, value_parser = parse_ratio)]
+    ratio: Option<f64>,
+    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    bytes: Option<u64>,
+    /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
+    #[arg(long, value_parser = duration, conflicts_with = "work")]
+    #[serde(skip)]
+    time: Option<Duration>,
     /// Keep in this folder what the joint phase has learned so far, and with --method augs each view's 2D Gaussians and lifts
     /// (safetensors), base render and depth (EXR), and resume from it
     #[arg(long, value_name = "DIR")]
@@ -226,6 +241,15 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|r| (0.0..=10.0).contains(r)).ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
+/// "500", "500kB", "2MB", "1.5GB".
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0)];
+    let (number, unit) =
+        units.iter().find_map(|(name, of)| Some((text.strip_suffix(name)?, *of))).unwrap_or((text, 1.0));
+    let number = number.trim_end().parse().ok().map(|number: f64| number * unit).filter(|n| (0.0..=1e15).contains(n));
+    number.map(|n| n as u64).ok_or_else(|| "expected a number of bytes such as 500kB or 2MB".into())
+}
+
 fn parse_share(text: &str) -> Result<f32, String> {
     let found = text.parse().ok().filter(|t| (0.01..=0.99).contains(t));
     found.ok_or_else(|| "expected a number from 0.01 to 0.99".into())
@@ -240,12 +264,16 @@ struct Report<'a> {
     /// Photos whose lifts came from `--work`.
     photos_resumed: usize,
     base_gaussians: usize,
-    /// 2D Gaussians allowed, left after the screen phase, and lifted.
+    /// Gaussians allowed; with --method augs 2D Gaussians left after the screen phase.
     budget: u32,
     refined: u32,
     supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     plain_gaussians: u32,
+    /// Of both in the file.
+    bytes_added: u64,
+    /// What pursuit meant to do; null of --method augs.
+    plan: Option<&'a Spending>,
     /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
     faded_gaussians: u32,
     /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
@@ -272,6 +300,7 @@ struct Gain {
 #[derive(Serialize)]
 struct Seconds {
     base: f64,
+    weigh: f64,
     place: f64,
     screen: f64,
     lift: f64,
@@ -280,6 +309,7 @@ struct Seconds {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
+        let end = self.time.map(|time| Instant::now() + time);
         let scene = self.lenient.open(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
@@ -291,7 +321,9 @@ impl Args {
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let (gaussians, sh_degree) = (scene.base.len() as u64, scene.base.sh_degree);
         // Each view may round its share up.
-        let added = (self.ratio * gaussians as f64) as u64 + photos.len() as u64;
+        let options = self.options()?;
+        let allowed = Allowance::new(&scene.base, options.ratio, options.bytes).left(0, 0);
+        let added = u64::from(allowed) + photos.len() as u64;
         check_room(&self.output, scene_bytes(gaussians, added, sh_degree))?;
         check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
@@ -302,7 +334,6 @@ impl Args {
             ));
         }
         let background = self.photos.background;
-        let options = EnhanceOptions { ratio: self.ratio, ..self.choices.options(self.method, Preset::Paper)? };
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
         }
@@ -330,12 +361,17 @@ impl Args {
                 None => None,
             };
             let interrupt = Interrupt::default();
-            let kept = work.as_ref().map(|work| (work, self.keep.every()));
-            let found = run_with_progress(&session, &scene, &views, &options, kept, Some(&interrupt), look_at)?;
+            let beside = Beside {
+                work: work.as_ref().map(|work| (work, self.keep.every())),
+                interrupt: Some(&interrupt),
+                end,
+                silent: self.json,
+            };
+            let found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
             write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
-            let all_steps = options.join.steps_per_view * photos.len() as u32;
+            let all_steps = found.steps;
             let ended = found.join.is_some() && joint_steps < all_steps;
             if let (Some(work), false) = (&work, ended) {
                 work.remove_joint()?;
@@ -343,15 +379,16 @@ impl Args {
             // Whoever ends it early waits for nothing more.
             let gain = if ended { None } else { gain(&session, &scene, &found, &dataset)? };
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
-            let cap = (self.ratio * scene.base.len() as f64).ceil();
+            let cap = (options.ratio * scene.base.len() as f64).ceil();
+            let allowance = Allowance::new(&scene.base, options.ratio, options.bytes);
             let budget = match options.method {
-                Method::Pursuit => cap as u32,
+                Method::Pursuit => allowance.left(0, 0),
                 Method::Augs => found.budgets.iter().sum(),
             };
             if f64::from(budget) > 1.1 * cap {
                 note(format!(
                     "each view's share is rounded up: --ratio {} of {} Gaussians is {cap}, and {budget} were allowed",
-                    self.ratio,
+                    options.ratio,
                     scene.base.len()
                 ));
             }
@@ -363,7 +400,10 @@ impl Args {
                     photos.len()
                 ));
             } else if found.lifted + plain == 0 {
-                note("nothing was added: no view had anything left that more Gaussians made better");
+                note(match found.spending.as_ref().map_or(0, |plan| plan.below_training_on) {
+                    0 => "nothing was added: no view had anything left that more Gaussians made better",
+                    _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
+                });
             }
             let report = Report {
                 output: &self.output.to_string_lossy(),
@@ -375,10 +415,13 @@ impl Args {
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
+                bytes_added: allowance.taken(plain, found.lifted),
+                plan: found.spending.as_ref(),
                 faded_gaussians: found.faded,
                 original_kept: found.original.is_some(),
                 seconds: Seconds {
                     base: found.times.base.as_secs_f64(),
+                    weigh: found.times.weigh.as_secs_f64(),
                     place: found.times.place.as_secs_f64(),
                     screen: found.times.screen.as_secs_f64(),
                     lift: found.times.lift.as_secs_f64(),
@@ -393,7 +436,7 @@ impl Args {
             } else {
                 let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
                 let times = match options.method {
-                    Method::Pursuit => format!("placing {:.1} s", seconds.place),
+                    Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
                     Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
                 };
                 let plain = if plain > 0 { format!(" and {plain} plain ones") } else { String::new() };
@@ -418,6 +461,24 @@ impl Args {
             }
             Ok(())
         })
+    }
+
+    /// What is to be done within the budget that was given.
+    fn options(&self) -> Result<EnhanceOptions> {
+        let options = self.choices.options(self.method, Preset::Paper)?;
+        if self.method == Way::Augs {
+            let of_pursuit = [("--bytes", self.bytes.is_some()), ("--time", self.time.is_some())];
+            if let Some((name, _)) = of_pursuit.into_iter().find(|(_, given)| *given) {
+                return Err(Error::Usage(format!("{name} is a choice of --method pursuit")));
+            }
+            return Ok(EnhanceOptions { ratio: self.ratio.unwrap_or(options.ratio), ..options });
+        }
+        let (ratio, weigh) = match (self.ratio, self.bytes) {
+            (Some(ratio), _) => (ratio, Weigh::Tell),
+            (None, Some(_)) => (MOST_BY_BYTES, Weigh::Tell),
+            (None, None) => (MOST_BY_GAIN, Weigh::Limit),
+        };
+        Ok(EnhanceOptions { ratio, weigh, bytes: self.bytes, ..options })
     }
 
     /// Everything that the intermediate results depend on. `pixels` has the checksum of each photo as the device has it: after
@@ -489,19 +550,35 @@ fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
     Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
 }
 
-/// Augments with a bar for each phase; `work` keeps what it can, the joint phase at such intervals, and is gone on from. With `interrupt`, which must live until the
-/// result is written, the joint phase ends when it is asked to. `look_at` sees the model at each event.
+/// What an augmentation has to do with while it goes on.
+#[derive(Default)]
+pub(super) struct Beside<'a> {
+    /// Keeps what it can, the joint phase at such intervals, and is gone on from.
+    pub(super) work: Option<(&'a WorkDir, Duration)>,
+    /// Ends the joint phase when it is asked to; must live until the result is written.
+    pub(super) interrupt: Option<&'a Interrupt>,
+    /// When the joint phase is to end.
+    pub(super) end: Option<Instant>,
+    /// The plan is not printed.
+    pub(super) silent: bool,
+}
+
+/// Augments with a bar for each phase. `look_at` sees the model at each event.
 pub(super) fn run_with_progress(
     session: &Session,
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
-    work: Option<(&WorkDir, Duration)>,
-    interrupt: Option<&Interrupt>,
+    beside: &Beside,
     look_at: &mut Look<'_>,
 ) -> Result<Enhanced> {
+    let &Beside { work, interrupt, end, silent } = beside;
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
+        if total == 0 {
+            bar = None;
+            return;
+        }
         if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
             // The old one goes first.
             bar = None;
@@ -516,7 +593,7 @@ pub(super) fn run_with_progress(
     };
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut kept: Option<Kept> = None;
-    let mut told = 0;
+    let (mut told, mut begun, mut clock) = (0, Instant::now(), None);
     loop {
         let event = match (enhancer.next(views), &mut kept) {
             (Ok(Some(event)), _) => event,
@@ -538,7 +615,22 @@ pub(super) fn run_with_progress(
         }
         match event {
             // The next event brings a bar of its own.
-            Event::Base => {}
+            Event::Base => begun = Instant::now(),
+            Event::Weigh { step, steps } => show("weighing", step.into(), steps.into(), None),
+            Event::Weighed => {
+                if let Some(end) = end {
+                    let (passed, left) = (begun.elapsed(), end.saturating_duration_since(Instant::now()));
+                    // A pass took that long; all placements together take less than two.
+                    let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
+                    enhancer.take_steps((passes * views.cameras.len() as f64).min(MOST_STEPS) as u32);
+                }
+            }
+            Event::Planned => {
+                show("", 0, 0, None);
+                if let (Some(plan), false) = (enhancer.spending(), silent) {
+                    print(spending::text(plan))?;
+                }
+            }
             Event::Place(at) => show("placing", at.step.into(), at.steps.into(), None),
             Event::Batch { views: range, .. } => {
                 let Some((work, _)) = work else { continue };
@@ -566,6 +658,20 @@ pub(super) fn run_with_progress(
                     );
                 }
                 told = enhancer.placed().len();
+                if let Some(end) = end {
+                    let (deadline, mark) = clock.get_or_insert_with(|| {
+                        let mut deadline = Deadline::of(end, steps);
+                        let mark = deadline.next();
+                        (deadline, mark)
+                    });
+                    if mark.is_some_and(|mark| step >= mark) {
+                        enhancer.replan(views, |step| {
+                            let plan = deadline.plan(step);
+                            [plan.total, plan.done]
+                        })?;
+                        *mark = deadline.next();
+                    }
+                }
                 show("joining", step.into(), steps.into(), None);
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
                     let (path, settings) = match options.method {
@@ -603,6 +709,9 @@ pub(super) fn run_with_progress(
     }
     enhancer.finish(views)
 }
+
+/// Steps of a joint phase that has much time.
+const MOST_STEPS: f64 = 1e7;
 
 /// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
 /// come place as many Gaussians each as those before, they fill the budget after so many.

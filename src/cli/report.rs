@@ -4,7 +4,7 @@ use std::{
 };
 
 use image::RgbImage;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
@@ -17,7 +17,7 @@ use crate::{
     Error, Result,
     data::{Photo, write_text},
     gpu::Context,
-    pipelines::{layers::Layers, render::RenderOptions, start::photos_of},
+    pipelines::{layers::Layers, render::RenderOptions, spend::Spending, start::photos_of},
     report::{
         compare::{Entry, EntryView, page},
         decompose::srgb_from_linear,
@@ -38,7 +38,8 @@ One page, DIR/index.html, that needs nothing beside it: for each photo the rende
 the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. DIR/report.json has the numbers.
 
 A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}. \
-Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread.
+Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. A plan is what \
+`glint enhance --json` printed: the page shows what was spent on which, and what was left out and why.
 
 Examples:
   glint report garden base=base.ply augmented=augmented.ply -o compared
@@ -75,6 +76,9 @@ pub(super) struct Args {
     /// Measurements of runs, JSON lines, for the curves. May be given several times
     #[arg(long, value_name = "FILE")]
     history: Vec<PathBuf>,
+    /// What `glint enhance --json` printed, for its plan. May be given several times
+    #[arg(long, value_name = "FILE")]
+    plan: Vec<PathBuf>,
     /// Photos to compare with
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
@@ -105,10 +109,11 @@ impl Args {
             );
         }
         let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
+        let plans = self.plan.iter().map(|path| read_plan(path)).collect::<Result<Vec<_>>>()?;
         let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
-        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history);
+        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history).chain(&self.plan);
         let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
         self.replace.check_files(&self.output, [PAGE, NUMBERS], &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
@@ -120,9 +125,22 @@ impl Args {
         let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
         let compared =
             self.device.with(|context| Ok(compare(context, &scenes, &photos, options, self.photos.background)?))?;
-        compared.write(&self.output, &self.dataset.display().to_string(), &history)?;
+        compared.write(&self.output, &self.dataset.display().to_string(), &history, &plans)?;
         Ok(print(compared.table())?)
     }
+}
+
+/// The plan in what `enhance --json` printed, and the file that was made by it.
+fn read_plan(path: &Path) -> Result<(String, Spending)> {
+    #[derive(Deserialize)]
+    struct Printed {
+        output: String,
+        plan: Option<Spending>,
+    }
+    let text = fs::read(path).map_err(|e| Error::io(path, e))?;
+    let Printed { output, plan } = serde_json::from_slice(&text)
+        .map_err(|e| Error::input(path, format!("is not what `glint enhance --json` prints: {e}")))?;
+    Ok((output, plan.ok_or_else(|| Error::input(path, "has no plan, as --method augs makes none"))?))
 }
 
 /// A scene of a page.
@@ -158,11 +176,17 @@ pub(super) fn compare(
 
 impl Compared {
     /// Into the folder `output`: the page and its numbers.
-    pub(super) fn write(&self, output: &Path, dataset: &str, history: &[Record]) -> Result<()> {
+    pub(super) fn write(
+        &self,
+        output: &Path,
+        dataset: &str,
+        history: &[Record],
+        plans: &[(String, Spending)],
+    ) -> Result<()> {
         let names: Vec<&str> = self.entries.iter().map(|entry| &entry.name[..]).collect();
         let title = format!("{} on {dataset}", names.join(", "));
         write_text(output.join(NUMBERS), &to_json(&Numbers { scenes: &self.entries })?)?;
-        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history)?)
+        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history, plans)?)
     }
 
     fn table(&self) -> Table {

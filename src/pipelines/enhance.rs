@@ -1,4 +1,5 @@
-//! The whole augmentation of a base scene: base losses → screen phase → inverse splatting, batch by batch → joint phase.
+//! The whole augmentation of a base scene: base losses → what training on gains → placement and plan → joint phase; or, as the paper has
+//! it, base losses → screen phase → inverse splatting, batch by batch → joint phase.
 
 use std::{
     ops::Range,
@@ -10,13 +11,14 @@ use rayon::prelude::*;
 
 use super::{
     checkpoint::Checkpoint,
-    join::{JoinOptions, join},
+    join::{JoinOptions, course, join_for},
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
     pursuit::{self, Placed, Pursuit, PursuitOptions},
     render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
     screen::{self, Refiner, Schedule, base_losses, budgets},
     session::Session,
+    spend::{Allowance, Spending, TrainingOn, Weigh},
     train::{TrainReport, Trainer},
     views::Views,
 };
@@ -43,8 +45,12 @@ pub struct EnhanceOptions {
     pub method: Method,
     /// Of [`Method::Pursuit`].
     pub pursuit: PursuitOptions,
-    /// Supplementary Gaussians for each Gaussian of the base, at most.
+    /// Gaussians for each Gaussian of the base that may be added, at most.
     pub ratio: f64,
+    /// Of [`Method::Pursuit`]: bytes that these may take in a file, at most.
+    pub bytes: Option<u64>,
+    /// Of [`Method::Pursuit`]: against training on.
+    pub weigh: Weigh,
     /// Of [`Method::Augs`]: rounds and steps of the screen phase.
     pub schedule: Schedule,
     /// Of [`Method::Augs`]: inverse splatting.
@@ -73,6 +79,8 @@ impl EnhanceOptions {
             method: Method::Augs,
             pursuit: PursuitOptions::default(),
             ratio: 0.1,
+            bytes: None,
+            weigh: Weigh::Not,
             schedule: Schedule::PAPER,
             lift: LiftOptions::default(),
             join: JoinOptions::default(),
@@ -97,8 +105,14 @@ pub enum Event {
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
+    /// The base learns on for a moment, to know what that gains.
+    Weigh { step: u32, steps: u32 },
+    /// It is known what a step takes: [`Enhancer::take_steps`] may now say how many the joint phase has.
+    Weighed,
     /// Gaussians are being placed by pursuit.
     Place(pursuit::Progress),
+    /// [`Enhancer::spending`] has the plan.
+    Planned,
     /// The batch was lifted; [`Enhancer::lifted`] has it until the next event.
     Lifted { views: Range<usize> },
     /// Joint steps done, of how many. At 0 [`Enhancer::resume_join`] may give what an earlier run learned.
@@ -110,6 +124,8 @@ pub enum Event {
 pub struct Times {
     /// Rendering the base, and its losses.
     pub base: Duration,
+    /// What training on gains.
+    pub weigh: Duration,
     /// Of [`Method::Pursuit`].
     pub place: Duration,
     /// The screen phase.
@@ -143,15 +159,28 @@ pub struct Enhanced {
     pub times: Times,
     /// What [`Method::Pursuit`] placed, each time.
     pub placed: Vec<Placed>,
+    /// The plan that was obeyed; of [`Method::Pursuit`].
+    pub spending: Option<Spending>,
+    /// That the joint phase has in all.
+    pub steps: u32,
     /// `None` where nothing was added.
     pub join: Option<TrainReport>,
+}
+
+/// A copy of the base, and what trains it on.
+struct Pilot {
+    model: Model,
+    trainer: Trainer,
 }
 
 /// What is next.
 enum Next {
     Base,
+    Weigh(Box<Pilot>),
     /// By pursuit; with a trainer, the joint phase goes on afterwards.
     Place(Option<Box<Trainer>>),
+    /// The joint phase begins.
+    Begin,
     Batch(usize),
     Screen(usize),
     Join(Box<Trainer>),
@@ -179,6 +208,11 @@ pub struct Enhancer {
     resumed: usize,
     times: Times,
     placed: Vec<Placed>,
+    allowance: Allowance,
+    training_on: Option<TrainingOn>,
+    spending: Option<Spending>,
+    /// Of the joint phase.
+    steps: u32,
     join: Option<TrainReport>,
 }
 
@@ -201,9 +235,10 @@ impl Enhancer {
             backward: false,
             policy: session.policy,
         };
+        let allowance = Allowance::new(&scene.base, options.ratio, options.bytes);
         let room = match options.method {
             Method::Pursuit => {
-                let most = most(scene.base.len() as u32, options.ratio);
+                let most = allowance.left(0, 0);
                 // Supplementary Gaussians that fade stay there until the end.
                 Room { base: most, supplement: most.saturating_mul(2), page: None, half: false }
             }
@@ -228,6 +263,10 @@ impl Enhancer {
             resumed: 0,
             times: Times::default(),
             placed: Vec::new(),
+            allowance,
+            training_on: None,
+            spending: None,
+            steps: options.join.steps_per_view * views.cameras.len() as u32,
             join: None,
         })
     }
@@ -245,36 +284,80 @@ impl Enhancer {
             match &mut self.next {
                 Next::Base if self.options.method == Method::Pursuit => {
                     self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
-                    let most = most(self.original.len() as u32, self.options.ratio);
-                    let options = self.options.pursuit;
-                    let mut pursuit = Pursuit::new(&self.session, views, most, options)?;
-                    pursuit.start(allowed(most, 0, options.placements))?;
+                    let most = self.allowance.left(0, 0);
+                    let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
+                    self.next = if self.options.weigh == Weigh::Not || most == 0 {
+                        pursuit.start(allowed(most, 0, self.options.pursuit.placements))?;
+                        Next::Place(None)
+                    } else {
+                        Next::Weigh(Box::new(self.pilot(views)?))
+                    };
                     self.pursuit = Some(pursuit);
-                    self.next = Next::Place(None);
                     self.times.base = started.elapsed();
                     return Ok(Some(Event::Base));
+                }
+                Next::Weigh(pilot) => {
+                    let (steps, Some(pursuit)) = (pilot.trainer.total(), &mut self.pursuit) else { return Ok(None) };
+                    if let Some(step) = pilot.trainer.advance(&pilot.model, views)? {
+                        self.times.weigh += started.elapsed();
+                        return Ok(Some(Event::Weigh { step, steps }));
+                    }
+                    let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
+                    // What it was is known once it has been looked at.
+                    self.training_on = Some(TrainingOn { before: f64::NAN, after, steps });
+                    pursuit.start(allowed(self.allowance.left(0, 0), 0, self.options.pursuit.placements))?;
+                    self.next = Next::Place(None);
+                    self.times.weigh += started.elapsed();
+                    return Ok(Some(Event::Weighed));
                 }
                 Next::Place(joining) => {
                     let Some(pursuit) = &mut self.pursuit else { return Ok(None) };
                     let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
                     self.times.place += started.elapsed();
                     if let Some(progress) = progress {
+                        if let (Some(on), true) = (&mut self.training_on, pursuit.has_looked(progress))
+                            && on.before.is_nan()
+                        {
+                            on.before = pursuit.squared_error()?;
+                            if self.options.weigh == Weigh::Limit {
+                                let least = on.least_gain(self.steps, self.original.len() as u32) as f32;
+                                pursuit.demand(least.max(self.options.pursuit.least_gain));
+                            }
+                        }
                         return Ok(Some(Event::Place(progress)));
                     }
-                    let started = Instant::now();
                     let joining = joining.take();
                     self.placed.push(pursuit.placed()?);
                     self.model.learn_counts()?;
-                    self.next = match joining {
-                        Some(trainer) => Next::Join(trainer),
-                        None => self.begin_join(views)?,
+                    let Some(trainer) = joining else {
+                        let placements = self.options.pursuit.placements.max(1);
+                        let first = allowed(self.allowance.left(0, 0), 0, placements);
+                        self.spending = Some(Spending::new(
+                            &self.allowance,
+                            [first, placements, self.steps],
+                            &pursuit.choice()?,
+                            pursuit.least_gain(),
+                            self.training_on.as_ref(),
+                        ));
+                        self.next = Next::Begin;
+                        return Ok(Some(Event::Planned));
                     };
-                    self.times.join += started.elapsed();
-                    let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+                    self.next = Next::Join(trainer);
+                    let done = self.placed.len() as u32;
                     if let Next::Join(trainer) = &mut self.next {
                         let steps = trainer.total();
-                        trainer.go_on_to(pause(steps, done, placements));
-                        return Ok(Some(Event::Join { step: pause(steps, done - 1, placements), steps }));
+                        trainer.go_on_to(pause(steps, done, &self.options.pursuit));
+                        return Ok(Some(Event::Join { step: pause(steps, done - 1, &self.options.pursuit), steps }));
+                    }
+                }
+                Next::Begin => {
+                    self.next = self.begin_join(views)?;
+                    self.times.join += started.elapsed();
+                    let done = self.placed.len() as u32;
+                    if let Next::Join(trainer) = &mut self.next {
+                        let steps = trainer.total();
+                        trainer.go_on_to(pause(steps, done, &self.options.pursuit));
+                        return Ok(Some(Event::Join { step: pause(steps, done - 1, &self.options.pursuit), steps }));
                     }
                 }
                 Next::Base => {
@@ -329,12 +412,14 @@ impl Enhancer {
                     }
                     let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
                     if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
-                        let most = most(self.original.len() as u32, self.options.ratio);
+                        let most = self.allowance.left(0, 0);
                         // What has faded goes in the end, so that others may take its place.
                         let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
-                        let so_far = self.model.count() - self.original.len() as u32 - faded;
-                        let room = most.saturating_mul(2).saturating_sub(self.model.count_of(Segment::Supplement));
-                        pursuit.start(allowed(most, done, placements).saturating_sub(so_far).min(room))?;
+                        let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
+                        let lobes = self.model.count_of(Segment::Supplement);
+                        let room = most.saturating_mul(2).saturating_sub(lobes);
+                        let lacking = allowed(most, done, placements).saturating_sub(plain + lobes - faded);
+                        pursuit.start(lacking.min(room).min(self.allowance.left(plain, lobes - faded)))?;
                         let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
                             return Ok(None);
                         };
@@ -378,7 +463,7 @@ impl Enhancer {
         trainer.resume(&self.model, checkpoint, true)?;
         self.model.learn_counts()?;
         self.placed.resize(done as usize, Placed::default());
-        trainer.go_on_to(pause(trainer.total(), done, placements));
+        trainer.go_on_to(pause(trainer.total(), done, &self.options.pursuit));
         Ok(())
     }
 
@@ -409,6 +494,30 @@ impl Enhancer {
         Ok(())
     }
 
+    /// When the joint phase has not begun: how many steps it has.
+    pub fn take_steps(&mut self, steps: u32) {
+        self.steps = steps.max(1);
+    }
+
+    /// What is spent on which, once [`Event::Planned`] has told of it.
+    pub fn spending(&self) -> Option<&Spending> {
+        self.spending.as_ref()
+    }
+
+    /// The joint phase becomes one of another number of steps, of which the same part is done: `plan` gives both of the step that it is
+    /// at. Waits.
+    pub fn replan(&mut self, views: &Views, plan: impl FnOnce(u32) -> [u32; 2]) -> Result<()> {
+        let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
+        let [steps, done] = plan(trainer.halt()?);
+        let (schedule, plan) = course(&self.session, &self.model, views, &self.options.join, steps);
+        trainer.follow(&self.session, schedule, plan, done)?;
+        if self.options.method == Method::Pursuit {
+            trainer.go_on_to(pause(steps, self.placed.len() as u32, &self.options.pursuit));
+        }
+        self.steps = steps;
+        Ok(())
+    }
+
     /// The batch that [`Event::Lifted`] told of: its 2D Gaussians, still on the device, and what they were lifted to.
     pub fn lifted(&self) -> Option<(&Refiner, &Lifted)> {
         self.refiner.as_ref().zip(self.lifted.as_ref())
@@ -425,7 +534,7 @@ impl Enhancer {
         let lifted = self.model.count_of(Segment::Supplement);
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
             let plain = (scene.base.len() - self.original.len()) as u32;
-            let room = most(self.original.len() as u32, self.options.ratio).saturating_sub(plain) as usize;
+            let room = self.allowance.left(plain, 0) as usize;
             let opacities = greatest_opacities(supplement, views);
             // Some may have come back that others had taken the place of.
             let mut order: Vec<usize> = (0..opacities.len()).collect();
@@ -447,6 +556,8 @@ impl Enhancer {
             resumed: self.resumed,
             times: self.times,
             placed: self.placed,
+            spending: self.spending,
+            steps: self.steps,
             join: self.join,
         })
     }
@@ -457,22 +568,28 @@ impl Enhancer {
         Some((batches.len(), batches.get(batch)?.clone()))
     }
 
+    /// A copy of the base that learns on for one pass over the photographs, all rates falling as they do in the joint phase.
+    fn pilot(&self, views: &Views) -> Result<Pilot> {
+        let base = Scene { base: self.original.clone(), supplement: None };
+        let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
+        // So few steps are no time for moments to settle in.
+        let options = JoinOptions { bias_correction: true, steps_per_view: 1, ..self.options.join };
+        let mut trainer = join_for(&self.session, &model, views, &options, views.cameras.len() as u32)?;
+        trainer.start(false)?;
+        Ok(Pilot { model, trainer })
+    }
+
     fn begin_join(&self, views: &Views) -> Result<Next> {
         if self.model.count() == self.original.len() as u32 {
             return Ok(Next::Done);
         }
-        let mut trainer = join(&self.session, &self.model, views, &self.options.join)?;
+        let mut trainer = join_for(&self.session, &self.model, views, &self.options.join, self.steps)?;
         if self.options.method == Method::Pursuit {
             trainer.let_counts_vary();
         }
         trainer.start(true)?;
         Ok(Next::Join(Box::new(trainer)))
     }
-}
-
-/// Gaussians that may be added to `gaussians`.
-fn most(gaussians: u32, ratio: f64) -> u32 {
-    (ratio * f64::from(gaussians)).ceil() as u32
 }
 
 /// The greatest opacity that each Gaussian has in any of `views`, lobe included.
@@ -500,9 +617,14 @@ fn allowed(most: u32, index: u32, placements: u32) -> u32 {
     }
 }
 
-/// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
-fn pause(steps: u32, done: u32, placements: u32) -> u32 {
-    if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
+/// The joint step after which there is another placement once `done` of `placements` are: all lie in its first part `until`.
+fn pause(steps: u32, done: u32, options: &PursuitOptions) -> u32 {
+    let &PursuitOptions { placements, until, .. } = options;
+    if done < placements {
+        (f64::from(steps) * f64::from(until) * f64::from(done) / f64::from(placements)) as u32
+    } else {
+        steps
+    }
 }
 
 fn not_joining() -> Error {
@@ -529,7 +651,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn placements_end_with_all_and_lie_in_the_first_half() {
+    fn placements_end_with_all_and_lie_in_the_first_part() {
         for most in [0, 1, 2, 7, 400] {
             assert_eq!(allowed(most, 0, 1), most);
             for placements in 2..5 {
@@ -540,7 +662,8 @@ mod tests {
                 );
             }
         }
-        assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, 3)), [0, 100, 200, 600]);
-        assert_eq!([0, 1].map(|done| pause(600, done, 1)), [0, 600]);
+        let of = |placements| PursuitOptions { placements, until: 0.5, ..PursuitOptions::default() };
+        assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, &of(3))), [0, 100, 200, 600]);
+        assert_eq!([0, 1].map(|done| pause(600, done, &of(1))), [0, 600]);
     }
 }

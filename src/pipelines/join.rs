@@ -23,12 +23,21 @@ pub struct JoinOptions {
     pub pace: f32,
     /// What share of them is left at the end.
     pub decay: f32,
+    /// How many times as fast supplementary Gaussians learn.
+    pub supplement_pace: f32,
 }
 
 impl Default for JoinOptions {
     /// The paper's.
     fn default() -> Self {
-        JoinOptions { steps_per_view: 30, bias_correction: false, everything: false, pace: 1.0, decay: 1.0 }
+        JoinOptions {
+            steps_per_view: 30,
+            bias_correction: false,
+            everything: false,
+            pace: 1.0,
+            decay: 1.0,
+            supplement_pace: 1.0,
+        }
     }
 }
 
@@ -68,13 +77,28 @@ impl JoinOptions {
 
 /// The joint phase on all of `views`, ready to run.
 pub fn join(session: &Session, model: &Model, views: &Views, options: &JoinOptions) -> Result<Trainer> {
-    let count = views.cameras.len() as u32;
-    let steps = options.steps_per_view * count;
-    let schedule = permutations(count, steps, session.seed);
+    join_for(session, model, views, options, options.steps_per_view * views.cameras.len() as u32)
+}
+
+/// The same of `steps` steps in all.
+pub fn join_for(session: &Session, model: &Model, views: &Views, options: &JoinOptions, steps: u32) -> Result<Trainer> {
+    let (schedule, plan) = course(session, model, views, options, steps);
+    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
+}
+
+/// The views of a joint phase of `steps` steps, and what each step does.
+pub(super) fn course(
+    session: &Session,
+    model: &Model,
+    views: &Views,
+    options: &JoinOptions,
+    steps: u32,
+) -> (Vec<u32>, impl Fn(u32) -> StepPlan + Send + 'static + use<>) {
+    let schedule = permutations(views.cameras.len() as u32, steps, session.seed);
     let (options, extent, active_degree) = (*options, session.extent, model.sh_degree);
     let plan = move |step| {
         let done = step as f32 / steps.max(1) as f32;
-        StepPlan { rates: options.rates(extent, done), active_degree }
+        StepPlan { rates: options.rates(extent, done), supplement_pace: options.supplement_pace, active_degree }
     };
-    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
+    (schedule, plan)
 }

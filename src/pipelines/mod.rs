@@ -27,6 +27,8 @@ pub mod screen;
 pub mod session;
 pub mod sort;
 #[cfg(feature = "train")]
+pub mod spend;
+#[cfg(feature = "train")]
 pub mod start;
 #[cfg(feature = "train")]
 pub mod steps;

@@ -10,6 +10,7 @@ use super::{
     render::{Renderer, Show},
     session::Session,
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    spend::Choice,
     steps::{Looped, Steps},
     views::Views,
 };
@@ -57,8 +58,12 @@ pub struct PursuitOptions {
     pub rounds: u32,
     /// Which Gaussians may be placed.
     pub kinds: Kinds,
-    /// Placements in all: the first before the joint phase, the others in its first half, each of what is lacking by then.
+    /// What the gain of a lobe counts where both kinds may be placed: what it gains by a hair over a plain Gaussian is noise.
+    pub lobe_worth: f32,
+    /// Placements in all: the first before the joint phase, the others in its first part, each of what is lacking by then.
     pub placements: u32,
+    /// That part of the joint phase.
+    pub until: f32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
     /// How much less a candidate's gain in a view counts the more its colour comes from that view alone: 0 as it was fitted, 1 as the
@@ -79,7 +84,9 @@ impl Default for PursuitOptions {
             size_ratio: std::f32::consts::SQRT_2,
             rounds: 24,
             kinds: Kinds::Both,
+            lobe_worth: 0.98,
             placements: 3,
+            until: 0.5,
             least_gain: 0.0,
             caution: 1.0,
             least_opacity: 0.1,
@@ -149,6 +156,8 @@ buffers! {
         pub(crate) counts: u32 = COUNTS,
         pub(crate) args: u32 = 9,
         pub(crate) error_sums: f32 = o.blocks,
+        /// Squared error over channels, of each block.
+        pub(crate) squares: f32 = o.blocks,
         pub(crate) quanta: u32 = o.blocks,
         pub(crate) quanta_firsts: u32 = o.blocks,
         pub(crate) block_sums: u32 = block_sums_len(o.blocks.max(o.most)),
@@ -331,7 +340,7 @@ impl Pursuit {
             most: most.max(1),
         };
         let worth = match options.kinds {
-            Kinds::Both => [1.0, 1.0],
+            Kinds::Both => [options.lobe_worth, 1.0],
             Kinds::Lobes => [1.0, 0.0],
             Kinds::Plain => [0.0, 1.0],
         };
@@ -384,6 +393,46 @@ impl Pursuit {
                 self.steps.start(placer.choices(), false)?;
             }
         }
+    }
+
+    /// Squared error over pixels and channels of all views that were looked at last. Waits.
+    pub fn squared_error(&self) -> Result<f64> {
+        Ok(self.placer.work.squares.download()?.into_iter().map(f64::from).sum())
+    }
+
+    /// The same of `model`, instead of placing anything. Waits.
+    pub fn measure(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<f64> {
+        let placer = &self.placer;
+        self.steps.run(placer.plot_list.len() as u32, false, &mut Look { placer, renderer, model, views }, |_| ())?;
+        self.squared_error()
+    }
+
+    /// Whether all views have been looked at and nothing was chosen yet.
+    pub fn has_looked(&self, progress: Progress) -> bool {
+        progress.step == self.placer.plot_list.len() as u32
+    }
+
+    /// Squared error that each Gaussian must gain from now on.
+    pub fn demand(&mut self, least_gain: f32) {
+        self.placer.options.least_gain = least_gain;
+    }
+
+    /// See [`Pursuit::demand`].
+    pub fn least_gain(&self) -> f32 {
+        self.placer.options.least_gain
+    }
+
+    /// What was chosen, placed or not. Waits.
+    pub fn choice(&self) -> Result<Choice> {
+        let p = &self.placer;
+        let sorted = p.pairs()[p.stages.sort.last_pair()];
+        let kept = (p.work.counts.download()?[KEPT as usize] as usize).min(p.candidates as usize);
+        let (keys, order) = (sorted.keys.download_range(0, kept)?, sorted.values.download_range(0, kept)?);
+        let fits = p.work.fits.download()?;
+        let one =
+            |(key, i): (u32, u32)| (f32::from_bits(!key), fits.get(i as usize).is_some_and(|fit| fit.width > 0.0));
+        let gains = keys.into_iter().zip(order).map(one).collect();
+        Ok(Choice { gains, drawn: p.candidates, squared_error: self.squared_error()? })
     }
 
     /// What was placed. Waits.
@@ -452,6 +501,7 @@ impl Placer {
                 errors: &page.errors,
                 error_sums: &w.error_sums,
                 explained: &page.explained,
+                squares: &w.squares,
             },
             &pursuit_residual::Push { view },
             pixels.div_ceil(ERROR_BLOCK),

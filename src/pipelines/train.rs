@@ -33,6 +33,8 @@ const BATCH: u32 = 16;
 pub struct StepPlan {
     /// Of this step, per parameter class.
     pub rates: Rates,
+    /// How many times as fast supplementary Gaussians learn.
+    pub supplement_pace: f32,
     /// SH bands in use.
     pub active_degree: u32,
 }
@@ -214,7 +216,7 @@ impl Trainer {
     }
 
     /// Makes a loop of [`dense_trainer`] one of another number of steps, of which `done` count as done, with all that was learned.
-    /// Of the losses the last ones stay; where there are too few, the first stands for those before it. Waits.
+    /// Waits.
     pub fn replan(
         &mut self,
         session: &Session,
@@ -223,9 +225,29 @@ impl Trainer {
         density: &DensityOptions,
         done: u32,
     ) -> Result<()> {
-        let before = self.steps.stop()?;
-        let losses = self.losses(before);
         let (schedule, plan) = course(session, views, options, density);
+        if let Some(control) = &mut self.work.density {
+            control.replan(options.iterations);
+        }
+        self.follow(session, schedule, plan, done)
+    }
+
+    /// Stands still: how many steps are done. Waits.
+    pub(super) fn halt(&mut self) -> Result<u32> {
+        self.steps.stop()
+    }
+
+    /// Another course, of which `done` steps count as done, with all that was learned. Of the losses the last ones stay; where there are
+    /// too few, the first stands for those before it. Waits.
+    pub(super) fn follow(
+        &mut self,
+        session: &Session,
+        schedule: Vec<u32>,
+        plan: impl Fn(u32) -> StepPlan + Send + 'static,
+        done: u32,
+    ) -> Result<()> {
+        let before = self.halt()?;
+        let losses = self.losses(before);
         let late = losses.len().saturating_sub(done as usize);
         let first = losses.first().copied().unwrap_or(0.0);
         let padding = std::iter::repeat_n(first, (done as usize).saturating_sub(losses.len()));
@@ -233,9 +255,6 @@ impl Trainer {
         self.work.loss.make_room(&session.context, schedule.len())?;
         self.work.write_losses(&moved);
         (self.work.schedule, self.work.plan) = (schedule, Box::new(plan));
-        if let Some(control) = &mut self.work.density {
-            control.replan(options.iterations);
-        }
         self.steps.count_anew(done, self.total())
     }
 
@@ -331,7 +350,11 @@ impl On<'_> {
 impl Looped for On<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
         let On { training, model, views } = &*self;
-        let StepPlan { rates, active_degree: degree } = (training.plan)(step);
+        let StepPlan { rates, supplement_pace, active_degree: degree } = (training.plan)(step);
+        let rates_of = |learner: &Learner| match learner.lesson.segment {
+            Segment::Base => rates,
+            Segment::Supplement => rates.times(supplement_pace),
+        };
         let (views_per_step, raster) = (training.views_per_step, &training.renderer.raster);
         let several = views_per_step > 1;
         if several {
@@ -343,7 +366,7 @@ impl Looped for On<'_> {
             let seen = Seen { model, views, view, raster, degree, status };
             for learner in &training.learners {
                 match several {
-                    false => learner.record_step(recorder, &seen, &rates, step),
+                    false => learner.record_step(recorder, &seen, &rates_of(learner), step),
                     true => learner.record_add(recorder, &seen),
                 }
             }
@@ -354,7 +377,7 @@ impl Looped for On<'_> {
         }
         if several {
             for learner in &training.learners {
-                learner.record_adam(recorder, model, degree, &rates, step, status);
+                learner.record_adam(recorder, model, degree, &rates_of(learner), step, status);
             }
         }
         if let (Some(density), [learner, ..]) = (&training.density, &training.learners[..]) {
@@ -417,6 +440,7 @@ impl BaseOptions {
                 sh: 2.5e-3 / 20.0,
                 ..Default::default()
             },
+            supplement_pace: 1.0,
             active_degree: (step / interval).min(self.sh_degree),
         }
     }

@@ -16,11 +16,13 @@ pub struct Residual {
     pub errors: Vec<f64>,
     /// Of each block.
     pub sums: Vec<f64>,
+    /// Squared differences over channels of each block, depth or not.
+    pub squares: Vec<f64>,
 }
 
 /// `targets` are 8-bit RGBA, alpha 0 where a pixel does not count; `depths` camera z, 0 for none.
 pub fn pursuit_residual(image: &[[f64; 4]], targets: &[u32], depths: &[f64]) -> Residual {
-    let mut out = Residual::default();
+    let (mut out, mut squares) = (Residual::default(), Vec::with_capacity(image.len()));
     for ((pixel, &target), &depth) in image.iter().zip(targets).zip(depths) {
         let render = DVec3::new(pixel[0], pixel[1], pixel[2]);
         let finite = render.to_array().iter().all(|v| v.abs() <= FLOAT_MAX);
@@ -29,11 +31,13 @@ pub fn pursuit_residual(image: &[[f64; 4]], targets: &[u32], depths: &[f64]) -> 
         let difference = if alpha > 0.0 && finite { DVec3::new(r, g, b) - render } else { DVec3::ZERO };
         let seen = depth > NEAR && depth <= FLOAT_MAX;
         let mean = difference.abs().element_sum() / 3.0;
+        squares.push(difference.length_squared());
         out.texels.push(Texel { difference, render });
         out.depths.push(if seen { depth } else { 0.0 });
         out.errors.push(if seen { mean * mean } else { 0.0 });
     }
-    out.sums = out.errors.chunks(ERROR_BLOCK as usize).map(|block| block.iter().sum()).collect();
+    let blocks = |values: &[f64]| values.chunks(ERROR_BLOCK as usize).map(|block| block.iter().sum()).collect();
+    (out.sums, out.squares) = (blocks(&out.errors), blocks(&squares));
     out
 }
 
@@ -53,6 +57,8 @@ mod tests {
         );
         let error = (1.25f64 / 3.0).powi(2);
         assert_eq!((found.errors, found.sums), (vec![error, 0.0, 0.0, 0.0], vec![error]));
+        // The last has no depth, but its error is one.
+        assert_eq!(found.squares, [2.0 * (0.75f64.powi(2) + 0.25)]);
         assert_eq!(found.depths, [1.0, 1.0, 1.0, 0.0]);
         assert_eq!((found.texels[1].difference, found.texels[2].render), (DVec3::ZERO, DVec3::ZERO));
     }

@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::history::{Cost, Gain, Range, Record, css_color, curves, holdouts, plot};
 use super::metrics::Quality;
 use super::page::{STYLE, cells, escape};
-use crate::Result;
+use super::spending;
+use crate::{Result, pipelines::spend::Spending};
 
 /// One of the scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -42,14 +43,24 @@ pub struct EntryView {
 }
 
 /// The page. `title` says what was compared with what, `photos` has each view's photograph as a `data:` address; every entry has
-/// these views, in their order. Without `history` there are no curves.
+/// these views, in their order. Without `history` there are no curves;
+/// `plans` has plans and what was made by them.
 ///
 /// # Errors
 /// Where curves cannot be drawn.
-pub fn page(title: &str, photos: &[String], entries: &[Entry], history: &[Record]) -> Result<String> {
+pub fn page(
+    title: &str,
+    photos: &[String],
+    entries: &[Entry],
+    history: &[Record],
+    plans: &[(String, Spending)],
+) -> Result<String> {
     let title = escape(title);
     let mut body = format!("<h1>{title}</h1>\n<p>{EXPLAINED}</p>\n<h2>Scenes</h2>\n");
     body += &table_of_scenes(entries);
+    for (name, plan) in plans {
+        body += &spending::html(name, plan);
+    }
     for holdout in holdouts(history) {
         body += &work_precision(history, holdout)?;
     }
@@ -230,9 +241,14 @@ mod tests {
             record("plain", 0, 2.0, "every"),
             record("plain", 0, 2.0, "sector"),
         ];
-        let html =
-            page("a & b", &photos, &[entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)], &history)
-                .unwrap();
+        let html = page(
+            "a & b",
+            &photos,
+            &[entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)],
+            &history,
+            &[],
+        )
+        .unwrap();
         let count = |part: &str| html.matches(part).count();
         assert!(html.contains("<title>a &amp; b</title>") && !html.contains("://"));
         assert_eq!([count("<b>"), count("<i>"), count("<u>")], [0; 3]);
@@ -245,7 +261,7 @@ mod tests {
         assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (12, 1, 1));
         assert!(html.contains("<td>22.00 (21.00 to 23.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
         assert!(html.contains("<td>mean</td><td>20.12</td><td>0.5000</td><td>Infinity</td><td>0.5000</td>"));
-        let without = page("x", &photos, &[entry("base", 20.0, false)], &[]).unwrap();
+        let without = page("x", &photos, &[entry("base", 20.0, false)], &[], &[]).unwrap();
         assert!(!without.contains("<svg") && !without.contains("Work and precision"));
     }
 }

@@ -13,6 +13,8 @@ pub mod metrics;
 pub mod page;
 pub mod plan;
 pub mod sidebyside;
+#[cfg(feature = "cli")]
+pub mod spending;
 pub mod summary;
 pub mod table;
 #[cfg(feature = "cli")]

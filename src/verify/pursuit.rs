@@ -140,8 +140,10 @@ impl Here<'_> {
         for (got, want) in [(&page.errors, &want.errors), (&page.surface_depths, &want.depths)] {
             row.numbers(got.download_range(first, pixels)?.into_iter().zip(want.iter().copied()));
         }
-        let sums = w.error_sums.download_range(plot.block_first as usize, want.sums.len())?;
-        row.numbers(sums.into_iter().zip(want.sums));
+        for (got, want) in [(&w.error_sums, &want.sums), (&w.squares, &want.squares)] {
+            let got = got.download_range(plot.block_first as usize, want.len())?;
+            row.numbers(got.into_iter().zip(want.iter().copied()));
+        }
         row.words(&page.explained.download_range(first, pixels)?, &vec![0; pixels]);
         bench.push(row);
 

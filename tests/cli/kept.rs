@@ -292,6 +292,8 @@ fn pursuit_that_was_killed_goes_on_to_the_same_bits_and_places_what_is_lacking()
     let said = work.said(&format!("{PURSUE} -o out.ply"));
     assert!(said.contains("going on after step"), "{said}");
     assert_eq!(fs::read(work.path("out.ply")).unwrap(), fs::read(work.path("whole.ply")).unwrap());
+    // A run by the clock is not gone on with.
+    assert_eq!(work.run(&format!("{PURSUE} -o x.ply --time 9s")).status.code(), Some(2));
     // Another method is another folder.
     work.refused(&format!("{PURSUE} -o x.ply --method augs"), &["settings.json", "method"]);
     work.refused("enhance data --base base.ply -o x.ply --preset quick", &["--preset", "--method augs"]);

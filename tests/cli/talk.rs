@@ -85,6 +85,40 @@ fn an_augmentation_ends_with_what_it_gained() {
     assert!(report["gain"].is_null());
 }
 
+/// The plan is printed before it is done, in JSON and on the page too, and what is done keeps within every budget.
+#[test]
+fn an_augmentation_has_a_plan_and_keeps_to_it() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    let report = work.json("enhance data --base base.ply -o a.ply --bytes 2.5kB --ratio 0.3 --json");
+    let (plan, number) = (&report["plan"], |name: &str| report[name].as_u64().unwrap());
+    let added = number("supplementary_gaussians") + number("plain_gaussians");
+    assert!(added > 0 && added <= plan["gaussians_allowed"].as_u64().unwrap(), "{report}");
+    assert!(number("bytes_added") <= 2500 && plan["bytes_allowed"] == 2500 && number("budget") < 90, "{report}");
+    assert!(plan["training_on_db"].is_number() && plan["least_db_per_thousand"] == 0.0);
+    fs::write(work.path("plan.json"), report.to_string()).unwrap();
+    work.ok("report data base=base.ply more=a.ply -o page --plan plan.json");
+    let page = fs::read_to_string(work.path("page/index.html")).unwrap();
+    assert!(page.contains("<h2>Plan of a.ply</h2>") && page.contains("Gaussians with lobes"));
+    work.refused("report data a=a.ply -o x --plan base.ply", &["base.ply"]);
+    // Until what training on gains, as long as there is time.
+    let started = std::time::Instant::now();
+    let said = work.ok("enhance data --base base.ply -o b.ply --time 2s");
+    for part in ["plan: at most 75 Gaussians", "training on, ", "that gain less than training on as long would"] {
+        assert!(said.contains(part), "`{part}` is not in: {said}");
+    }
+    // Most of it is spent, and on a machine that has much else to do a little more.
+    let seconds = started.elapsed().as_secs_f64();
+    assert!((1.5..30.0).contains(&seconds), "{seconds} s: {said}");
+    for bad in ["--bytes -1", "--bytes 2XB", "--time 0s"] {
+        assert_eq!(work.run(&format!("enhance data --base base.ply -o x.ply {bad}")).status.code(), Some(2), "{bad}");
+    }
+    for option in ["--bytes 1MB", "--time 9s"] {
+        let command = format!("enhance data --base base.ply -o x.ply --method augs {option}");
+        work.refused(&command, &[&option[..6], "--method pursuit"]);
+    }
+}
+
 #[test]
 fn an_evaluation_can_be_looked_at() {
     let work = Work::new();

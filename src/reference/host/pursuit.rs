@@ -79,8 +79,9 @@ pub(super) fn pursuit_residual(h: kernels::pursuit_residual::Host<'_>) -> Outcom
         h.errors[first + p] = found.errors[p] as f32;
         h.explained[first + p] = 0;
     }
-    for (b, sum) in found.sums.into_iter().enumerate() {
+    for (b, (sum, square)) in found.sums.into_iter().zip(found.squares).enumerate() {
         h.error_sums[plot.block_first as usize + b] = sum as f32;
+        h.squares[plot.block_first as usize + b] = square as f32;
     }
     Ok(())
 }

@@ -1,0 +1,121 @@
+//! The plan of an augmentation, for people.
+
+use std::fmt::Write;
+
+use super::{
+    page::escape,
+    table::{Cell, Column, Table},
+};
+use crate::pipelines::spend::{Spending, Spent};
+
+/// What each thing that can be spent on gains.
+fn table(plan: &Spending) -> Table {
+    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+    let mut table = Table::new([
+        column("what", "spent on", "", 0),
+        column("chosen", "worth something", "", 0),
+        column("placed", "placed at first", "", 0),
+        column("gain_db", "gain", "dB", 3),
+        column("db_per_thousand", "a thousand", "dB", 3),
+        column("db_per_megabyte", "a megabyte", "dB", 3),
+    ]);
+    let kinds = [("Gaussians with lobes", &plan.lobes), ("plain Gaussians", &plan.plain)];
+    for (what, &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte }) in kinds {
+        let counts = [chosen, placed].map(|count| Cell::Count(count.into()));
+        let gains =
+            if placed > 0 { [gain_db, db_per_thousand, db_per_megabyte].map(Cell::Number).to_vec() } else { vec![] };
+        table.row(std::iter::once(Cell::from(what)).chain(counts).chain(gains));
+    }
+    if let Some(gain) = plan.training_on_db {
+        table.row([format!("training on, {} steps", plan.steps).into(), Cell::Absent, Cell::Absent, gain.into()]);
+    }
+    table
+}
+
+/// What is done, and what is left out and why.
+fn sentences(plan: &Spending) -> [String; 3] {
+    let &Spending { gaussians_allowed, bytes_allowed, placements, steps, .. } = plan;
+    let bytes = bytes_allowed.map_or(String::new(), |bytes| format!(" in {bytes} bytes"));
+    let later = match placements.saturating_sub(1) {
+        0 => String::new(),
+        more => format!(", what is lacking by then {more} times more while it goes on"),
+    };
+    let does = if plan.placed() == 0 {
+        format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene stays as it is")
+    } else {
+        format!(
+            "at most {gaussians_allowed} Gaussians{bytes} may be added: {} now{later}; all learn for {steps} steps",
+            plan.placed()
+        )
+    };
+    let mut reasons = vec![format!("{} that gain nothing in all photos together or overlap better ones", plan.no_gain)];
+    if plan.least_db_per_thousand > 0.0 {
+        let least = plan.least_db_per_thousand;
+        let below = plan.below_training_on;
+        reasons.push(format!("{below} that gain less than training on as long would ({least:.3} dB a thousand)"));
+    }
+    if plan.beyond > 0 {
+        reasons.push(format!("{} beyond the budget of the first placement", plan.beyond));
+    }
+    let left_out = format!("left out of {} candidates: {}", plan.drawn, reasons.join(", "));
+    let gains = "gains are of the training photos as they are now, before anything learns".to_owned();
+    [does, left_out, gains]
+}
+
+/// As it is printed.
+pub fn text(plan: &Spending) -> String {
+    let [does, left_out, gains] = sentences(plan);
+    format!("plan: {does}\n{}\n{left_out}\n{gains}\n", table(plan))
+}
+
+/// As a page shows it, under the name of what was made.
+pub fn html(name: &str, plan: &Spending) -> String {
+    let mut out =
+        format!("<h2>Plan of {}</h2>\n<pre class=\"plan\">{}</pre>\n", escape(name), escape(&table(plan).to_string()));
+    for sentence in sentences(plan) {
+        let _ = writeln!(out, "<p>{}</p>", escape(&sentence));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_tells_what_is_done_and_what_is_left_out() {
+        let spent = Spent { chosen: 9, placed: 4, gain_db: 0.25, db_per_thousand: 62.5, db_per_megabyte: 5.0 };
+        let plan = Spending {
+            gaussians_allowed: 10,
+            gaussians_at_first: 5,
+            bytes_allowed: Some(2_000_000),
+            placements: 3,
+            steps: 600,
+            training_on_db: Some(0.125),
+            least_db_per_thousand: 0.5,
+            lobes: spent,
+            plain: Spent::default(),
+            drawn: 120,
+            no_gain: 111,
+            below_training_on: 3,
+            beyond: 2,
+        };
+        let said = text(&plan);
+        for part in [
+            "at most 10 Gaussians in 2000000 bytes may be added: 4 now",
+            "2 times more",
+            "0.250",
+            "62.500",
+            "training on, 600 steps",
+            "0.125",
+            "left out of 120 candidates: 111 that gain nothing",
+            "3 that gain less than training on as long would (0.500 dB a thousand)",
+            "2 beyond the budget",
+        ] {
+            assert!(said.contains(part), "`{part}` is not in: {said}");
+        }
+        let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, ..plan.clone() };
+        assert!(text(&none).contains("none is, and the scene stays as it is") && !text(&none).contains("training on,"));
+        assert!(html("a<b", &plan).contains("<h2>Plan of a&lt;b</h2>"));
+    }
+}
