@@ -43,10 +43,18 @@ Examples:
   glint demo
   glint demo -o demo --force --json";
 
-/// Surface points that the base begins with, one Gaussian each.
-const POINTS: usize = 4000;
-/// Steps of the base: few enough that the whole demo stays within two minutes on two CPU cores.
-const ITERATIONS: u32 = 2000;
+/// How much is done.
+struct Length {
+    /// Surface points that the base begins with, one Gaussian each.
+    points: usize,
+    /// Steps of the base.
+    iterations: u32,
+    /// Steps of the joint phase for each view; `None` for the preset's.
+    joint: Option<u32>,
+}
+
+/// Few enough steps that the whole demo stays within two minutes on two CPU cores.
+const WHOLE: Length = Length { points: 4000, iterations: 2000, joint: None };
 const SH_DEGREE: u32 = 3;
 const BASE: &str = "base.ply";
 const AUGMENTED: &str = "augmented.ply";
@@ -111,16 +119,21 @@ struct Report<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
+        self.run_for(&WHOLE)
+    }
+
+    fn run_for(&self, length: &Length) -> Outcome {
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
-        let dataset = builtin_scene(2 * POINTS).dataset();
+        let dataset = builtin_scene(2 * length.points).dataset();
         let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
         let names = [BASE, AUGMENTED, PAGE, NUMBERS].into_iter().chain(pictures.iter().map(String::as_str));
         self.replace.check_files(&self.output, names, &Inputs::default())?;
         self.replace.make_folder(&self.output, &Inputs::default())?;
-        self.device.with(|context| Ok(self.run_on(context, &dataset)?))
+        self.device.with(|context| Ok(self.run_on(context, &dataset, length)?))
     }
 
-    fn run_on(&self, context: &Context, dataset: &Dataset) -> Result<()> {
+    fn run_on(&self, context: &Context, dataset: &Dataset, length: &Length) -> Result<()> {
+        let Length { points, iterations, joint } = *length;
         note(format!("device: {}", context.info().name));
         let train = photos_of(dataset, Some(Split::Train))?;
         let test = photos_of(dataset, Some(Split::Test))?;
@@ -129,10 +142,11 @@ impl Args {
         let session =
             self.reduction.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
 
-        let (base, base_seconds) = self.train(&session, dataset, &views, POINTS, ITERATIONS)?;
+        let (base, base_seconds) = self.train(&session, dataset, &views, points, iterations)?;
         write_scene(self.output.join(BASE), &base)?;
 
-        let options = self.choices.options(self.method, Preset::Quick)?;
+        let mut options = self.choices.options(self.method, Preset::Quick)?;
+        options.join.steps_per_view = joint.unwrap_or(options.join.steps_per_view);
         let started = Instant::now();
         let beside = Beside { silent: self.json, ..Default::default() };
         let enhanced = run_with_progress(&session, &base, &views, &options, &beside, &mut |_, _| ())?;
@@ -143,7 +157,7 @@ impl Args {
         let without = enhanced.scene.base.len() - base.base.len();
         let added = enhanced.lifted as usize + without;
         let joint_steps = options.join.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) = self.train(&session, dataset, &views, POINTS + added, ITERATIONS + joint_steps)?;
+        let (plain, plain_seconds) = self.train(&session, dataset, &views, points + added, iterations + joint_steps)?;
 
         let score = |scene: &Scene| evaluate(context, scene, &test, RenderOptions::default(), background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
@@ -157,13 +171,13 @@ impl Args {
             ssim: found.augmented.ssim,
         };
         let rows = [
-            row("base", POINTS, 0, ITERATIONS, base_seconds, &base_score),
-            row("more plain Gaussians", POINTS + added, 0, ITERATIONS + joint_steps, plain_seconds, &plain_score),
+            row("base", points, 0, iterations, base_seconds, &base_score),
+            row("more plain Gaussians", points + added, 0, iterations + joint_steps, plain_seconds, &plain_score),
             row(
                 "augmented",
-                POINTS + without,
+                points + without,
                 added - without,
-                ITERATIONS + joint_steps,
+                iterations + joint_steps,
                 base_seconds + enhance_seconds,
                 &score,
             ),
@@ -335,4 +349,32 @@ fn best_crop(width: u32, height: u32, before: &[f32], after: &[f32], truth: &[u8
     let best = corners.max_by(|&(ax, ay), &(bx, by)| gain(ax, ay).total_cmp(&gain(bx, by)));
     let (x, y) = best.unwrap_or((0, 0));
     Crop { x, y, width: side, height: side, magnification: 4 }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn a_short_demo_writes_all_that_the_long_one_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("demo");
+        let line = Line::try_parse_from(["demo", "--json", "-o", output.to_str().unwrap()]).unwrap();
+        let length = Length { points: 600, iterations: 60, joint: Some(1) };
+        assert!(line.args.run_for(&length).is_ok());
+        let views = builtin_scene(10).dataset().split(Split::Test).count();
+        let found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert!([BASE, AUGMENTED, PAGE, NUMBERS].iter().all(|name| found.iter().any(|file| file == name)), "{found:?}");
+        assert_eq!(found.len(), 4 + views);
+        // What is there is not written over unasked.
+        assert!(line.args.run_for(&length).is_err());
+    }
 }
