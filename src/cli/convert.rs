@@ -198,3 +198,16 @@ fn bytes_of(path: &Path) -> u64 {
         Err(_) => size(path),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_is_measured_as_it_is_shown() {
+        assert!((psnr(&[0.5, 0.2], &[0.4, 0.3]) - 20.0).abs() < 1e-5);
+        // What lies beyond white and black is not seen.
+        assert!((psnr(&[1.5, -1.0], &[0.9, 0.1]) - 20.0).abs() < 1e-5);
+        assert_eq!(psnr(&[2.0, 0.5], &[1.0, 0.5]), f64::INFINITY);
+    }
+}

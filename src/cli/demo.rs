@@ -377,4 +377,25 @@ mod tests {
         // What is there is not written over unasked.
         assert!(line.args.run_for(&length).is_err());
     }
+
+    #[test]
+    fn the_crop_is_where_the_error_falls_most() {
+        let (width, height) = (64, 48);
+        let truth = [128; 3 * 64 * 48];
+        // Wrong everywhere, and put right in one place; worse in another.
+        let before = vec![1.0; truth.len()];
+        for (left, top) in [(0, 0), (20, 8), (32, 16), (32, 0), (0, 16)] {
+            let mut after = before.clone();
+            for y in top..top + 32 {
+                for x in left..left + 32 {
+                    after[3 * (y * 64 + x)..][..3].fill(0.5);
+                }
+            }
+            let Crop { x, y, width: w, height: h, .. } = best_crop(width, height, &before, &after, &truth);
+            assert_eq!((x, y, w, h), (left as u32, top as u32, 32, 32));
+        }
+        // All of what is smaller.
+        let Crop { x, y, width: w, height: h, .. } = best_crop(8, 4, &[0.0; 96], &[0.0; 96], &[0; 96]);
+        assert!(x <= 4 && (y, w, h) == (0, 4, 4), "{x}, {y}, {w} × {h}");
+    }
 }
