@@ -245,12 +245,10 @@ mod tests {
         assert_eq!((plan.gaussians_allowed, plan.placed(), plan.lobes.placed, plan.plain.placed), (8, 3, 2, 1));
         assert_eq!((plan.lobes.chosen, plan.plain.chosen), (4, 2));
         assert_eq!((plan.no_gain, plan.below_training_on, plan.beyond), (84, 1, 2));
-        let db = |left: f64| -10.0 * left.log10();
-        assert!(
-            (plan.lobes.gain_db - db(0.986)).abs() < 1e-9 && (plan.training_on_db.unwrap() - db(0.03)).abs() < 1e-9
-        );
-        assert!((plan.plain.db_per_thousand - 1e3 * db(0.005)).abs() < 1e-9);
-        assert!((plan.plain.db_per_megabyte - 1e6 / 248.0 * db(0.005)).abs() < 1e-6);
+        // A thousandth less squared error is 0.0043429 dB.
+        let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
+        assert!(near(plan.lobes.gain_db, 14.0) && near(plan.training_on_db.unwrap(), 30.0));
+        assert!(near(plan.plain.db_per_thousand, 5e3) && near(plan.plain.db_per_megabyte, 5e6 / 248.0));
         let none =
             Spending::new(&allowance, [3, 3, 90], &Choice { squared_error: 0.0, ..Choice::default() }, 0.0, None);
         assert_eq!((none.placed(), none.lobes, none.training_on_db), (0, Spent::default(), None));
