@@ -217,7 +217,7 @@ pub(crate) struct Placer {
     pub(crate) candidates: u32,
     /// Candidates of a chunk.
     chunk: u32,
-    worth: [f32; 2],
+    pub(crate) worth: [f32; 2],
     pub(crate) plots: Buffer<Plot>,
     pub(crate) plot_list: Vec<Plot>,
     pub(crate) pages: Vec<Page>,

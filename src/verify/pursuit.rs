@@ -317,6 +317,7 @@ impl Here<'_> {
             bytes: 4.0 * got.len() as f64 + 36.0 * count as f64,
             operations: items as f64 * f64::from(WIDTHS) * 100.0,
         };
+        let worth = self.placer.worth.map(f64::from);
         let (mut flips, mut wrong, mut same) = (0, 0, Vec::new());
         for (i, fit) in fits.iter().enumerate() {
             let c = &candidates[i];
@@ -329,7 +330,7 @@ impl Here<'_> {
             for (s, sums) in sums.iter_mut().enumerate() {
                 sums.as_flattened_mut().iter_mut().enumerate().for_each(|(at, sum)| *sum = sum_of(i, s, at).into());
             }
-            let best = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &sums, &pixels, [1.0, 1.0]);
+            let best = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &sums, &pixels, worth);
             let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 1e-5 * b.abs();
             if close(fit.sigma, best.sigma) && close(fit.width, best.width) {
                 same.push((fit, best));
@@ -338,10 +339,14 @@ impl Here<'_> {
                 // Another size or width of nearly the same gain, as far as float32 knows differences of such sums.
                 let size = |s: &usize| close(fit.sigma, sigma_of(pixels[*s], f64::from(c.px)));
                 let width = |w: &usize| close(fit.width, lobe_width(*w as u32, f64::from(c.theta_bar)));
-                let taken = (0..sizes).find(size).zip((0..WIDTHS as usize).find(width)).map(|(s, w)| &sums[s][w]);
-                let gain = taken.and_then(best_of).map_or(0.0, |(_, _, gain)| gain);
-                let terms = taken.map_or(0.0, |x| x.iter().map(|x| x.abs()).sum::<f64>());
-                wrong += u64::from(best.gain - gain > 1e-3 * best.gain + 2e-6 * terms);
+                let taken = (0..sizes).find(size).zip((0..WIDTHS as usize).find(width));
+                let counts = |width: f64| worth[usize::from(width == lobe_width(WIDTHS - 1, f64::from(c.theta_bar)))];
+                let sums = taken.map(|(s, w)| &sums[s][w]);
+                let gain = sums.and_then(best_of).map_or(0.0, |(_, _, gain)| gain);
+                let gain = taken.map_or(0.0, |(_, w)| gain * worth[usize::from(w as u32 == WIDTHS - 1)]);
+                let terms = sums.map_or(0.0, |x| x.iter().map(|x| x.abs()).sum::<f64>());
+                let most = best.gain * counts(best.width);
+                wrong += u64::from(most - gain > 1e-3 * most + 2e-6 * terms);
             }
         }
         row.flips(flips, count);
