@@ -71,7 +71,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
     /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
-    /// placements, worth, until, pace, decay, supplement
+    /// placements, worth, pace, decay
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -141,9 +141,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
-            "supplement" => options.join.supplement_pace = value,
             "worth" => options.pursuit.lobe_worth = value,
-            "until" => options.pursuit.until = value,
             _ => return Err(bad()),
         }
     }

@@ -165,7 +165,7 @@ fn steps_of_several_views_learn() {
             compensate: false,
         };
         let schedule = (0..views_per_step * steps).map(|k| k % 2).collect();
-        let plan = |_| StepPlan { rates: Rates { dc: 0.01, ..RATES }, supplement_pace: 1.0, active_degree: 1 };
+        let plan = |_| StepPlan { rates: Rates { dc: 0.01, ..RATES }, active_degree: 1 };
         let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule, views_per_step, plan).unwrap();
         let losses = trainer.run(&model, &views, false, |_| ()).unwrap().losses;
         assert_eq!((losses.len() as u32, trainer.total()), (views_per_step * steps, steps));

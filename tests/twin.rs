@@ -303,7 +303,7 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32) -> Outc
         false => vec![lesson(Segment::Base, false)],
     };
     let schedule = (0..3 * views_per_step).map(|k| k % 2).collect();
-    let plan = |step: u32| StepPlan { rates: RATES, supplement_pace: 1.0, active_degree: step.min(1) };
+    let plan = |step: u32| StepPlan { rates: RATES, active_degree: step.min(1) };
     let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule, views_per_step, plan).unwrap();
     let report = trainer.run(&model, &views, false, |_| ()).unwrap();
     let mut all = moved(&scene, &model.download().unwrap());

@@ -343,21 +343,15 @@ impl Enhancer {
                         return Ok(Some(Event::Planned));
                     };
                     self.next = Next::Join(trainer);
-                    let done = self.placed.len() as u32;
-                    if let Next::Join(trainer) = &mut self.next {
-                        let steps = trainer.total();
-                        trainer.go_on_to(pause(steps, done, &self.options.pursuit));
-                        return Ok(Some(Event::Join { step: pause(steps, done - 1, &self.options.pursuit), steps }));
+                    if let Some(event) = self.join_on() {
+                        return Ok(Some(event));
                     }
                 }
                 Next::Begin => {
                     self.next = self.begin_join(views)?;
                     self.times.join += started.elapsed();
-                    let done = self.placed.len() as u32;
-                    if let Next::Join(trainer) = &mut self.next {
-                        let steps = trainer.total();
-                        trainer.go_on_to(pause(steps, done, &self.options.pursuit));
-                        return Ok(Some(Event::Join { step: pause(steps, done - 1, &self.options.pursuit), steps }));
+                    if let Some(event) = self.join_on() {
+                        return Ok(Some(event));
                     }
                 }
                 Next::Base => {
@@ -463,7 +457,7 @@ impl Enhancer {
         trainer.resume(&self.model, checkpoint, true)?;
         self.model.learn_counts()?;
         self.placed.resize(done as usize, Placed::default());
-        trainer.go_on_to(pause(trainer.total(), done, &self.options.pursuit));
+        trainer.go_on_to(pause(trainer.total(), done, self.options.pursuit.placements));
         Ok(())
     }
 
@@ -512,7 +506,7 @@ impl Enhancer {
         let (schedule, plan) = course(&self.session, &self.model, views, &self.options.join, steps);
         trainer.follow(&self.session, schedule, plan, done)?;
         if self.options.method == Method::Pursuit {
-            trainer.go_on_to(pause(steps, self.placed.len() as u32, &self.options.pursuit));
+            trainer.go_on_to(pause(steps, self.placed.len() as u32, self.options.pursuit.placements));
         }
         self.steps = steps;
         Ok(())
@@ -579,6 +573,15 @@ impl Enhancer {
         Ok(Pilot { model, trainer })
     }
 
+    /// The joint phase, where it is what is next, goes on to the next placement.
+    fn join_on(&mut self) -> Option<Event> {
+        let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+        let Next::Join(trainer) = &mut self.next else { return None };
+        let steps = trainer.total();
+        trainer.go_on_to(pause(steps, done, placements));
+        Some(Event::Join { step: pause(steps, done - 1, placements), steps })
+    }
+
     fn begin_join(&self, views: &Views) -> Result<Next> {
         if self.model.count() == self.original.len() as u32 {
             return Ok(Next::Done);
@@ -617,14 +620,9 @@ fn allowed(most: u32, index: u32, placements: u32) -> u32 {
     }
 }
 
-/// The joint step after which there is another placement once `done` of `placements` are: all lie in its first part `until`.
-fn pause(steps: u32, done: u32, options: &PursuitOptions) -> u32 {
-    let &PursuitOptions { placements, until, .. } = options;
-    if done < placements {
-        (f64::from(steps) * f64::from(until) * f64::from(done) / f64::from(placements)) as u32
-    } else {
-        steps
-    }
+/// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
+fn pause(steps: u32, done: u32, placements: u32) -> u32 {
+    if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
 }
 
 fn not_joining() -> Error {
@@ -662,8 +660,7 @@ mod tests {
                 );
             }
         }
-        let of = |placements| PursuitOptions { placements, until: 0.5, ..PursuitOptions::default() };
-        assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, &of(3))), [0, 100, 200, 600]);
-        assert_eq!([0, 1].map(|done| pause(600, done, &of(1))), [0, 600]);
+        assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, 3)), [0, 100, 200, 600]);
+        assert_eq!([0, 1].map(|done| pause(600, done, 1)), [0, 600]);
     }
 }

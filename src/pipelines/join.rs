@@ -23,21 +23,12 @@ pub struct JoinOptions {
     pub pace: f32,
     /// What share of them is left at the end.
     pub decay: f32,
-    /// How many times as fast supplementary Gaussians learn.
-    pub supplement_pace: f32,
 }
 
 impl Default for JoinOptions {
     /// The paper's.
     fn default() -> Self {
-        JoinOptions {
-            steps_per_view: 30,
-            bias_correction: false,
-            everything: false,
-            pace: 1.0,
-            decay: 1.0,
-            supplement_pace: 1.0,
-        }
+        JoinOptions { steps_per_view: 30, bias_correction: false, everything: false, pace: 1.0, decay: 1.0 }
     }
 }
 
@@ -98,7 +89,7 @@ pub(super) fn course(
     let (options, extent, active_degree) = (*options, session.extent, model.sh_degree);
     let plan = move |step| {
         let done = step as f32 / steps.max(1) as f32;
-        StepPlan { rates: options.rates(extent, done), supplement_pace: options.supplement_pace, active_degree }
+        StepPlan { rates: options.rates(extent, done), active_degree }
     };
     (schedule, plan)
 }

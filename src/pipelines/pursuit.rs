@@ -60,10 +60,8 @@ pub struct PursuitOptions {
     pub kinds: Kinds,
     /// What the gain of a lobe counts where both kinds may be placed: what it gains by a hair over a plain Gaussian is noise.
     pub lobe_worth: f32,
-    /// Placements in all: the first before the joint phase, the others in its first part, each of what is lacking by then.
+    /// Placements in all: the first before the joint phase, the others in its first half, each of what is lacking by then.
     pub placements: u32,
-    /// That part of the joint phase.
-    pub until: f32,
     /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
     pub least_gain: f32,
     /// How much less a candidate's gain in a view counts the more its colour comes from that view alone: 0 as it was fitted, 1 as the
@@ -86,7 +84,6 @@ impl Default for PursuitOptions {
             kinds: Kinds::Both,
             lobe_worth: 0.98,
             placements: 3,
-            until: 0.5,
             least_gain: 0.0,
             caution: 1.0,
             least_opacity: 0.1,

@@ -33,8 +33,6 @@ const BATCH: u32 = 16;
 pub struct StepPlan {
     /// Of this step, per parameter class.
     pub rates: Rates,
-    /// How many times as fast supplementary Gaussians learn.
-    pub supplement_pace: f32,
     /// SH bands in use.
     pub active_degree: u32,
 }
@@ -350,11 +348,7 @@ impl On<'_> {
 impl Looped for On<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
         let On { training, model, views } = &*self;
-        let StepPlan { rates, supplement_pace, active_degree: degree } = (training.plan)(step);
-        let rates_of = |learner: &Learner| match learner.lesson.segment {
-            Segment::Base => rates,
-            Segment::Supplement => rates.times(supplement_pace),
-        };
+        let StepPlan { rates, active_degree: degree } = (training.plan)(step);
         let (views_per_step, raster) = (training.views_per_step, &training.renderer.raster);
         let several = views_per_step > 1;
         if several {
@@ -366,7 +360,7 @@ impl Looped for On<'_> {
             let seen = Seen { model, views, view, raster, degree, status };
             for learner in &training.learners {
                 match several {
-                    false => learner.record_step(recorder, &seen, &rates_of(learner), step),
+                    false => learner.record_step(recorder, &seen, &rates, step),
                     true => learner.record_add(recorder, &seen),
                 }
             }
@@ -377,7 +371,7 @@ impl Looped for On<'_> {
         }
         if several {
             for learner in &training.learners {
-                learner.record_adam(recorder, model, degree, &rates_of(learner), step, status);
+                learner.record_adam(recorder, model, degree, &rates, step, status);
             }
         }
         if let (Some(density), [learner, ..]) = (&training.density, &training.learners[..]) {
@@ -440,7 +434,6 @@ impl BaseOptions {
                 sh: 2.5e-3 / 20.0,
                 ..Default::default()
             },
-            supplement_pace: 1.0,
             active_degree: (step / interval).min(self.sh_degree),
         }
     }
