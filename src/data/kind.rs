@@ -50,6 +50,14 @@ impl Kind {
             [] => Kind::Empty,
             _ if start.starts_with(b"ply\n") || start.starts_with(b"ply\r\n") => Kind::Ply,
             [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
+            [b'P', b'K', 3, 4, ..] => Kind::Zip,
+            [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
+            [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,
+            [0x89, b'P', b'N', b'G', ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => {
+                Kind::Image
+            }
+            // It begins with any numbers, so less than four bytes can be a mark by chance.
+            _ if ending("splat") => Kind::Splat,
             // A version before 4 is a whole gzip stream.
             [0x1f, 0x8b, ..] => {
                 if ending("spz") {
@@ -58,20 +66,13 @@ impl Kind {
                     Kind::Gzip
                 }
             }
-            [b'P', b'K', 3, 4, ..] => Kind::Zip,
-            [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
-            [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,
-            [0x89, b'P', b'N', b'G', ..]
-            | [0xff, 0xd8, 0xff, ..]
-            | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..]
-            | [b'I', b'I', 42, 0, ..]
-            | [b'M', b'M', 0, 42, ..]
-            | [b'B', b'M', ..] => Kind::Image,
+            [0xff, 0xd8, 0xff, ..] | [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] | [b'B', b'M', ..] => {
+                Kind::Image
+            }
             [_, _, _, _, _, _, 0, 0, b'{', ..] => Kind::Safetensors,
             _ if text.starts_with(b"{") && ending("gltf") => Kind::Gltf,
             _ if text.starts_with(b"{") && path.file_name().is_some_and(|name| name == SOG_META) => Kind::Sog,
             _ if text.starts_with(b"{") => Kind::Json,
-            _ if ending("splat") => Kind::Splat,
             _ if ending("ksplat") => Kind::Ksplat,
             _ => Kind::Unknown,
         }
@@ -152,6 +153,11 @@ mod tests {
         is(b"\x40\x01\0\0\0\0\0\0{\"a\"", "a", Kind::Safetensors);
         is(b"", "a.ply", Kind::Empty);
         is(&[7; 64], "a.splat", Kind::Splat);
+        for start in [&b"{\xfd\x72\xc0"[..], b" {", b"\x1f\x8b\x08", b"BM6", b"\xff\xd8\xff", b"\x40\x01\0\0\0\0\0\0{"]
+        {
+            is(start, "a.splat", Kind::Splat);
+        }
+        is(b"PK\x03\x04", "a.splat", Kind::Zip);
         is(&[7; 64], "a.ksplat", Kind::Ksplat);
         is(&[7; 64], "a.ply", Kind::Unknown);
         assert!(Kind::of_file(Path::new("nowhere")).unwrap_err().to_string().contains("nowhere"));
