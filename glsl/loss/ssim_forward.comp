@@ -3,8 +3,8 @@
 //
 // A workgroup does one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its border, filtering
 // x, y, x^2 + y^2 and xy; STRIP rows at a time go through shared memory to thread (channel, run, row), which filters
-// along the row. image, targets -> partials (see ssim.glsl), tile_sums (sum of |x - y|, sum of SSIM over the tile's
-// pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels: 0 where a pixel does not count,
+// along the row. image, targets -> partials (see ssim.glsl), tile_sums (sums of |x - y|, of (x - y)^2 and of SSIM over the
+// tile's pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels: 0 where a pixel does not count,
 // so that nothing is drawn for it.
 //
 // With S = A1 A2 / (B1 B2), A1 = 2 mx my + C1, A2 = 2 (E[xy] - mx my) + C2, B1 = mx^2 + my^2 + C1,
@@ -30,7 +30,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; };
 layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec2 tile_sums[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec3 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
 // Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
@@ -43,7 +43,7 @@ const uint COLUMNS = TILE + 2 * RADIUS;
 const uint CHANNEL = STRIP * COLUMNS + 1;
 shared vec4 moments[3 * CHANNEL];
 // One per subgroup; a subgroup has 8 lanes or more.
-shared vec2 subgroup_sums[WORKGROUP / 8];
+shared vec3 subgroup_sums[WORKGROUP / 8];
 
 // Where a row of a channel begins in `moments`.
 uint row_first(uint channel, uint row) { return channel * CHANNEL + row * COLUMNS + row / (STRIP / 2); }
@@ -71,6 +71,7 @@ void main() {
     uint end_channel = LOSS_MAP ? (thread < STRIP * RUNS ? 3 : 0) : min(first_channel + 1, 3);
 
     float l1 = 0;
+    float squares = 0;
     float ssim = 0;
     for (uint strip = 0; strip < TILE / STRIP && corner.y + int(strip * STRIP) < int(frame.height); strip++) {
         if (column_channel < 3) {
@@ -87,7 +88,10 @@ void main() {
                     if (!counts(target)) x = y; // guard: masks: windows
                 }
                 bool own_row = column.y >= corner.y && column.y < corner.y + int(TILE);
-                if (own_column && own_row) l1 += abs(x - y);
+                if (own_column && own_row) {
+                    l1 += abs(x - y);
+                    squares += (x - y) * (x - y);
+                }
                 column.y += 1;
                 vec4 done = feed(down, vec4(x, y, x * x + y * y, x * y));
                 if (step + STRIP >= fed) {
@@ -145,7 +149,7 @@ void main() {
         barrier();
     }
 
-    vec2 sums = vec2(subgroupAdd(l1), subgroupAdd(ssim));
+    vec3 sums = vec3(subgroupAdd(l1), subgroupAdd(squares), subgroupAdd(ssim));
     if (subgroupElect()) subgroup_sums[gl_SubgroupID] = sums;
     barrier();
     if (thread == 0) {

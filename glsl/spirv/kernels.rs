@@ -40,6 +40,7 @@ pub struct Lift {
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Loss {
     pub l1: f32,
+    pub squared: f32,
     pub ssim: f32,
     pub total: f32,
 }
@@ -1281,7 +1282,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub frames: &'a crate::gpu::Buffer<Frame>,
     /// ReadOnly
-    pub tile_sums: &'a crate::gpu::Buffer<[f32; 2]>,
+    pub tile_sums: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub losses: &'a crate::gpu::Buffer<Loss>,
 }
@@ -1293,7 +1294,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub frames: &'a [Frame],
     /// ReadOnly
-    pub tile_sums: &'a [[f32; 2]],
+    pub tile_sums: &'a [[f32; 3]],
     /// WriteOnly
     pub losses: &'a mut [Loss],
 }
@@ -1436,7 +1437,7 @@ pub struct Buffers<'a> {
     /// WriteOnly
     pub partials: &'a crate::gpu::Buffer<f32>,
     /// WriteOnly
-    pub tile_sums: &'a crate::gpu::Buffer<[f32; 2]>,
+    pub tile_sums: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub loss_map: &'a crate::gpu::Buffer<f32>,
 }
@@ -1458,7 +1459,7 @@ pub struct Host<'a> {
     /// WriteOnly
     pub partials: &'a mut [f32],
     /// WriteOnly
-    pub tile_sums: &'a mut [[f32; 2]],
+    pub tile_sums: &'a mut [[f32; 3]],
     /// WriteOnly
     pub loss_map: &'a mut [f32],
 }

@@ -16,7 +16,7 @@ use super::{
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
-    progress::{Progress, note},
+    progress::{Progress, learned, note},
 };
 use crate::{
     Error, Result,
@@ -574,7 +574,7 @@ pub(super) fn run_with_progress(
 ) -> Result<Enhanced> {
     let &Beside { work, interrupt, end, silent } = beside;
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
-    let mut show = |label: &'static str, done: u64, total: u64, loss: Option<&screen::Progress>| {
+    let mut show = |label: &'static str, done: u64, total: u64, said: Option<String>| {
         if total == 0 {
             bar = None;
             return;
@@ -586,8 +586,8 @@ pub(super) fn run_with_progress(
         }
         if let Some((_, bar)) = &bar {
             bar.set_of(done, total);
-            if let Some(at) = loss.filter(|at| at.loss.is_finite()) {
-                bar.say(format_args!("loss {:.4}, {}/{} placed", at.loss, at.count, at.budget));
+            if let Some(said) = said {
+                bar.say(said);
             }
         }
     };
@@ -641,7 +641,9 @@ pub(super) fn run_with_progress(
             }
             Event::Screen { batch, batches, progress } => {
                 let (done, total) = screen_steps(&options.schedule, batch, batches, &progress);
-                show("refining", done, total, Some(&progress));
+                let screen::Progress { loss, count, budget, .. } = progress;
+                let said = loss.is_finite().then(|| format!("loss {loss:.4}, {count}/{budget} placed"));
+                show("refining", done, total, said);
             }
             Event::Lifted { .. } => {
                 if let (Some((work, _)), Some((refiner, lifted))) = (work, enhancer.lifted()) {
@@ -672,7 +674,8 @@ pub(super) fn run_with_progress(
                         *mark = deadline.next();
                     }
                 }
-                show("joining", step.into(), steps.into(), None);
+                let lately = enhancer.lately(step, views);
+                show("joining", step.into(), steps.into(), Some(learned(lately, None, &session.context)));
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
                     let (path, settings) = match options.method {
                         Method::Pursuit => work.joint_without_lifts(),

@@ -17,6 +17,8 @@ use std::{
 
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
+use crate::gpu::Context;
+
 /// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 /// Whether only errors are said.
@@ -144,6 +146,13 @@ impl Drop for Progress {
         }
         self.bar.finish_and_clear();
     }
+}
+
+/// How a loop gets on: mean loss and PSNR of its last pass, Gaussians, and what the device holds.
+pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context: &Context) -> String {
+    let quality = lately.map_or(String::new(), |[loss, psnr]| format!("loss {loss:.4}, {psnr:.2} dB, "));
+    let count = gaussians.map_or(String::new(), |count| format!("{count} Gaussians, "));
+    format!("{quality}{count}{:.0} MB", context.memory().used as f64 / 1e6)
 }
 
 /// A line of a log file.

@@ -15,7 +15,7 @@ use super::{
     kept::{KeepArgs, Kept, photos_json},
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
-    progress::{Progress, note},
+    progress::{Progress, learned, note},
 };
 use crate::{
     Error, Result,
@@ -308,6 +308,7 @@ impl Args {
                         look_at(&model, format_args!("step {done} of {iterations}"));
                         (ran, begun) = (ran + done - begun, done);
                         training.set_of(done.into(), iterations.into());
+                        training.say(learned(trainer.lately(done, photos.len()), trainer.gaussians(), context));
                         if deadline.is_none() {
                             kept.look(|| trainer.checkpoint(&model, &views))?;
                         }

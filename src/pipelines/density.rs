@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Recorder},
+    gpu::{Buffer, Location, Recorder},
     scene::{Gaussians, layout::sh_planes},
     stages::{
         WORKGROUP,
@@ -223,6 +223,8 @@ pub struct Density {
     buffers: DensityBuffers,
     /// Sums over the views since the last refinement.
     pub scores: Planes,
+    /// Gaussians after the last refinement; 0 before the first. In host memory.
+    pub(super) told: Buffer<u32>,
     image: density_image::Stage,
     score: density_score::Stage,
     weigh: density_weigh::Stage,
@@ -266,12 +268,15 @@ impl Density {
             Strategy::Budget => BUDGET,
         };
         let replacement = strategy == MCMC;
+        let told = Buffer::new(context, "told", 1, Location::Readback)?;
+        told.write_mapped(&[0]);
         Ok(Density {
             options: *options,
             seed: session.seed as u32 ^ (session.seed >> 32) as u32,
             extent: session.extent,
             buffers: DensityBuffers::new(context, &part.capacity())?,
             scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
+            told,
             image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
             score: density_score::Stage::new(
                 context,
@@ -364,8 +369,12 @@ impl Density {
         if self.options.strategy == Strategy::Mcmc {
             self.record_noise(recorder, model, NOISE * rates.mean, step, status);
         }
-        for event in self.options.events(step) {
-            self.record_event(recorder, model, moments, &event, status);
+        let events = self.options.events(step);
+        for event in &events {
+            self.record_event(recorder, model, moments, event, status);
+        }
+        if !events.is_empty() {
+            recorder.copy(&model.population, 1, &self.told, 0, 1);
         }
     }
 

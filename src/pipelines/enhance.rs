@@ -461,6 +461,12 @@ impl Enhancer {
         Ok(())
     }
 
+    /// Means of the joint phase as [`Trainer::lately`] has them, over the last pass before step `step`.
+    pub fn lately(&self, step: u32, views: &Views) -> Option<[f64; 2]> {
+        let Next::Join(trainer) = &self.next else { return None };
+        trainer.lately(step, views.cameras.len())
+    }
+
     /// What the joint phase has learned so far. Waits; it can go on.
     pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };

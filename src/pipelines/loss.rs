@@ -57,7 +57,7 @@ pub struct Batch<'a> {
 buffers! {
     struct LossBuffers(o: LossOptions) {
         partials: f32 = partials_len(o.tiles),
-        tile_sums: [f32; 2] = o.tiles,
+        tile_sums: [f32; 3] = o.tiles,
         loss_map: f32 = o.map_pixels,
     }
 }
@@ -81,7 +81,7 @@ buffers! {
 /// Pipelines and working buffers for batches of up to a number of frames.
 pub struct Photometric {
     buffers: LossBuffers,
-    /// By step or by frame. In host memory: 12 bytes are written for each frame of each step.
+    /// By step or by frame. In host memory: 16 bytes are written for each frame of each step.
     pub losses: Buffer<Loss>,
     /// Of all tiles, with the map, and of listed ones.
     forward: [Option<ssim_forward::Stage>; 3],

@@ -213,6 +213,23 @@ impl Trainer {
         self.work.loss.losses.mapped().iter().take(seen.min(self.work.schedule.len())).map(|l| l.total).collect()
     }
 
+    /// Means over the last `views` views of the first `steps` steps, which are done: the loss, and the PSNR \[dB\] of the squared error
+    /// (pixels that a mask leaves out count as right), each before its step. None where there was none since the run was begun or
+    /// resumed.
+    pub fn lately(&self, steps: u32, views: usize) -> Option<[f64; 2]> {
+        let seen = ((steps * self.work.views_per_step) as usize).min(self.work.schedule.len());
+        let losses = &self.work.loss.losses.mapped()[seen.saturating_sub(views)..seen];
+        let known: Vec<&Loss> = losses.iter().filter(|loss| loss.squared.is_finite()).collect();
+        let mean = |of: fn(&Loss) -> f32| known.iter().map(|loss| f64::from(of(loss))).sum::<f64>() / known.len() as f64;
+        (!known.is_empty()).then(|| [mean(|loss| loss.total), -10.0 * mean(|loss| loss.squared).log10()])
+    }
+
+    /// Gaussians of the base as density control last left them; None before its first refinement. Does not wait.
+    pub fn gaussians(&self) -> Option<u32> {
+        let [told] = self.work.density.as_ref()?.told.mapped()[..] else { return None };
+        (told > 0).then_some(told)
+    }
+
     /// Makes a loop of [`dense_trainer`] one of another number of steps, of which `done` count as done, with all that was learned.
     /// Waits.
     pub fn replan(
@@ -287,9 +304,9 @@ impl Trainer {
 const LOSSES: &str = "losses";
 
 impl Training {
-    /// Those of the first steps. Their parts are only for `glint verify`.
+    /// Those of the first steps. Of their parts nothing is known.
     fn write_losses(&mut self, losses: &[f32]) {
-        let whole = |&total: &f32| Loss { l1: f32::NAN, ssim: f32::NAN, total };
+        let whole = |&total: &f32| Loss { l1: f32::NAN, squared: f32::NAN, ssim: f32::NAN, total };
         self.loss.losses.write_mapped(&losses.iter().map(whole).collect::<Vec<_>>());
     }
 

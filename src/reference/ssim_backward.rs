@@ -56,7 +56,7 @@ mod tests {
                     assert!((x - target_channel(targets[i], c)).abs() > step, "the kink of |x - y|");
                     let mut loss_at = |value| {
                         image[i][c] = value;
-                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[2]
+                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[3]
                     };
                     let difference = (loss_at(x + step) - loss_at(x - step)) / (2.0 * step);
                     loss_at(x);
@@ -94,7 +94,7 @@ mod tests {
                     let (x, step) = (image[i][c], 1e-5);
                     let mut loss_at = |value| {
                         image[i][c] = value;
-                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[2]
+                        loss_sum(ssim_forward(width, height, &image, &targets).sums, width, height)[3]
                     };
                     let difference = (loss_at(x + step) - loss_at(x - step)) / (2.0 * step);
                     loss_at(x);

@@ -13,10 +13,10 @@ pub(super) const MIDDLE: f64 = 0.5;
 pub struct SsimForward {
     /// Per pixel and channel: ∂S/∂mx with the second moments fixed, ∂S/∂E\[x²\], ∂S/∂E\[xy\].
     pub partials: Vec<[[f64; 3]; 3]>,
-    /// Sums over pixels and channels of |x − y| and of SSIM.
-    pub sums: [f64; 2],
+    /// Sums over pixels and channels of |x − y|, of (x − y)² and of SSIM.
+    pub sums: [f64; 3],
     /// The same over the channels of each pixel.
-    pub pixel_sums: Vec<[f64; 2]>,
+    pub pixel_sums: Vec<[f64; 3]>,
     /// The loss of each pixel, the mean over its channels.
     pub loss_map: Vec<f64>,
 }
@@ -52,8 +52,8 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
     let moments = filter(width, height, &moments, outside);
     let mut forward = SsimForward {
         partials: vec![[[0.0; 3]; 3]; pixels],
-        sums: [0.0; 2],
-        pixel_sums: vec![[0.0; 2]; pixels],
+        sums: [0.0; 3],
+        pixel_sums: vec![[0.0; 3]; pixels],
         loss_map: vec![0.0; pixels],
     };
     for i in 0..pixels {
@@ -70,7 +70,7 @@ pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[
             let (x, y) = pair(i, c);
             let l1 = (x - y).abs();
             forward.partials[i][c] = [p0, p1, p2];
-            for (k, part) in [l1, s].into_iter().enumerate() {
+            for (k, part) in [l1, l1 * l1, s].into_iter().enumerate() {
                 forward.sums[k] += part;
                 forward.pixel_sums[i][k] += part;
             }
@@ -162,7 +162,8 @@ pub(super) mod tests {
             targets.iter().map(|&t| std::array::from_fn(|c| if c < 3 { target_channel(t, c) } else { 0.0 })).collect();
         let forward = ssim_forward(20, 15, &image, &targets);
         assert_eq!(forward.sums[0], 0.0);
-        assert!((forward.sums[1] - 900.0).abs() < 1e-9);
+        assert_eq!(forward.sums[1], 0.0);
+        assert!((forward.sums[2] - 900.0).abs() < 1e-9);
         assert!(forward.loss_map.iter().all(|loss| loss.abs() < 1e-12));
     }
 
@@ -173,7 +174,7 @@ pub(super) mod tests {
         let norm: f64 = (-5..=5).map(bell).sum();
         for (width, height) in SIZES {
             let (image, targets) = pictures(width, height);
-            let (mut l1, mut ssim) = (0.0, 0.0);
+            let (mut l1, mut squared, mut ssim) = (0.0, 0.0, 0.0);
             for (i, c) in (0..width * height).flat_map(|i| (0..3).map(move |c| (i, c))) {
                 let (mut mx, mut my, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
                 for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
@@ -189,12 +190,15 @@ pub(super) mod tests {
                     yy += w * y * y;
                     xy += w * x * y;
                 }
-                l1 += (image[i][c] - target_channel(targets[i], c)).abs();
+                let difference = image[i][c] - target_channel(targets[i], c);
+                l1 += difference.abs();
+                squared += difference * difference;
                 ssim += (2.0 * mx * my + 1e-4) * (2.0 * (xy - mx * my) + 9e-4)
                     / ((mx * mx + my * my + 1e-4) * (xx - mx * mx + yy - my * my + 9e-4));
             }
             let forward = ssim_forward(width, height, &image, &targets);
-            assert!((forward.sums[0] - l1).abs() < 1e-9 && (forward.sums[1] - ssim).abs() < 1e-9);
+            assert!((forward.sums[0] - l1).abs() < 1e-9 && (forward.sums[2] - ssim).abs() < 1e-9);
+            assert!((forward.sums[1] - squared).abs() < 1e-9);
             let of_map: f64 = forward.loss_map.iter().sum();
             let total = 0.8 * l1 / 3.0 + 0.2 * ((width * height) as f64 - ssim / 3.0);
             assert!((of_map - total).abs() < 1e-9);

@@ -44,10 +44,11 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
                 backward.unequal(touched as u64);
                 continue;
             }
-            let [l1, ssim, total] =
+            let [l1, squared, ssim, total] =
                 reference::loss_sum::loss_sum(twin.sums, frame.width as usize, frame.height as usize);
             let loss = losses[f];
             sum.numbers([(loss.l1, l1), (loss.total, total)]);
+            sum.numbers([(loss.squared, squared)]);
             // 1 − SSIM is what the loss is made of; SSIM itself is near 1.
             sum.numbers([(loss.ssim, ssim)]);
             if tiles == Tiles::Map {
@@ -74,7 +75,7 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
         backward.work =
             Work { bytes: share * (20.0 * pixels + partials + 12.0 * pixels), operations: share * channels * 66.0 };
-        sum.work.bytes = 8.0 * f64::from(there.tiles_per_frame) * batch.frames.len() as f64;
+        sum.work.bytes = 12.0 * f64::from(there.tiles_per_frame) * batch.frames.len() as f64;
         forward.time = times.of("ssim_forward");
         backward.time = times.of("ssim_backward");
         sum.time = times.of("loss_sum");

@@ -86,7 +86,7 @@ pub(super) fn ssim_forward(h: kernels::ssim_forward::Host<'_>) -> Outcome {
         let (image, targets) = read(frame, h.image, h.targets);
         let forward = twin::ssim_forward::ssim_forward(frame.width as usize, frame.height as usize, &image, targets);
         for tile in tiles {
-            let mut sums = [0.0; 2];
+            let mut sums = [0.0; 3];
             for (x, y) in pixels_of(frame, tile) {
                 let pixel = (y * frame.width + x) as usize;
                 sums.iter_mut().zip(forward.pixel_sums[pixel]).for_each(|(sum, part)| *sum += part);
@@ -139,10 +139,10 @@ pub(super) fn loss_sum(h: kernels::loss_sum::Host<'_>) -> Outcome {
     let count = h.workgroups.groups().min(frame_count as usize);
     for (f, frame) in h.frames[frame_first as usize..][..count].iter().enumerate() {
         let tiles = &h.tile_sums[f * tiles_per_frame as usize..][..tiles_for(frame) as usize];
-        let sums = [0, 1].map(|k| tiles.iter().map(|sums| f64::from(sums[k])).sum());
+        let sums = [0, 1, 2].map(|k| tiles.iter().map(|sums| f64::from(sums[k])).sum());
         let loss = twin::loss_sum::loss_sum(sums, frame.width as usize, frame.height as usize);
-        let [l1, ssim, total] = loss.map(|v| v as f32);
-        h.losses[first as usize + f] = Loss { l1, ssim, total };
+        let [l1, squared, ssim, total] = loss.map(|v| v as f32);
+        h.losses[first as usize + f] = Loss { l1, squared, ssim, total };
     }
     Ok(())
 }
