@@ -13,6 +13,7 @@ use glint::{
         join::join,
         model::{Model, Segment},
         session::Session,
+        spend::{MOST_BY_BYTES, MOST_BY_GAIN},
         train::{BaseOptions, train_base},
         views::Views,
     },
@@ -35,7 +36,8 @@ use glint::{
 
 /// What the code has, by the table's names.
 fn numbers() -> BTreeMap<&'static str, f64> {
-    let paper = EnhanceOptions::paper();
+    let (paper, ours) = (EnhanceOptions::paper(), EnhanceOptions::pursuit());
+    let pursuit = ours.pursuit;
     let base = BaseOptions::default();
     let (first, last) = (base.plan(1.0, 0).rates, base.plan(1.0, 30_000).rates);
     let joint = paper.join.rates(1.0, 0.0);
@@ -114,6 +116,19 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("join: rate of d", joint.direction.into()),
         ("join: rate of T", joint.width.into()),
         ("join: rate of β", joint.sharpness.into()),
+        ("pursuit: candidates for each Gaussian", pursuit.draws.into()),
+        ("pursuit: sizes", pursuit.sizes.into()),
+        ("pursuit: first size, px", pursuit.first_size.into()),
+        ("pursuit: ratio of sizes", pursuit.size_ratio.into()),
+        ("pursuit: rounds", pursuit.rounds.into()),
+        ("pursuit: worth of a lobe's gain", pursuit.lobe_worth.into()),
+        ("pursuit: placements", pursuit.placements.into()),
+        ("pursuit: caution", pursuit.caution.into()),
+        ("pursuit: least opacity of a supplement", pursuit.least_opacity.into()),
+        ("pursuit: joint rates, of the base's last", ours.join.pace.into()),
+        ("pursuit: joint rates at last, of those at first", ours.join.decay.into()),
+        ("pursuit: Gaussians at most, by their gain, of the base's", MOST_BY_GAIN),
+        ("pursuit: Gaussians at most, by bytes, of the base's", MOST_BY_BYTES),
     ])
 }
 

@@ -682,9 +682,9 @@ pub(super) fn run_with_progress(
                         Method::Augs => work.joint()?,
                     };
                     let found = Kept::new(path, settings, every);
-                    // Of lifts that were made anew: its settings are the folder's.
+                    // The folder's settings are its own: of lifts that were made anew, or nothing of ours.
                     let other = |path: &Path, why: &str| {
-                        note(format!("{}: of other lifts ({why}); all steps are done again", path.display()));
+                        note(format!("{}: of another joint phase ({why}); all steps are done again", path.display()));
                         Ok(())
                     };
                     if let Some(checkpoint) = found.find(other)? {

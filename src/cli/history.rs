@@ -26,6 +26,8 @@ use crate::{
 /// What takes the place of the output's extension: the file, and the folder of pictures.
 const FILE: &str = "history.jsonl";
 const FOLDER: &str = "history";
+/// What the pictures' names begin with.
+const STEP: &str = "step-";
 
 /// A line, as `glint report --history` reads it, and more.
 #[derive(Serialize)]
@@ -84,9 +86,15 @@ impl<'a> History<'a> {
     }
 
     /// Goes on from what an earlier run wrote until `resumed`; of a new run nothing may be there, unless it may be replaced.
-    pub(super) fn begin(&mut self, resumed: Option<u32>, replace: &OutputArgs) -> Result<()> {
+    pub(super) fn begin(&mut self, resumed: Option<u32>, replace: &OutputArgs, inputs: &Inputs) -> Result<()> {
         let Some(step) = resumed else {
-            return replace.check_file(&self.path, "jsonl", "a history", &Inputs::default());
+            replace.check_file(&self.path, "jsonl", "a history", inputs)?;
+            replace.make_folder(&self.folder, inputs)?;
+            let found = fs::read_dir(&self.folder).map_err(|error| Error::io(&self.folder, error))?;
+            let names: Vec<_> = found.flatten().filter_map(|file| file.file_name().into_string().ok()).collect();
+            let pictures =
+                names.iter().map(String::as_str).filter(|name| name.starts_with(STEP) && name.ends_with(".png"));
+            return replace.check_files(&self.folder, pictures, inputs);
         };
         let text = match fs::read_to_string(&self.path) {
             Ok(text) => text,
@@ -133,8 +141,7 @@ impl<'a> History<'a> {
         self.lines += &serde_json::to_string(&line).map_err(|error| Error::Usage(error.to_string()))?;
         self.lines += "\n";
         if let Some(picture) = first {
-            fs::create_dir_all(&self.folder).map_err(|error| Error::io(&self.folder, error))?;
-            let path = self.folder.join(format!("step-{step:06}.png"));
+            let path = self.folder.join(format!("{STEP}{step:06}.png"));
             write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
         }
         write_text(&self.path, &self.lines)?;

@@ -182,7 +182,8 @@ impl Args {
     pub(super) fn run(&self) -> Outcome {
         let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
         let dataset = self.photos.open(&self.dataset)?;
-        self.replace.check_file(&self.output, "ply", "a PLY scene", &Inputs::default().dataset(&dataset))?;
+        let inputs = Inputs::default().dataset(&dataset);
+        self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let wanted = [self.points, self.gaussians].into_iter().flatten().min();
@@ -266,7 +267,7 @@ impl Args {
                 History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
             });
             if let Some(history) = &mut history {
-                history.begin(found.as_ref().map(|found| found.step), &self.replace)?;
+                history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
             }
             let resumed = match &found {
                 Some(checkpoint) => {

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::{
     data::{
-        read_tensors_about,
+        Kind, read_tensors_about,
         tensors::{Tensor, Values, ValuesRef},
         write_tensors_about,
     },
@@ -90,7 +90,11 @@ impl Checkpoint {
         let (tensors, about) = match read_tensors_about(path) {
             Ok(found) => found,
             Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
-            Err(error @ Error::Input { .. }) => return Ok(Found::Damaged(error)),
+            // guard: files that are no checkpoints
+            Err(error @ Error::Input { .. }) => match Kind::of_file(path)? {
+                Kind::Safetensors | Kind::Empty => return Ok(Found::Damaged(error)),
+                kind => return Ok(Found::Foreign(format!("it is {kind}"))),
+            },
             Err(error) => return Err(error),
         };
         let damaged = |what: &str| Ok(Found::Damaged(Error::input(path, what)));
@@ -183,10 +187,14 @@ mod tests {
                 found => panic!("byte {at}: {found:?}"),
             }
         }
-        for len in [0, 5, whole.len() - 1] {
+        for len in [0, 9, whole.len() - 1] {
             fs::write(&path, &whole[..len]).unwrap();
             assert!(matches!(find(&settings), Found::Damaged(_)), "{len} bytes");
         }
+        // What never was one is somebody's.
+        fs::write(&path, "ply\nformat").unwrap();
+        let Found::Foreign(what) = find(&settings) else { panic!("not foreign") };
+        assert_eq!(what, "it is a PLY file");
         crate::data::write_tensors(&path, &[("losses", &[1], &[1.0f32][..])]).unwrap();
         assert!(matches!(find(&settings), Found::Foreign(_)));
         // A folder is nobody's checkpoint.

@@ -514,3 +514,93 @@ impl Density {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{pipelines::train::BaseOptions, scene::from_points};
+
+    fn of(strategy: Strategy, iterations: u32) -> DensityOptions {
+        DensityOptions { strategy, limit: 3000, first: 1000, iterations }
+    }
+
+    /// Steps that refinements come after: how many, the first and the last.
+    fn events(options: DensityOptions) -> (usize, u32, u32) {
+        let all: Vec<u32> = (0..options.iterations).filter(|&step| !options.events(step).is_empty()).collect();
+        (all.len(), all[0], all[all.len() - 1])
+    }
+
+    #[test]
+    fn refinements_come_when_the_method_says() {
+        assert_eq!(events(of(Strategy::Mcmc, 30_000)), (245, 499, 24_899));
+        assert_eq!(events(of(Strategy::Adc, 30_000)), (145, 499, 14_899));
+        assert_eq!(events(of(Strategy::Budget, 30_000)), (249, 599, 25_399));
+        assert_eq!(events(of(Strategy::Budget, 1000)), (33, 24, 824));
+        assert!((0..30_000).all(|step| of(Strategy::Fixed, 30_000).events(step).is_empty()));
+        // MCMC moves what is dead, then grows by a twentieth.
+        let [moved, grown] = of(Strategy::Mcmc, 30_000).events(499)[..] else { panic!("two") };
+        assert_eq!([(moved.target, moved.nth), (grown.target, grown.nth)], [(0, 0), (0, 20)]);
+        assert!(moved.most == 1.0 && moved.number != grown.number);
+        // ADC resets opacities with every 30th.
+        let resets = |step| of(Strategy::Adc, 30_000).events(step)[0].most;
+        assert_eq!([2899, 2999, 3099, 5999].map(resets), [1.0, 0.01, 1.0, 0.01]);
+        assert_eq!(of(Strategy::Adc, 30_000).events(499)[0].target, 3000);
+        // Half of the way through its time a budget has three quarters of what it adds: at 0.31 of the run.
+        assert_eq!(of(Strategy::Budget, 1000).budget(309), 2500);
+        assert_eq!(of(Strategy::Budget, 1000).events(324)[0].target, of(Strategy::Budget, 1000).budget(324));
+    }
+
+    #[test]
+    fn scores_are_looked_at_as_long_as_they_are_used() {
+        let scored = |strategy| (0..1000).filter(|&step| of(strategy, 1000).scores(step)).collect::<Vec<u32>>();
+        assert!(scored(Strategy::Fixed).is_empty() && scored(Strategy::Mcmc).is_empty());
+        assert_eq!(scored(Strategy::Adc), (0..500).collect::<Vec<_>>());
+        assert_eq!(scored(Strategy::Budget), (0..850).step_by(3).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn each_strategy_has_the_rates_and_the_first_gaussians_of_the_method() {
+        let at = |strategy, iterations, step| {
+            let rates = BaseOptions { iterations, sh_degree: 3 }.plan(2.0, step).rates;
+            let found = of(strategy, iterations).rates(rates, step);
+            let by_class = [found.mean, found.log_scale, found.quat, found.opacity, found.dc, found.sh];
+            (by_class.map(f64::from), [found.mean_opacity, found.mean_scale])
+        };
+        let near = |found: [f64; 6], want: [f64; 6]| {
+            found.iter().zip(want).for_each(|(f, w)| assert!((f / w - 1.0).abs() < 1e-5, "{found:?} and {want:?}"));
+        };
+        let plain = [3.2e-4, 5e-3, 1e-3, 0.025, 2.5e-3, 1.25e-4];
+        for strategy in [Strategy::Fixed, Strategy::Adc] {
+            let (rates, weights) = at(strategy, 1000, 0);
+            near(rates, plain);
+            assert_eq!(weights, [0.0; 2]);
+        }
+        let (rates, weights) = at(Strategy::Mcmc, 1000, 0);
+        near(rates, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
+        assert_eq!(weights, [0.01; 2]);
+        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that.
+        let (rates, weights) = at(Strategy::Budget, 1000, 0);
+        near(rates, [6.31792e-4, 9.87175e-3, 1.97435e-3, 0.05, 9.74515e-3, 4.872575e-4]);
+        assert_eq!(weights, [0.0; 2]);
+        let (rates, _) = at(Strategy::Budget, 1000, 1000);
+        near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-3, 0.03, 5.84709e-3, 2.923545e-4]);
+        near(at(Strategy::Budget, 30_000, 0).0, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
+
+        let first = from_points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]], &[[9; 3]; 3], 0);
+        let begun = |strategy| {
+            let mut gaussians = first.clone();
+            of(strategy, 1000).begin(&mut gaussians);
+            let opacity = 1.0 / (1.0 + (-gaussians.opacities[0]).exp());
+            (opacity, (gaussians.log_scales[0][0] - first.log_scales[0][0]).exp())
+        };
+        for (strategy, opacity, scale) in [
+            (Strategy::Fixed, 0.1, 1.0),
+            (Strategy::Adc, 0.1, 1.0),
+            (Strategy::Mcmc, 0.5, 0.1),
+            (Strategy::Budget, 0.4, 1.0),
+        ] {
+            let found = begun(strategy);
+            assert!((found.0 - opacity).abs() < 1e-6 && (found.1 - scale).abs() < 1e-6, "{strategy:?}: {found:?}");
+        }
+    }
+}

@@ -213,15 +213,16 @@ impl Trainer {
         self.work.loss.losses.mapped().iter().take(seen.min(self.work.schedule.len())).map(|l| l.total).collect()
     }
 
-    /// Means over the last `views` views of the first `steps` steps, which are done: the loss, and the PSNR \[dB\] of the squared error
-    /// (pixels that a mask leaves out count as right), each before its step. None where there was none since the run was begun or
-    /// resumed.
+    /// Means over the last `views` views of the first `steps` steps, which are done: of the loss and of the PSNR \[dB\] (pixels that a
+    /// mask leaves out count as right), each before its step. None where there was none since the run was begun or resumed.
     pub fn lately(&self, steps: u32, views: usize) -> Option<[f64; 2]> {
         let seen = ((steps * self.work.views_per_step) as usize).min(self.work.schedule.len());
         let losses = &self.work.loss.losses.mapped()[seen.saturating_sub(views)..seen];
         let known: Vec<&Loss> = losses.iter().filter(|loss| loss.squared.is_finite()).collect();
-        let mean = |of: fn(&Loss) -> f32| known.iter().map(|loss| f64::from(of(loss))).sum::<f64>() / known.len() as f64;
-        (!known.is_empty()).then(|| [mean(|loss| loss.total), -10.0 * mean(|loss| loss.squared).log10()])
+        let mean = |of: fn(&Loss) -> f64| known.iter().map(|loss| of(loss)).sum::<f64>() / known.len() as f64;
+        // 150 dB are as good as none.
+        let psnr = |loss: &Loss| -10.0 * f64::from(loss.squared).max(1e-15).log10();
+        (!known.is_empty()).then(|| [mean(|loss| loss.total.into()), mean(psnr)])
     }
 
     /// Gaussians of the base as density control last left them; None before its first refinement. Does not wait.
@@ -512,4 +513,25 @@ pub fn train_base(
     progress: impl FnMut(u32),
 ) -> Result<TrainReport> {
     base_trainer(session, model, views, options)?.run(model, views, timed, progress)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_view_comes_once_before_any_comes_again() {
+        let schedule = permutations(7, 24, 5);
+        assert_eq!(schedule.len(), 24);
+        for pass in schedule.chunks(7) {
+            let mut seen = pass.to_vec();
+            seen.sort_unstable();
+            seen.dedup();
+            assert_eq!(seen.len(), pass.len(), "{pass:?}");
+        }
+        assert_ne!(schedule[..7], schedule[7..14]);
+        assert_eq!(schedule, permutations(7, 24, 5));
+        assert_ne!(schedule, permutations(7, 24, 6));
+        assert!(permutations(0, 5, 1).is_empty());
+    }
 }

@@ -30,7 +30,11 @@ use crate::{
 };
 
 const SETTINGS: &str = "settings.json";
-/// What ends the name of a view's last file: a view without it is done again.
+/// What ends the names of a view's files: the base's render and depth, the 2D Gaussians.
+const BASE: &str = "base.exr";
+const DEPTH: &str = "depth.exr";
+const PLANE: &str = "plane.safetensors";
+/// The last one: a view without it is done again.
 const LIFTS: &str = "lifted.safetensors";
 /// What the joint phase has learned so far.
 const JOINT: &str = "joint.safetensors";
@@ -70,7 +74,11 @@ impl WorkDir {
             }
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 let work = WorkDir { folder: folder.to_owned(), names: names.clone(), settings: Value::Null };
-                if let Some(left) = (0..names.len()).map(|view| work.file(view, LIFTS)).find(|file| file.exists()) {
+                let views = 0..names.len();
+                let mut all = views
+                    .flat_map(|view| [BASE, DEPTH, PLANE, LIFTS].map(|kind| work.file(view, kind)))
+                    .chain([folder.join(JOINT)]);
+                if let Some(left) = all.find(|file| file.exists()) {
                     let what = format!("was made with settings that are not known: there is no {SETTINGS}; {another}");
                     return Err(Error::input(left, what));
                 }
@@ -143,7 +151,7 @@ impl WorkDir {
             let (opacity, log_scale) = (flat(&|p| vec![p.opacity_logit]), flat(&|p| p.log_scale.to_vec()));
             let (angle, depth) = (flat(&|p| vec![p.angle]), flat(&|p| vec![p.depth]));
             write_tensors(
-                self.file(view, "plane.safetensors"),
+                self.file(view, PLANE),
                 &[
                     ("xy", &[n, 2], &xy[..]),
                     ("color", &[n, 3], &color[..]),
@@ -156,8 +164,8 @@ impl WorkDir {
             let camera = &cameras[view];
             let (image, depths) = refiner.base_render(position)?;
             let rgb: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-            write_exr_rgb(self.file(view, "base.exr"), camera.width, camera.height, &rgb)?;
-            write_exr_channel(self.file(view, "depth.exr"), camera.width, camera.height, "Z", &depths)?;
+            write_exr_rgb(self.file(view, BASE), camera.width, camera.height, &rgb)?;
+            write_exr_channel(self.file(view, DEPTH), camera.width, camera.height, "Z", &depths)?;
 
             let lifts: Vec<(Lift, f32)> = mine().map(|&(place, _)| (lifted.lifts[place], lifted.taus[place])).collect();
             write_lifts(&self.file(view, LIFTS), &lifts)?;
@@ -300,9 +308,13 @@ mod tests {
         fs::remove_file(&file).unwrap();
         open(settings.clone()).unwrap();
         fs::remove_file(&file).unwrap();
-        write_lifts(&folder.path().join("a.lifted.safetensors"), &[(LIFT, 0.5)]).unwrap();
-        let message = open(settings).unwrap_err().to_string();
-        assert!(message.contains("a.lifted.safetensors") && message.contains("not known"), "{message}");
+        for name in ["a.lifted.safetensors", "a.base.exr", "a.depth.exr", "a.plane.safetensors", "joint.safetensors"] {
+            fs::write(folder.path().join(name), "somebody's").unwrap();
+            let message = open(settings.clone()).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains("not known"), "{message}");
+            fs::remove_file(folder.path().join(name)).unwrap();
+        }
         assert!(!file.exists());
+        open(settings).unwrap();
     }
 }

@@ -100,6 +100,11 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
         assert!(fs::read(work.path("out.ply")).unwrap() == whole);
         assert!(!work.path(CHECKPOINT).exists());
     }
+    // And a file that never was one is somebody's.
+    fs::write(work.path(CHECKPOINT), "notes").unwrap();
+    fs::remove_file(work.path("out.ply")).unwrap();
+    work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "--force begins anew"]);
+    assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
 #[test]
@@ -170,7 +175,7 @@ fn a_joint_stage_that_was_killed_goes_on_to_the_same_bits() {
     bytes[at] ^= 1;
     fs::write(&lifts, bytes).unwrap();
     let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
-    assert!(said.contains("of other lifts (`lifts_crc32`") && !work.path(JOINT).exists(), "{said}");
+    assert!(said.contains("of another joint phase (`lifts_crc32`") && !work.path(JOINT).exists(), "{said}");
 }
 
 /// It ended with nothing.

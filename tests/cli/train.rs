@@ -36,6 +36,8 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.ply", "--force"]);
     fs::remove_file(work.path("out.ply")).unwrap();
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.history.jsonl", "--force"]);
+    fs::remove_file(work.path("out.history.jsonl")).unwrap();
+    work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["step-000024.png", "--force"]);
     work.refused(&format!("{TRAIN} -o none.ply --eval-every 24 --holdout none"), &["test split"]);
 }
 
