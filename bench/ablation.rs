@@ -168,7 +168,7 @@ fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Re
     let base = from_points(&first.cloud.positions, &first.cloud.colors, 3);
     let scene = Scene { base, supplement: None };
     let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
-    let options = BaseOptions { iterations: args.iterations, sh_degree: 3 };
+    let options = BaseOptions { iterations: args.iterations, sh_degree: 3, ..Default::default() };
     train_base(session, &model, views, &options, false, |_| ())?;
     model.download()
 }

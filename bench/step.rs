@@ -79,7 +79,7 @@ fn run(args: &Args) -> Result<()> {
         None => task(&context, args)?,
     };
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
-    let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree };
+    let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, ..Default::default() };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
     let session =
         Session { policy: Policy { reduction, ..Default::default() }, background, extent, ..Session::new(&context) };

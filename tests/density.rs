@@ -57,7 +57,7 @@ impl Setup {
     }
 
     fn trainer(&self, model: &Model, density: &DensityOptions) -> Trainer {
-        let options = BaseOptions { iterations: density.iterations, sh_degree: 1 };
+        let options = BaseOptions { iterations: density.iterations, sh_degree: 1, ..Default::default() };
         dense_trainer(&self.session, model, &self.views, &options, density).unwrap()
     }
 }

@@ -27,7 +27,7 @@ fn bits(scene: &Scene) -> Vec<u64> {
 
 fn trained(session: &Session, views: &Views, start: &Scene) -> (Vec<u64>, Vec<u32>, Scene) {
     let model = Model::upload(&session.context, start, 0).unwrap();
-    let options = BaseOptions { iterations: 60, sh_degree: 2 };
+    let options = BaseOptions { iterations: 60, sh_degree: 2, ..Default::default() };
     let report = train_base(session, &model, views, &options, false, |_| ()).unwrap();
     let scene = model.download().unwrap();
     (bits(&scene), report.losses.iter().map(|l| l.to_bits()).collect(), scene)

@@ -202,7 +202,7 @@ fn training_neither_submits_nor_waits_for_every_step() {
     let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
     let train = |iterations| {
         let before = gpu.counters();
-        let options = BaseOptions { iterations, sh_degree: 1 };
+        let options = BaseOptions { iterations, sh_degree: 1, ..Default::default() };
         train_base(&Session::new(&gpu), &model, &views, &options, false, |_| ()).unwrap();
         let after = gpu.counters();
         (after.submissions - before.submissions, after.waits - before.waits)
@@ -224,7 +224,7 @@ fn steps_are_timed_all_through_a_run() {
     let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     // 17 submissions of 16 steps, of which the first, the ninth and the seventeenth are timed.
-    let options = BaseOptions { iterations: 17 * 16, sh_degree: 1 };
+    let options = BaseOptions { iterations: 17 * 16, sh_degree: 1, ..Default::default() };
     let report = train_base(&Session::new(&gpu), &model, &views, &options, true, |_| ()).unwrap();
     let steps = report.steps.stages.iter().filter(|stage| stage.name == "step_done").count();
     assert_eq!(steps, if gpu.info().timestamp_period > 0.0 { 3 * 16 } else { 0 });
@@ -253,7 +253,7 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
     let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
     let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
     let session = Session::new(&gpu);
-    let options = BaseOptions { iterations: 320, sh_degree: 1 };
+    let options = BaseOptions { iterations: 320, sh_degree: 1, ..Default::default() };
     let whole = Model::upload(&gpu, &scene, 0).unwrap();
     let all = train_base(&session, &whole, &views, &options, false, |_| ()).unwrap().losses;
 

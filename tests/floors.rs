@@ -61,7 +61,7 @@ fn every_stage_is_worth_its_decibels() {
     let cloud = dataset.points.as_ref().unwrap();
     let first = Scene { base: from_points(&cloud.positions, &cloud.colors, 3), supplement: None };
     let model = Model::upload_around(&gpu, views.origin, &first, Room::default()).unwrap();
-    let options = BaseOptions { iterations: 400, sh_degree: 3 };
+    let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
     train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     let base = model.download().unwrap();
     let (at_first, trained) = (score(&first), score(&base));
@@ -135,7 +135,7 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     density.begin(&mut base);
     let first = Scene { base, supplement: None };
     let model = Model::upload_around(&gpu, views.origin, &first, Room { base: 1500, ..Default::default() }).unwrap();
-    let options = BaseOptions { iterations: 400, sh_degree: 3 };
+    let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
     let mut trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
     trainer.run(&model, &views, false, |_| ()).unwrap();
     let base = model.download().unwrap();
@@ -156,9 +156,9 @@ fn what_is_done_by_default_is_worth_its_decibels() {
         "lately {lately:.2}, training views {learned:.2}; test views: trained {trained:.2}, augmented {augmented:.2} dB"
     );
     // As above.
-    for (what, found, floor) in
-        [("a trained base", trained, 24.4), // 24.71 ("what an augmentation gains", augmented - trained, 0.0)]
-    {
+    let gained = augmented - trained;
+    // 24.71 and 0.93.
+    for (what, found, floor) in [("a trained base", trained, 24.4), ("what an augmentation gains", gained, 0.7)] {
         assert!(found > floor, "{what}: {found:.2} dB, expected {floor}");
     }
 }

@@ -155,7 +155,8 @@ fn the_numbers_are_those_of_the_page() {
 fn rates_of_positions_follow_the_extent_and_bands_the_run() {
     let (one, three) = (EnhanceOptions::paper().join.rates(1.0, 0.0), EnhanceOptions::paper().join.rates(3.0, 0.0));
     assert_eq!((three.mean, three.opacity), (3.0 * one.mean, one.opacity));
-    let plan = |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3 }.plan(2.0, step);
+    let plan =
+        |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3, ..Default::default() }.plan(2.0, step);
     // Half way the rate is the geometric mean.
     assert!((f64::from(plan(600, 300).rates.mean) / (2.0 * 1.6e-5) - 1.0).abs() < 1e-6);
     let degrees = |iterations: u32, steps: [u32; 5]| steps.map(|step| plan(iterations, step).active_degree);
@@ -176,7 +177,7 @@ fn the_first_step_of_a_base_is_as_long_as_its_rates() {
     let scene = Scene { base: before.clone(), supplement: None };
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
-    let options = BaseOptions { iterations: 1, sh_degree: 0 };
+    let options = BaseOptions { iterations: 1, sh_degree: 0, ..Default::default() };
     train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     let after = model.download().unwrap().base;
     let longest = |new: &[f32], old: &[f32]| new.iter().zip(old).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

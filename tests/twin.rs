@@ -330,7 +330,7 @@ fn refine(gpu: &Gpu, strategy: Strategy) -> Outcome {
     let session = Session { background: BACKGROUND, ..session(gpu) };
     let room = Room { page: Some(97), base: 100, ..Default::default() };
     let model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
-    let options = BaseOptions { iterations: 30, sh_degree: 0 };
+    let options = BaseOptions { iterations: 30, sh_degree: 0, ..Default::default() };
     let density = DensityOptions { strategy, limit: 400, first: 300, iterations: 30 };
     dense_trainer(&session, &model, &views, &options, &density).unwrap().run(&model, &views, false, |_| ()).unwrap();
     let after = Params::from_scene(&model.download().unwrap()).unwrap();

@@ -217,7 +217,7 @@ impl Args {
         let base = from_points(&positions[..points], &colors[..points], SH_DEGREE);
         let scene = Scene { base, supplement: None };
         let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
-        let options = BaseOptions { iterations, sh_degree: SH_DEGREE };
+        let options = BaseOptions { iterations, sh_degree: SH_DEGREE, ..Default::default() };
         let bar = Progress::new("training", "steps", iterations.into());
         train_base(session, &model, views, &options, false, |done| bar.set(done.into()))?;
         Ok((model.download()?, started.elapsed().as_secs_f64()))

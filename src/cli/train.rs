@@ -254,7 +254,7 @@ impl Args {
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let options = |iterations| BaseOptions { iterations, sh_degree };
+            let options = |iterations| BaseOptions { iterations, sh_degree, ..Default::default() };
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             let settings =
                 self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &control)?;

@@ -65,7 +65,7 @@ pub use images::Image;
 pub use kind::Kind;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
-pub use ply::{PointCloud, read_points};
+pub use ply::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use ply_write::{scene_bytes, write_augmented, write_scene};
 #[cfg(feature = "train")]

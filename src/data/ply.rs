@@ -42,6 +42,9 @@ pub(super) const FIXED: [&str; 14] = [
     "rot_3",
 ];
 
+/// A header is not longer.
+const HEADER_BYTES: u64 = 1 << 16;
+
 /// Where f_dc_* and where opacity, scales and rotation begin in [`FIXED`].
 pub(super) const DC: usize = 3;
 pub(super) const SHAPE: usize = 6;
@@ -52,6 +55,21 @@ pub fn read_points(path: impl AsRef<Path>) -> Result<PointCloud> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     parse_points(&bytes, path)
+}
+
+/// Whether a file is a PLY of points, and not of Gaussians, as far as its header says.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
+    let path = path.as_ref();
+    let mut start = Vec::new();
+    let read = fs::File::open(path).and_then(|file| file.take(HEADER_BYTES).read_to_end(&mut start));
+    read.map_err(|source| Error::io(path, source))?;
+    let text = String::from_utf8_lossy(&start);
+    let header = text.split("end_header").next().unwrap_or_default();
+    // The properties of Gaussians, plain and compressed.
+    Ok(header.starts_with("ply") && !["f_dc_0", "packed_position"].iter().any(|name| header.contains(name)))
 }
 
 pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {

@@ -561,7 +561,7 @@ mod tests {
     #[test]
     fn each_strategy_has_the_rates_and_the_first_gaussians_of_the_method() {
         let at = |strategy, iterations, step| {
-            let rates = BaseOptions { iterations, sh_degree: 3 }.plan(2.0, step).rates;
+            let rates = BaseOptions { iterations, sh_degree: 3, ..Default::default() }.plan(2.0, step).rates;
             let found = of(strategy, iterations).rates(rates, step);
             let by_class = [found.mean, found.log_scale, found.quat, found.opacity, found.dc, found.sh];
             (by_class.map(f64::from), [found.mean_opacity, found.mean_scale])

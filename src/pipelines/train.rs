@@ -425,19 +425,24 @@ pub struct BaseOptions {
     pub iterations: u32,
     /// 0 to 3.
     pub sh_degree: u32,
+    /// Part of the schedule that was over before the first step: 0, or for Gaussians that have learned [`LEARNED`].
+    pub begins: f64,
 }
+
+/// Where Gaussians that have learned take up a schedule again. Small/garden at 128 pixels...
+pub const LEARNED: f64 = 0.5;
 
 impl Default for BaseOptions {
     /// 3DGS's.
     fn default() -> Self {
-        BaseOptions { iterations: 30_000, sh_degree: 3 }
+        BaseOptions { iterations: 30_000, sh_degree: 3, begins: 0.0 }
     }
 }
 
 impl BaseOptions {
     /// What step `step` does; `extent` is the session's.
     pub fn plan(&self, extent: f32, step: u32) -> StepPlan {
-        let t = f64::from(step) / f64::from(self.iterations.max(1));
+        let t = self.begins + (1.0 - self.begins) * f64::from(step) / f64::from(self.iterations.max(1));
         let (start, end) = (1.6e-4f64, 1.6e-6f64);
         let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
         // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
@@ -452,7 +457,8 @@ impl BaseOptions {
                 sh: 2.5e-3 / 20.0,
                 ..Default::default()
             },
-            active_degree: (step / interval).min(self.sh_degree),
+            // What has learned has all its bands.
+            active_degree: if self.begins > 0.0 { self.sh_degree } else { (step / interval).min(self.sh_degree) },
         }
     }
 }

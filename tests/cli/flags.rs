@@ -27,9 +27,22 @@ impl Work {
 /// points are taken, so that the seed has nothing but the order to change.
 #[test]
 fn every_option_of_training_changes_the_scene() {
-    let options = ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
+    let options = [
+        "--seed 1",
+        "--points 100",
+        "--gaussians 250",
+        "--strategy adc",
+        "--strategy mcmc",
+        "--background white",
+        "--max-size 16",
+        "--holdout none",
+        "--compensate",
+    ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
+    // Before its first refinement adaptive control does nothing, and what else there is begins with other opacities.
+    assert!(work.made(train, "--strategy adc") == work.made(train, "--strategy fixed"));
+    assert!(work.made(train, "--strategy mcmc") != work.made(train, "--strategy fixed"));
     assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));
 }
 
@@ -43,6 +56,7 @@ fn every_option_of_augmenting_changes_the_scene() {
         "--background white",
         "--depth-threshold 0.8",
         "--pca-weights plain",
+        "--cluster-failure smallest",
         "--bias-correction",
         "--centre-depth",
         "--shared-steps",
@@ -53,6 +67,6 @@ fn every_option_of_augmenting_changes_the_scene() {
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
     work.changes(
         "enhance data --base base.ply",
-        &["--seed 1", "--ratio 0.3", "--depth-threshold 0.8", "--bias-correction"],
+        &["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--bias-correction"],
     );
 }

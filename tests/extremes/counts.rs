@@ -313,7 +313,7 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     let trained = [&filling, &roomy].map(|scene| {
         let model = Model::upload(&gpu, scene, 0).unwrap();
         let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(&gpu) };
-        let options = BaseOptions { iterations: 8, sh_degree: 0 };
+        let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
         let report = train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
         let base = model.download().unwrap().base;
         let kept = (base.means[..60].to_vec(), base.quats[..60].to_vec(), base.sh[..60].to_vec());
@@ -339,7 +339,7 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
         let views = Views::upload(gpu, &[far, camera], &images).unwrap();
         let model = Model::upload(gpu, &filling, 0).unwrap();
         let session = Session { background: BACKGROUND, extent: 2.0, ..session(gpu) };
-        let options = BaseOptions { iterations: 8, sh_degree: 0 };
+        let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
         let lesson = Lesson {
             segment: Segment::Base,
             opacity_only: false,
@@ -439,7 +439,7 @@ fn one_and_a_half_million_gaussians_of_degree_3_train() {
     let views = Views::upload(&gpu, &[camera], &[&photograph]).unwrap();
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let session = Session { background: BACKGROUND, extent: 2.0, ..session(&gpu) };
-    let options = BaseOptions { iterations: 10, sh_degree: 3 };
+    let options = BaseOptions { iterations: 10, sh_degree: 3, ..Default::default() };
     let mut trainer = base_trainer(&session, &model, &views, &options).unwrap();
     let started = std::time::Instant::now();
     let report = trainer.run(&model, &views, false, |_| ()).unwrap();

@@ -32,7 +32,7 @@ fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, 
     let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
     let model = Model::upload_around(gpu, origin, scene, Room::default()).unwrap();
     let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(gpu) };
-    let options = BaseOptions { iterations: STEPS, sh_degree: 0 };
+    let options = BaseOptions { iterations: STEPS, sh_degree: 0, ..Default::default() };
     let report = train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     assert!(report.losses.iter().all(|l| l.is_finite()));
     let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
