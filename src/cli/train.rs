@@ -22,6 +22,7 @@ use crate::{
     data::{Photo, PointCloud, Split, scene_bytes, write_scene},
     pipelines::{
         density::{DensityOptions, Strategy},
+        exposure::IDENTITY,
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Reduction, Session},
@@ -46,6 +47,7 @@ Examples:
   glint train garden -o base.ply
   glint train garden -o base.ply --time 5m --gaussians 300000
   glint train garden -o base.ply --eval-every 1000
+  glint train garden -o base.ply --exposure
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
@@ -93,6 +95,10 @@ pub(super) struct Args {
     /// How Gaussians are pruned and multiplied
     #[arg(long, value_enum, default_value_t)]
     strategy: StrategyArg,
+    /// Learn an affine map of colours for each training photo beside the scene, for photos of changing exposure or white balance. Their
+    /// mean stays the identity; test photos, eval and render have none
+    #[arg(long)]
+    exposure: bool,
     /// Seed of the random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -165,6 +171,9 @@ struct Report<'a> {
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
     final_loss: f64,
+    /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    largest_exposure: Option<f32>,
     /// How often a buffer was too small and was grown.
     buffers_grown: u32,
     /// In the order in which they first run; empty where the device has no timestamps.
@@ -255,6 +264,9 @@ impl Args {
             let started = Instant::now();
             let options = |iterations| BaseOptions { iterations, sh_degree };
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
+            if self.exposure {
+                trainer.correct_exposure(&session, &views)?;
+            }
             let settings =
                 self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &control)?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
@@ -342,6 +354,7 @@ impl Args {
                 return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
             }
             let trained = trainer.stop()?;
+            let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
             let steps = trained.losses.len() as u32;
             let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
@@ -371,10 +384,14 @@ impl Args {
                 seconds,
                 steps_per_second: f64::from(ran) / seconds,
                 final_loss: pass_loss(last),
+                largest_exposure,
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
             };
             let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
+            if let Some(largest) = largest_exposure {
+                note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
+            }
             if self.json {
                 print_json(&report)?;
             } else {
@@ -423,6 +440,12 @@ impl Args {
             "resolved": format!("{options:?} {density:?} {:?}", (policy, background, extent, seed)),
         }))
     }
+}
+
+/// The largest difference of an entry of these maps from the identity's.
+fn farthest(maps: &[[f32; 12]]) -> f32 {
+    let off = |map: &[f32; 12]| map.iter().zip(IDENTITY).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    maps.iter().map(off).fold(0.0, f32::max)
 }
 
 /// The first and the last pass through the photos and eight between them, with their numbers of steps.

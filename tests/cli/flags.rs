@@ -27,7 +27,15 @@ impl Work {
 /// points are taken, so that the seed has nothing but the order to change.
 #[test]
 fn every_option_of_training_changes_the_scene() {
-    let options = ["--seed 1", "--points 100", "--background white", "--max-size 16", "--holdout none", "--compensate"];
+    let options = [
+        "--seed 1",
+        "--points 100",
+        "--background white",
+        "--max-size 16",
+        "--holdout none",
+        "--compensate",
+        "--exposure",
+    ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
     assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));

@@ -113,6 +113,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(401, ""), "`options.iterations` was 400 and is 401"),
         (train(400, "--seed 1"), "`options.seed` was 0 and is 1"),
         (train(400, "--points 40"), "`options.points` was null and is 40"),
+        (train(400, "--exposure"), "`options.exposure` was false and is true"),
         (train(400, "--background white"), "`resolved`"),
         (train(400, "--compensate"), "`resolved`"),
         (train(400, "--max-size 16"), "camera_crc32"),
