@@ -38,7 +38,7 @@ void main() {
             vec3 to_image = vec3(0.0);
             [[unroll]] for (uint row = 0; row < 3; ++row) {
                 // What is rendered may be anything where nothing pulls, also no number.
-                if (g[row] != 0.0) part[row] += g[row] * vec4(shown, 1.0);
+                if (g[row] != 0.0) part[row] += g[row] * vec4(shown, 1.0); // guard: exposure: pixels that count
                 to_image += g[row] * rows[row];
             }
             for (uint c = 0; c < 3; ++c) image_grad[3 * at + c] = to_image[c];

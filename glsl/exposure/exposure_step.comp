@@ -53,7 +53,7 @@ float entry(uint photo, uint e) { return photo == push.photo ? stepped[e] : maps
 
 void main() {
     if (group_index() != 0) return;
-    if (status[STATUS_FAILED] != 0) return;
+    if (status[STATUS_FAILED] != 0) return; // guard: exposure: no step after an overflow
     uint thread = gl_LocalInvocationIndex;
     float part[MAP];
     [[unroll]] for (uint e = 0; e < MAP; ++e) part[e] = 0.0;
@@ -63,7 +63,7 @@ void main() {
     add_up(part);
     bool sound = true;
     for (uint e = 0; e < MAP; ++e) sound = sound && !isnan(totals[e]) && !isinf(totals[e]);
-    if (!sound) return;
+    if (!sound) return; // guard: exposure: gradients that are finite
 
     uint own = MOMENTS * push.photo;
     // After this step; thread 0 writes them once all have read what was before.
