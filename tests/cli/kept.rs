@@ -103,6 +103,18 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
 }
 
 #[test]
+fn exposures_that_were_killed_go_on_to_the_same_bits() {
+    let work = Work::new();
+    let whole = work.json(&format!("{TRAIN} --exposure -o whole.ply --json"));
+    work.killed(&format!("{TRAIN} --exposure -o out.ply"), CHECKPOINT);
+    let report = work.json(&format!("{TRAIN} --exposure -o out.ply --json"));
+    assert!((16..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+    let told = |report: &serde_json::Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
+    assert_eq!(told(&report), told(&whole));
+}
+
+#[test]
 fn a_checkpoint_of_another_run_is_refused_by_key() {
     let work = Work::new();
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
