@@ -10,6 +10,7 @@ use glint::{
     pipelines::{
         density,
         enhance::EnhanceOptions,
+        exposure,
         join::join,
         model::{Model, Segment},
         session::Session,
@@ -86,6 +87,8 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("density: steps to a scored one", density::SCORED_NTH.into()),
         ("density: last rates, of the first", density::LAST_RATE),
         ("density: power of a shorter run", density::RATE_POWER),
+        ("exposure: first rate", exposure::RATES[0]),
+        ("exposure: last rate", exposure::RATES[1]),
         ("ratio", paper.ratio),
         ("screen: share of a draw", f64::from(draw_size(1000)) / 1000.0),
         ("screen: steps of a round", paper.schedule.round_steps.into()),

@@ -15,6 +15,7 @@ use glint::{
     gpu::{Buffer, BufferRange, ContextOptions, GpuError, Pixels, Twin},
     pipelines::{
         density::{DensityOptions, Strategy},
+        exposure::IDENTITY,
         frames::{Blend, Frame, FrameView, Frames, Instance, Light, Limits, Target, Texel, Transform},
         learn::Lesson,
         lift::{LiftOptions, LiftPhase},
@@ -93,6 +94,13 @@ const TRAINING: Stages = &[
     ("project_backward", Near::Within(1e-3)),
 ];
 
+/// Adam's steps of maps, too, are as long as their rate, and their mean is taken from all.
+const EXPOSURE: Stages = &[
+    ("exposure_apply", Near::Within(1e-3)),
+    ("exposure_backward", Near::Within(1e-3)),
+    ("exposure_step", Near::Within(1e-3)),
+];
+
 const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
 
 const MOVES: Stages = &[("gather", Near::Same), ("recount", Near::Same)];
@@ -151,7 +159,7 @@ const PURSUIT: Stages = &[
 
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, FRAMES, TRAINING, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
+    let lists = [VIEW, FRAMES, TRAINING, EXPOSURE, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
     let mut tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
     // Those of reductions are tried where the device can.
     tried.extend(twins().iter().map(|twin| twin.stage).filter(|name| name.starts_with("blend_backward")));
@@ -288,7 +296,7 @@ fn every_reduction_has_a_twin() {
 
 /// A base that learns all, or a base that learns its opacities where it is seen and a supplement that learns all; three steps of
 /// one view or of two.
-fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32) -> Outcome {
+fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposure: bool) -> Outcome {
     let scene = random_scene(44, 400, if supplement { 150 } else { 0 }, 1);
     let cameras = [random_camera(48, 36), random_camera(36, 48)];
     let photo = |camera: &Camera| -> Vec<u8> { (0..3 * camera.pixels()).map(|i| (i / 7 % 200) as u8).collect() };
@@ -305,19 +313,26 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32) -> Outc
     let schedule = (0..3 * views_per_step).map(|k| k % 2).collect();
     let plan = |step: u32| StepPlan { rates: RATES, active_degree: step.min(1) };
     let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule, views_per_step, plan).unwrap();
+    if exposure {
+        trainer.correct_exposure(&session, &views).unwrap();
+    }
     let report = trainer.run(&model, &views, false, |_| ()).unwrap();
     let mut all = moved(&scene, &model.download().unwrap());
+    if let Some(maps) = trainer.exposures().unwrap() {
+        all.push(("maps", maps.iter().flat_map(|map| map.iter().zip(IDENTITY).map(|(a, b)| a - b)).collect()));
+    }
     all.push(("losses", report.losses));
     all
 }
 
 #[test]
 fn the_stages_of_training_have_twins() {
-    stand_in(|gpu| train(gpu, false, false, 1), TRAINING);
+    stand_in(|gpu| train(gpu, false, false, 1, false), TRAINING);
     let sparse = [("project_backward", Near::Within(1e-3)), ("blend_backward", Near::Within(1e-3))];
-    stand_in(|gpu| train(gpu, true, true, 1), &sparse);
-    stand_in(|gpu| train(gpu, true, true, 2), SEVERAL_VIEWS);
-    stand_in(|gpu| train(gpu, false, false, 2), &SEVERAL_VIEWS[..1]);
+    stand_in(|gpu| train(gpu, true, true, 1, false), &sparse);
+    stand_in(|gpu| train(gpu, false, false, 1, true), EXPOSURE);
+    stand_in(|gpu| train(gpu, true, true, 2, false), SEVERAL_VIEWS);
+    stand_in(|gpu| train(gpu, false, false, 2, false), &SEVERAL_VIEWS[..1]);
 }
 
 /// Thirty steps with a refinement or two.

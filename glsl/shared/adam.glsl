@@ -2,23 +2,13 @@
 // steps as soon as it has a gradient, and adam, which steps on gradients of several views.
 //
 // The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates`.
-const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
+#include "adam_one.glsl"
+
 const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
 // exp(beta) from 1/7 to 2981: a lobe twice as blunt as the cosine's square root, and one of 2 degrees. Within these bounds
 // exp(beta) * ln cos(psi/2) * any factor of the gradient stays below 1e9 wherever the factor itself is above 1/255.
 const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
 const float FREE = 1e30; // bound of a parameter that has none
-
-// The change that one step makes.
-// A gradient is cut off where its square, times 1/(1 - BETA2), would leave float32: v would stay infinite for ever. The step is
-// at most (1 - BETA1) / sqrt((1 - BETA2) (1 - BETA1^2 / BETA2)) = 7.3 rates whatever the gradients (Cauchy and Schwarz).
-const float GRADIENT_MAX = 1e17;
-float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
-    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: gradients above 1e17
-    m = mix(g, m, BETA1);
-    v = mix(g * g, v, BETA2);
-    return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
-}
 
 void step_geometry(uint p, uint moment, uint place, float g, float rate) {
     uint at = 2 * moment * push.stride + place;

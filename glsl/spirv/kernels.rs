@@ -119,7 +119,7 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 53] = [
+pub const ALL: [KernelInfo; 56] = [
     KernelInfo::of::<density_apply::Kernel>(),
     KernelInfo::of::<density_draw::Kernel>(),
     KernelInfo::of::<density_image::Kernel>(),
@@ -128,6 +128,9 @@ pub const ALL: [KernelInfo; 53] = [
     KernelInfo::of::<density_plan::Kernel>(),
     KernelInfo::of::<density_score::Kernel>(),
     KernelInfo::of::<density_weigh::Kernel>(),
+    KernelInfo::of::<exposure_apply::Kernel>(),
+    KernelInfo::of::<exposure_backward::Kernel>(),
+    KernelInfo::of::<exposure_step::Kernel>(),
     KernelInfo::of::<lift_append::Kernel>(),
     KernelInfo::of::<lift_count::Kernel>(),
     KernelInfo::of::<lift_groups::Kernel>(),
@@ -175,7 +178,7 @@ pub const ALL: [KernelInfo; 53] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
 /// `glsl/density/density_apply.comp`
 pub mod density_apply {
 #[allow(unused_imports)] use super::types::*;
@@ -752,6 +755,204 @@ impl crate::gpu::Kernel for Kernel {
 }
 impl crate::stages::Stage for Kernel {
     const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
+}
+}
+/// `glsl/exposure/exposure_apply.comp`
+pub mod exposure_apply {
+#[allow(unused_imports)] use super::types::*;
+#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Push {
+    pub frame: u32,
+    pub photo: u32,
+}
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    pub workgroup_size: u32,
+}
+#[derive(Clone, Copy)]
+pub struct Buffers<'a> {
+    /// ReadOnly
+    pub frames: &'a crate::gpu::Buffer<Frame>,
+    /// ReadOnly
+    pub maps: &'a crate::gpu::Buffer<f32>,
+    /// ReadOnly
+    pub image: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// WriteOnly
+    pub corrected: &'a crate::gpu::Buffer<[f32; 4]>,
+}
+/// What a twin of the kernel is given; see [`crate::gpu::Twin`].
+pub struct Host<'a> {
+    pub workgroups: crate::gpu::Workgroups,
+    pub spec: Spec,
+    pub push: Push,
+    /// ReadOnly
+    pub frames: &'a [Frame],
+    /// ReadOnly
+    pub maps: &'a [f32],
+    /// ReadOnly
+    pub image: &'a [[f32; 4]],
+    /// WriteOnly
+    pub corrected: &'a mut [[f32; 4]],
+}
+impl<'a> Host<'a> {
+    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), maps: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), corrected: crate::gpu::next_binding(&mut bindings), }
+    }
+}
+pub struct Kernel;
+pub type Stage = crate::gpu::Pipeline<Kernel>;
+impl crate::gpu::Kernel for Kernel {
+    const NAME: &'static str = "exposure_apply";
+    const LABEL: &'static std::ffi::CStr = c"exposure_apply";
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
+    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const SUBGROUPS: bool = false;
+    const BARRIERS: bool = false;
+    const FEATURES: &'static [crate::gpu::Feature] = &[];
+    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
+        with(&[b.frames.raw(), b.maps.raw(), b.image.raw(), b.corrected.raw()])
+    }
+}
+impl crate::stages::Stage for Kernel {
+    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
+}
+}
+/// `glsl/exposure/exposure_backward.comp`
+pub mod exposure_backward {
+#[allow(unused_imports)] use super::types::*;
+#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Push {
+    pub frame: u32,
+    pub photo: u32,
+}
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    pub workgroup_size: u32,
+}
+#[derive(Clone, Copy)]
+pub struct Buffers<'a> {
+    /// ReadOnly
+    pub frames: &'a crate::gpu::Buffer<Frame>,
+    /// ReadOnly
+    pub maps: &'a crate::gpu::Buffer<f32>,
+    /// ReadOnly
+    pub image: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadWrite
+    pub image_grad: &'a crate::gpu::Buffer<f32>,
+    /// WriteOnly
+    pub sums: &'a crate::gpu::Buffer<f32>,
+}
+/// What a twin of the kernel is given; see [`crate::gpu::Twin`].
+pub struct Host<'a> {
+    pub workgroups: crate::gpu::Workgroups,
+    pub spec: Spec,
+    pub push: Push,
+    /// ReadOnly
+    pub frames: &'a [Frame],
+    /// ReadOnly
+    pub maps: &'a [f32],
+    /// ReadOnly
+    pub image: &'a [[f32; 4]],
+    /// ReadWrite
+    pub image_grad: &'a mut [f32],
+    /// WriteOnly
+    pub sums: &'a mut [f32],
+}
+impl<'a> Host<'a> {
+    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), maps: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), sums: crate::gpu::next_binding(&mut bindings), }
+    }
+}
+pub struct Kernel;
+pub type Stage = crate::gpu::Pipeline<Kernel>;
+impl crate::gpu::Kernel for Kernel {
+    const NAME: &'static str = "exposure_backward";
+    const LABEL: &'static std::ffi::CStr = c"exposure_backward";
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.spv"))).0;
+    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const SUBGROUPS: bool = true;
+    const BARRIERS: bool = false;
+    const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
+    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
+        with(&[b.frames.raw(), b.maps.raw(), b.image.raw(), b.image_grad.raw(), b.sums.raw()])
+    }
+}
+impl crate::stages::Stage for Kernel {
+    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
+}
+}
+/// `glsl/exposure/exposure_step.comp`
+pub mod exposure_step {
+#[allow(unused_imports)] use super::types::*;
+#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Push {
+    pub photo: u32,
+    pub photos: u32,
+    pub runs: u32,
+    pub rate: f32,
+}
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    pub workgroup_size: u32,
+}
+#[derive(Clone, Copy)]
+pub struct Buffers<'a> {
+    /// ReadOnly
+    pub status: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub sums: &'a crate::gpu::Buffer<f32>,
+    /// ReadWrite
+    pub maps: &'a crate::gpu::Buffer<f32>,
+    /// ReadWrite
+    pub moments: &'a crate::gpu::Buffer<f32>,
+}
+/// What a twin of the kernel is given; see [`crate::gpu::Twin`].
+pub struct Host<'a> {
+    pub workgroups: crate::gpu::Workgroups,
+    pub spec: Spec,
+    pub push: Push,
+    /// ReadOnly
+    pub status: &'a [u32],
+    /// ReadOnly
+    pub sums: &'a [f32],
+    /// ReadWrite
+    pub maps: &'a mut [f32],
+    /// ReadWrite
+    pub moments: &'a mut [f32],
+}
+impl<'a> Host<'a> {
+    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
+        Host { workgroups, spec, push, status: crate::gpu::next_binding(&mut bindings), sums: crate::gpu::next_binding(&mut bindings), maps: crate::gpu::next_binding(&mut bindings), moments: crate::gpu::next_binding(&mut bindings), }
+    }
+}
+pub struct Kernel;
+pub type Stage = crate::gpu::Pipeline<Kernel>;
+impl crate::gpu::Kernel for Kernel {
+    const NAME: &'static str = "exposure_step";
+    const LABEL: &'static std::ffi::CStr = c"exposure_step";
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.spv"))).0;
+    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const SUBGROUPS: bool = true;
+    const BARRIERS: bool = true;
+    const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
+    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
+        with(&[b.status.raw(), b.sums.raw(), b.maps.raw(), b.moments.raw()])
+    }
+}
+impl crate::stages::Stage for Kernel {
+    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/lift/lift_append.comp`
@@ -4321,6 +4522,8 @@ impl crate::stages::Stage for Kernel {
 pub mod constants {
 pub mod adam {
 #[doc = "bound of a parameter that has none"] pub const FREE: f32 = 1e30;
+}
+pub mod adam_one {
 #[doc = ""] pub const GRADIENT_MAX: f32 = 1e17;
 }
 pub mod cluster {
@@ -4356,6 +4559,14 @@ pub mod density {
 }
 pub mod dispatch {
 #[doc = "the least maxComputeWorkGroupCount that Vulkan allows"] pub const GROUPS_PER_DIMENSION: u32 = 65535;
+}
+pub mod exposure {
+#[doc = ""] pub const MAP: u32 = 12;
+#[doc = ""] pub const FIRST: u32 = 0;
+#[doc = ""] pub const SECOND: u32 = 12;
+#[doc = ""] pub const CORRECTIONS: u32 = 24;
+#[doc = ""] pub const MOMENTS: u32 = 26;
+#[doc = ""] pub const SUM_PIXELS: u32 = 1024;
 }
 pub mod model {
 #[doc = "3 planes: x, y, z, scene units from the model's origin"] pub const MEAN: u32 = 0;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs, WatchArgs, Watched,
+    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
     deadline::{Deadline, Plan, duration},
     history::{History, Moment},
@@ -19,16 +19,17 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Photo, PointCloud, Split, scene_bytes, write_scene},
+    data::{Dataset, Photo, Split, is_point_cloud, read_points, scene_bytes, write_scene},
     pipelines::{
         density::{DensityOptions, Strategy},
+        exposure::IDENTITY,
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
-        train::{BaseOptions, Trainer, dense_trainer},
+        train::{BaseOptions, LEARNED, Trainer, dense_trainer},
     },
-    scene::{Scene, from_points},
+    scene::{Gaussians, Scene, from_points},
 };
 
 const EXAMPLES: &str = "\
@@ -46,6 +47,8 @@ Examples:
   glint train garden -o base.ply
   glint train garden -o base.ply --time 5m --gaussians 300000
   glint train garden -o base.ply --eval-every 1000
+  glint train garden -o base.ply --exposure
+  glint train garden -o better.ply --init base.ply --iterations 7000
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
@@ -87,12 +90,24 @@ pub(super) struct Args {
     /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
+    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene,
+    /// which then learn on
+    #[arg(long, value_name = "FILE")]
+    #[serde(skip)]
+    init: Option<PathBuf>,
+    #[command(flatten)]
+    #[serde(skip)]
+    lenient: SceneArgs,
     /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start, before a quarter of them is taken]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
     #[arg(long, value_enum, default_value_t)]
     strategy: StrategyArg,
+    /// Learn an affine map of colours for each training photo beside the scene, for photos of changing exposure or white balance. Their
+    /// mean stays the identity; test photos, eval and render have none
+    #[arg(long)]
+    exposure: bool,
     /// Seed of the random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -165,6 +180,9 @@ struct Report<'a> {
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
     final_loss: f64,
+    /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    largest_exposure: Option<f32>,
     /// How often a buffer was too small and was grown.
     buffers_grown: u32,
     /// In the order in which they first run; empty where the device has no timestamps.
@@ -181,35 +199,20 @@ struct Stage {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
-        let dataset = self.photos.open(&self.dataset)?;
-        let inputs = Inputs::default().dataset(&dataset);
+        let mut dataset = self.photos.open(&self.dataset)?;
+        let mut inputs = Inputs::default().dataset(&dataset);
+        if let Some(init) = &self.init {
+            inputs = inputs.scene(init);
+        }
         self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
+        let first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
-        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
-        let mut first = first_points(&dataset, wanted.map(|n| n as usize), self.seed);
-        let most = first.cloud.positions.len();
-        let mut place = "";
-        // The other strategies' papers begin with as many points as they say, anywhere.
-        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
-            let few = self.points.map_or((most / CARVED_NTH).max(1), |_| most);
-            if let Some(cloud) = dataset.carved_points(few, self.seed)? {
-                first.cloud = cloud;
-                place = " where no photo is transparent";
-            }
-        }
-        let count = first.cloud.positions.len();
-        let density = |iterations| self.density([count, most], iterations);
+        let (count, begins) = (first.gaussians.len(), first.begins);
+        let density = |iterations| self.density([count, first.most], iterations);
         check_room(&self.output, scene_bytes(density(self.iterations).limit.into(), 0, self.sh_degree))?;
-        check_sight(&dataset, &first.cloud.positions)?;
-        match (first.sparse, self.points) {
-            (None, _) => note(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
-            (Some(n), Some(wanted)) if n < wanted as usize => {
-                note(format!("the dataset has {n} sparse points, fewer than the {wanted} that --points allows"));
-            }
-            (Some(n), _) if count < n => note(format!("starting from {count} of {n} sparse points, chosen at random")),
-            _ => {}
-        }
+        check_sight(&dataset, &first.gaussians.means)?;
+        first.notes.into_iter().for_each(note);
         if self.sh_degree < 3 {
             let bands: Vec<String> = (self.sh_degree + 1..=3).map(|band| band.to_string()).collect();
             note(format!("SH degree {}: bands {} are not stored", self.sh_degree, bands.join(", ")));
@@ -243,8 +246,11 @@ impl Args {
             let most = control.limit.max(count as u32);
             let scene = 3 * scene_bytes(most.into(), 0, self.sh_degree);
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
-            let mut base = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
-            control.begin(&mut base);
+            let mut base = first.gaussians;
+            let beginning = checksum(&base);
+            if begins == 0.0 {
+                control.begin(&mut base);
+            }
             let scene = Scene { base, supplement: None };
             let (sh_degree, seed) = (self.sh_degree, self.seed);
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
@@ -254,10 +260,19 @@ impl Args {
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let options = |iterations| BaseOptions { iterations, sh_degree, ..Default::default() };
+            let options = |iterations| BaseOptions { iterations, sh_degree, begins };
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
-            let settings =
-                self.settings(&photos, &checksums, &first.cloud, &session, &options(iterations), &control)?;
+            if self.exposure {
+                trainer.correct_exposure(&session, &views)?;
+            }
+            let settings = self.settings(
+                &photos,
+                &checksums,
+                [count as u32, beginning],
+                &session,
+                &options(iterations),
+                &control,
+            )?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
             let found = match &deadline {
                 None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
@@ -344,6 +359,7 @@ impl Args {
                 return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
             }
             let trained = trainer.stop()?;
+            let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
             let steps = trained.losses.len() as u32;
             let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
@@ -373,10 +389,14 @@ impl Args {
                 seconds,
                 steps_per_second: f64::from(ran) / seconds,
                 final_loss: pass_loss(last),
+                largest_exposure,
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
             };
             let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
+            if let Some(largest) = largest_exposure {
+                note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
+            }
             if self.json {
                 print_json(&report)?;
             } else {
@@ -395,6 +415,61 @@ impl Args {
         })
     }
 
+    /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
+    fn first(&self, dataset: &mut Dataset) -> Result<First> {
+        let limit = self.gaussians.map(|n| n as usize);
+        let points = match &self.init {
+            Some(file) if !file.is_dir() && is_point_cloud(file)? => {
+                dataset.points = Some(read_points(file)?);
+                "points in the file"
+            }
+            Some(file) => {
+                let Scene { base, supplement } = self.lenient.open(file)?;
+                if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
+                    let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
+                    return Err(Error::input(file, what));
+                }
+                if self.points.is_some() {
+                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
+                }
+                if base.is_empty() {
+                    return Err(Error::input(file, "has no Gaussians to begin with"));
+                }
+                let mut notes = Vec::new();
+                if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
+                    let left = left.gaussians.len();
+                    notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
+                }
+                let gaussians = base.with_degree(self.sh_degree);
+                return Ok(First { most: gaussians.len(), gaussians, begins: LEARNED, notes });
+            }
+            None => "sparse points",
+        };
+        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
+        let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
+        let most = first.cloud.positions.len();
+        let mut place = "";
+        // The other strategies' papers begin with as many points as they say, anywhere.
+        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
+            let few = self.points.map_or((most / CARVED_NTH).max(1), |_| most);
+            if let Some(cloud) = dataset.carved_points(few, self.seed)? {
+                first.cloud = cloud;
+                place = " where no photo is transparent";
+            }
+        }
+        let count = first.cloud.positions.len();
+        let said = match (first.sparse, self.points) {
+            (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
+            (Some(n), Some(wanted)) if n < wanted as usize => {
+                Some(format!("there are {n} {points}, fewer than the {wanted} that --points allows"))
+            }
+            (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
+            _ => None,
+        };
+        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
+        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
+    }
+
     /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.
     fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
         let limit = self.gaussians.unwrap_or(most as u32);
@@ -406,25 +481,52 @@ impl Args {
         &self,
         photos: &[&Photo],
         pixels: &[u32],
-        first: &PointCloud,
+        [first, checksum]: [u32; 2],
         session: &Session,
         options: &BaseOptions,
         density: &DensityOptions,
     ) -> Result<Value> {
-        let mut points = crc32fast::Hasher::new();
-        points.update(bytemuck::cast_slice(&first.positions));
-        points.update(first.colors.as_flattened());
         // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
         let &Session { context: _, policy, background, extent, seed } = session;
         let policy = Policy { reduction: Reduction::Auto, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "photos": photos_json(photos, pixels),
-            "points": {"count": first.positions.len(), "crc32": points.finalize()},
+            "first": {"count": first, "crc32": checksum},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
             "resolved": format!("{options:?} {density:?} {:?}", (policy, background, extent, seed)),
         }))
     }
+}
+
+/// What a run begins with.
+struct First {
+    gaussians: Gaussians,
+    /// As many as it may come to where nothing else is asked for.
+    most: usize,
+    /// Of [`BaseOptions`].
+    begins: f64,
+    /// What the user would not expect of it.
+    notes: Vec<String>,
+}
+
+/// Of all numbers of these Gaussians.
+fn checksum(of: &Gaussians) -> u32 {
+    let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
+    let mut all = crc32fast::Hasher::new();
+    all.update(&sh_degree.to_le_bytes());
+    for part in [means, log_scales, sh] {
+        all.update(bytemuck::cast_slice(part));
+    }
+    all.update(bytemuck::cast_slice(quats));
+    all.update(bytemuck::cast_slice(opacities));
+    all.finalize()
+}
+
+/// The largest difference of an entry of these maps from the identity's.
+fn farthest(maps: &[[f32; 12]]) -> f32 {
+    let off = |map: &[f32; 12]| map.iter().zip(IDENTITY).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    maps.iter().map(off).fold(0.0, f32::max)
 }
 
 /// The first and the last pass through the photos and eight between them, with their numbers of steps.

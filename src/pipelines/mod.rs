@@ -6,6 +6,8 @@ pub mod checkpoint;
 pub mod density;
 #[cfg(feature = "train")]
 pub mod enhance;
+#[cfg(feature = "train")]
+pub mod exposure;
 pub mod frames;
 #[cfg(feature = "train")]
 pub mod join;

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{
     checkpoint::Checkpoint,
     density::{Density, DensityOptions, ScoredView, Strategy},
+    exposure::Exposure,
     learn::{Learner, Lesson, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
@@ -55,6 +56,7 @@ struct Training {
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
     density: Option<Density>,
+    exposure: Option<Exposure>,
     /// Segments may come to have other numbers of Gaussians while it goes on.
     varies: bool,
 }
@@ -119,6 +121,7 @@ impl Trainer {
                 plan: Box::new(plan),
                 background: session.background,
                 density: None,
+                exposure: None,
                 varies: false,
             },
             steps: Steps::new(context, BATCH)?,
@@ -159,8 +162,12 @@ impl Trainer {
                 kept.push((planes, checkpoint.floats(&name, planes.planes() * count)?, count));
             }
         }
+        let maps = self.work.exposure.as_ref().map(|exposure| exposure.find(checkpoint)).transpose()?;
         for (planes, values, count) in kept {
             planes.restore(values, count)?;
+        }
+        if let (Some(exposure), Some(maps)) = (&self.work.exposure, maps) {
+            exposure.restore(maps)?;
         }
         for (segment, count) in counts {
             model.set_count(segment, count)?;
@@ -183,17 +190,38 @@ impl Trainer {
                 checkpoint.put(name, [planes.planes(), count], planes.values(count)?);
             }
         }
+        if let Some(exposure) = &self.work.exposure {
+            exposure.keep(&mut checkpoint)?;
+        }
         Ok(checkpoint)
     }
 
     /// Steps of the whole schedule.
     pub fn total(&self) -> u32 {
-        self.work.schedule.len() as u32 / self.work.views_per_step
+        self.work.total()
     }
 
     /// A checkpoint may have more or fewer Gaussians than the model at the start.
     pub fn let_counts_vary(&mut self) {
         self.work.varies = true;
+    }
+
+    /// Has an affine map of colours for each of `views` learned beside the scene, see [`exposure`](super::exposure). Of a loop that has
+    /// not begun; they are in its checkpoints.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where a step sees several views; else what the device lacks.
+    pub fn correct_exposure(&mut self, session: &Session, views: &Views) -> Result<()> {
+        if self.work.views_per_step != 1 {
+            return Err(Error::Usage("exposure is corrected in steps of one view only".into()));
+        }
+        self.work.exposure = Some(Exposure::new(&session.context, views)?);
+        Ok(())
+    }
+
+    /// The map of each view, rows of (M | b), if there are any. Waits.
+    pub fn exposures(&self) -> Result<Option<Vec<[f32; 12]>>> {
+        self.work.exposure.as_ref().map(Exposure::download).transpose()
     }
 
     /// Lets the loop go on to step `step` and no further: [`Trainer::advance`] then has nothing more to do until it is let go on.
@@ -305,6 +333,10 @@ impl Trainer {
 const LOSSES: &str = "losses";
 
 impl Training {
+    fn total(&self) -> u32 {
+        self.schedule.len() as u32 / self.views_per_step
+    }
+
     /// Those of the first steps. Of their parts nothing is known.
     fn write_losses(&mut self, losses: &[f32]) {
         let whole = |&total: &f32| Loss { l1: f32::NAN, squared: f32::NAN, ssim: f32::NAN, total };
@@ -334,12 +366,13 @@ impl On<'_> {
     /// What the loss compares in one view.
     fn batch(&self, view: u32) -> Batch<'_> {
         let On { training, views, .. } = self;
+        let blended = &training.renderer.raster.buffers.image;
         Batch {
             frames: &views.frames,
             frame_first: view,
             frame_count: 1,
             tiles_per_frame: training.tiles_per_frame,
-            image: &training.renderer.raster.buffers.image,
+            image: training.exposure.as_ref().map_or(blended, |exposure| &exposure.corrected),
             targets: views.targets(view as usize),
         }
     }
@@ -353,8 +386,14 @@ impl On<'_> {
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         let buffers = &renderer.raster.buffers;
         let batch = self.batch(view);
+        if let Some(exposure) = &training.exposure {
+            exposure.record_apply(recorder, views, view, buffers);
+        }
         loss.record_forward(recorder, &batch, Tiles::All, None);
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
+        if let Some(exposure) = &training.exposure {
+            exposure.record_backward(recorder, views, view, buffers);
+        }
         loss.record_sum(recorder, &batch, at);
         // Segments before the first that learns more than its opacity need no other gradient.
         let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
@@ -381,6 +420,9 @@ impl Looped for On<'_> {
                     false => learner.record_step(recorder, &seen, &rates, step),
                     true => learner.record_add(recorder, &seen),
                 }
+            }
+            if let Some(exposure) = &training.exposure {
+                exposure.record_step(recorder, views, view, f64::from(step) / f64::from(training.total()), status);
             }
             if let Some(density) = &training.density {
                 let seen = ScoredView { model, views, view, raster, grid: &grid, batch: self.batch(view), status };

@@ -22,6 +22,9 @@ pub mod density_score;
 pub mod density_weigh;
 pub mod dispatch_args;
 pub mod emit;
+pub mod exposure_apply;
+pub mod exposure_backward;
+pub mod exposure_step;
 pub mod fma_rate;
 pub mod gather;
 pub mod harmonics;
@@ -185,7 +188,7 @@ mod tests {
             ("T_MIN", TRANSMITTANCE_MIN, kernels::splat::T_MIN),
             ("FLOAT_MIN", FLOAT_MIN, kernels::unit::FLOAT_MIN),
             ("FLOAT_MAX", FLOAT_MAX, kernels::unit::FLOAT_MAX),
-            ("GRADIENT_MAX", adam::GRADIENT_MAX, kernels::adam::GRADIENT_MAX),
+            ("GRADIENT_MAX", adam::GRADIENT_MAX, kernels::adam_one::GRADIENT_MAX),
             ("FIRST_SCALE_MIN", screen_backward::FIRST_SCALE_MIN, kernels::screen::FIRST_SCALE_MIN),
             ("FIRST_BLUR", pursuit::FIRST_BLUR, kernels::pursuit::FIRST_BLUR),
             ("NEXT_BLUR", pursuit::NEXT_BLUR, kernels::pursuit::NEXT_BLUR),

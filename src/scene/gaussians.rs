@@ -37,6 +37,13 @@ impl Gaussians {
     pub fn sh_coefficients(&self) -> usize {
         ((self.sh_degree + 1) * (self.sh_degree + 1)) as usize
     }
+
+    /// The same with harmonics of another degree, 0 to 3: bands above it go, new ones are 0.
+    pub fn with_degree(self, sh_degree: u32) -> Gaussians {
+        let (old, new) = (self.sh_coefficients(), ((sh_degree + 1) * (sh_degree + 1)) as usize);
+        let of = |row: &[[f32; 3]]| (0..new).map(|k| row.get(k).copied().unwrap_or_default()).collect::<Vec<_>>();
+        Gaussians { sh_degree, sh: self.sh.chunks(old).flat_map(of).collect(), ..self }
+    }
 }
 
 /// The opacity lobes of supplementary Gaussians (method, section 1).
@@ -109,6 +116,16 @@ impl Supplement {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bands_come_and_go() {
+        let one = Gaussians { sh_degree: 1, sh: (0..8).map(|k| [k as f32; 3]).collect(), ..Default::default() };
+        let none = one.clone().with_degree(0);
+        assert_eq!((none.sh_degree, &none.sh[..]), (0, &[[0.0; 3], [4.0; 3]][..]));
+        let two = one.clone().with_degree(2);
+        assert_eq!((two.sh.len(), two.sh[3], two.sh[4], two.sh[9]), (18, [3.0; 3], [0.0; 3], [4.0; 3]));
+        assert_eq!(two.with_degree(1), one);
+    }
 
     #[test]
     fn what_no_eye_sees_goes_and_the_rest_keeps_its_order() {

@@ -48,7 +48,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 // All reasons assume what GPUs' own sin, cos, exp, log and atan give, some 1e-6. Vulkan allows sin, cos, and what is made of
 // them, 2⁻¹¹: a driver that uses that up breaks these bounds, and should.
 /// In the order of the table.
-pub const BOUNDS: [Bound; 56] = [
+pub const BOUNDS: [Bound; 59] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -192,6 +192,30 @@ pub const BOUNDS: [Bound; 56] = [
         ..EXACT
     },
     Bound { stage: "loss_sum", max: 3e-4, relative_l2: 3e-4, reason: LOSS, ..EXACT },
+    Bound {
+        stage: "exposure_apply",
+        max: 1e-6,
+        relative_l2: 5e-7,
+        reason: "Three products and three sums of numbers of order 1: six roundings of 6e-8.",
+        ..EXACT
+    },
+    Bound {
+        stage: "exposure_backward",
+        max: 5e-6,
+        relative_l2: 2e-6,
+        bias: 1e-6,
+        reason: "By pixels as exposure_apply. A sum of 1024 terms is made in 8 lanes at least, 128 terms in each, whose roundings of 6e-8 \
+                 add up as a walk: some 1e-6 of the sum of the terms' magnitudes, which is the sum's own a few times over.",
+        ..EXACT
+    },
+    Bound {
+        stage: "exposure_step",
+        max: 5e-5,
+        relative_l2: 2e-5,
+        reason: "1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is, and so is its correction, of which it is \
+                 divided. Gradients are sums of some thousand terms that partly cancel, known to 1e-6; a mean over maps to 1e-7.",
+        ..EXACT
+    },
     Bound {
         stage: "screen_project",
         max: 1e-5,

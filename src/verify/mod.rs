@@ -3,6 +3,7 @@
 
 mod bounds;
 mod density;
+mod exposure;
 mod floor;
 mod frames;
 mod judge;
@@ -67,6 +68,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     model::cases(&mut bench, options.quick)?;
     raster::cases(&mut bench, options.quick)?;
     loss::cases(&mut bench, options.quick)?;
+    exposure::cases(&mut bench, options.quick)?;
     screen::cases(&mut bench, options.quick)?;
     lift::cases(&mut bench, options.quick)?;
     density::cases(&mut bench, options.quick)?;

@@ -37,6 +37,7 @@ fn every_option_of_training_changes_the_scene() {
         "--max-size 16",
         "--holdout none",
         "--compensate",
+        "--exposure",
     ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);

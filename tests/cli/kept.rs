@@ -108,6 +108,18 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
 }
 
 #[test]
+fn exposures_that_were_killed_go_on_to_the_same_bits() {
+    let work = Work::new();
+    let whole = work.json(&format!("{TRAIN} --exposure -o whole.ply --json"));
+    work.killed(&format!("{TRAIN} --exposure -o out.ply"), CHECKPOINT);
+    let report = work.json(&format!("{TRAIN} --exposure -o out.ply --json"));
+    assert!((16..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+    let told = |report: &serde_json::Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
+    assert_eq!(told(&report), told(&whole));
+}
+
+#[test]
 fn a_checkpoint_of_another_run_is_refused_by_key() {
     let work = Work::new();
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
@@ -118,6 +130,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(401, ""), "`options.iterations` was 400 and is 401"),
         (train(400, "--seed 1"), "`options.seed` was 0 and is 1"),
         (train(400, "--points 40"), "`options.points` was null and is 40"),
+        (train(400, "--exposure"), "`options.exposure` was false and is true"),
         (train(400, "--background white"), "`resolved`"),
         (train(400, "--compensate"), "`resolved`"),
         (train(400, "--max-size 16"), "camera_crc32"),
@@ -128,7 +141,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     let points = work.path("data/sparse/0/points3D.txt");
     let text = fs::read_to_string(&points).unwrap();
     fs::write(&points, text.replacen("120 130 140", "121 130 140", 1)).unwrap();
-    work.refused(&train(400, ""), &[CHECKPOINT, "`points.crc32`"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "`first.crc32`"]);
     fs::write(&points, text).unwrap();
     let mut photo = image::open(work.path("data/images/d.png")).unwrap().into_rgb8();
     photo.get_pixel_mut(3, 3).0[1] ^= 1;

@@ -41,6 +41,25 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     work.refused(&format!("{TRAIN} -o none.ply --eval-every 24 --holdout none"), &["test split"]);
 }
 
+/// What photos' maps are is told at the end; evaluations know nothing of them, and `eval` finds what the last of them did.
+#[test]
+fn exposure_is_corrected_in_training_alone() {
+    let work = Work::new();
+    let plain = work.json(&format!("{TRAIN} -o plain.ply --json"));
+    assert!(plain.get("largest_exposure").is_none());
+    let report = work.json(&format!("{TRAIN} -o out.ply --exposure --eval-every 24 --json"));
+    // Nine steps of each photo, of 0.01 or so at most.
+    let largest = report["largest_exposure"].as_f64().unwrap();
+    assert!((0.001..0.2).contains(&largest), "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() != fs::read(work.path("plain.ply")).unwrap());
+    let last = read_history(work.path("out.history.jsonl")).unwrap().pop().unwrap();
+    let found = work.json("eval out.ply data --json")["base"]["psnr"].as_f64().unwrap();
+    assert!((last.psnr - found).abs() < 1e-6, "{} and {found}", last.psnr);
+    let output = work.run("train data -o timed.ply --exposure --time 3s --points 200 --gaussians 300");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("note: exposure: the photos' colour maps"), "{said}");
+}
+
 /// Width, height and bytes.
 fn image(path: &std::path::Path) -> (u32, u32, Vec<u8>) {
     let image = image::open(path).unwrap().to_rgb8();

@@ -5,11 +5,12 @@ use glint::{
     Error,
     gpu::{Buffer, ContextOptions},
     pipelines::{
+        exposure::IDENTITY,
         learn::Lesson,
         model::{Model, Segment},
         render::{Needs, Renderer},
         session::Session,
-        train::{BaseOptions, Trainer, base_trainer, train_base},
+        train::{BaseOptions, Trainer, base_trainer},
         views::Views,
     },
     reference::{
@@ -314,14 +315,19 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
         let model = Model::upload(&gpu, scene, 0).unwrap();
         let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(&gpu) };
         let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
-        let report = train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
+        let mut trainer = base_trainer(&session, &model, &views, &options).unwrap();
+        // Its maps are learned too, and must not move while nothing else does.
+        trainer.correct_exposure(&session, &views).unwrap();
+        let report = trainer.run(&model, &views, false, |_| ()).unwrap();
+        let maps = trainer.exposures().unwrap().unwrap();
         let base = model.download().unwrap().base;
         let kept = (base.means[..60].to_vec(), base.quats[..60].to_vec(), base.sh[..60].to_vec());
-        (report.steps.grown, report.losses, kept, base.opacities[..60].to_vec(), base.log_scales[..60].to_vec())
+        (report.steps.grown, report.losses, kept, base.opacities[..60].to_vec(), base.log_scales[..60].to_vec(), maps)
     });
     assert_eq!((trained[0].0, trained[1].0), (1, 0));
     assert!(trained[0].1 == trained[1].1 && trained[0].2 == trained[1].2);
     assert!(trained[0].3 == trained[1].3 && trained[0].4 == trained[1].4);
+    assert!(trained[0].5 == trained[1].5 && trained[0].5[0] != IDENTITY);
     assert!(trained[0].3 != filling.base.opacities);
 }
 

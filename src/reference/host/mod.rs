@@ -30,6 +30,7 @@ macro_rules! twins {
 }
 
 mod density;
+mod exposure;
 mod learn;
 mod lift;
 mod loss;
@@ -43,6 +44,7 @@ mod sort;
 pub fn twins() -> Vec<Twin> {
     [
         density::TWINS,
+        exposure::TWINS,
         learn::TWINS,
         lift::TWINS,
         loss::TWINS,

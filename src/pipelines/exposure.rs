@@ -1,0 +1,181 @@
+//! Exposure correction (method, section 2): an affine map of colours for each training photograph, learned beside the scene, that the
+//! blended image goes through before it is compared with the photograph. Their mean stays the identity, so that the scene takes on
+//! no cast that all photographs could share with it. Nothing but training knows of it.
+
+use super::{checkpoint::Checkpoint, raster::RasterBuffers, views::Views};
+use crate::{
+    error::Result,
+    gpu::{Buffer, Context, Location, Recorder},
+    stages::{
+        WORKGROUP,
+        constants::exposure::{MAP, MOMENTS, SUM_PIXELS},
+        exposure_apply, exposure_backward, exposure_step,
+        ssim::SUM_WORKGROUP,
+        types::Frame,
+    },
+};
+
+/// Rate of a map's entries per step of its photograph, at the run's first and last step; between them it falls in equal ratios. 3DGS
+/// (`exposure_lr_init` and `exposure_lr_final` of its `arguments/__init__.py`).
+pub const RATES: [f64; 2] = [0.01, 0.001];
+
+/// The map that changes nothing: rows of (M | b).
+pub const IDENTITY: [f32; MAP as usize] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// Names in a checkpoint.
+const KEPT: [&str; 2] = ["exposure.maps", "exposure.moments"];
+
+/// The maps of all photographs, what they are learned with, and the image that they make.
+pub struct Exposure {
+    photos: u32,
+    /// 12 for each photograph, rows of (M | b).
+    maps: Buffer<f32>,
+    /// See `glsl/shared/exposure.glsl`.
+    moments: Buffer<f32>,
+    /// Gradients of a map over parts of an image.
+    sums: Buffer<f32>,
+    /// The blended image of the view at hand, as its photograph has it.
+    pub corrected: Buffer<[f32; 4]>,
+    apply: exposure_apply::Stage,
+    backward: exposure_backward::Stage,
+    step: exposure_step::Stage,
+}
+
+impl Exposure {
+    /// For photographs of all of `views`, whose maps begin as the identity.
+    pub fn new(context: &Context, views: &Views) -> Result<Self> {
+        let info = context.info();
+        let (photos, pixels) = (views.cameras.len(), views.max_pixels());
+        let runs = pixels.div_ceil(SUM_PIXELS) as usize;
+        // A subgroup works for itself, and an image has few.
+        let (alone, together) = (info.subgroup_size, SUM_WORKGROUP.min(info.max_workgroup));
+        Ok(Exposure {
+            photos: photos as u32,
+            maps: Buffer::from_slice(context, "exposure_maps", &IDENTITY.repeat(photos))?,
+            moments: Buffer::zeroed(context, "exposure_moments", MOMENTS as usize * photos)?,
+            sums: Buffer::new(context, "exposure_sums", MAP as usize * runs, Location::Device)?,
+            corrected: Buffer::new(context, "corrected", pixels as usize, Location::Device)?,
+            apply: exposure_apply::Stage::new(
+                context,
+                &exposure_apply::Spec { workgroup_size: info.workgroup(WORKGROUP) },
+            )?,
+            backward: exposure_backward::Stage::new(context, &exposure_backward::Spec { workgroup_size: alone })?,
+            step: exposure_step::Stage::new(context, &exposure_step::Spec { workgroup_size: together })?,
+        })
+    }
+
+    /// Makes [`Exposure::corrected`] of the blended image of view `view`.
+    pub(super) fn record_apply(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
+        self.apply.record(
+            recorder,
+            &exposure_apply::Buffers {
+                frames: &views.frames,
+                maps: &self.maps,
+                image: &raster.image,
+                corrected: &self.corrected,
+            },
+            &exposure_apply::Push { frame: view, photo: view },
+            pixels(&views.frame_list[view as usize]),
+        );
+    }
+
+    /// Makes of the gradient by the corrected image that by the blended one, in its place, and the gradient of the view's map.
+    pub(super) fn record_backward(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
+        self.backward.record(
+            recorder,
+            &exposure_backward::Buffers {
+                frames: &views.frames,
+                maps: &self.maps,
+                image: &raster.image,
+                image_grad: &raster.image_grad,
+                sums: &self.sums,
+            },
+            &exposure_backward::Push { frame: view, photo: view },
+            runs(&views.frame_list[view as usize]),
+        );
+    }
+
+    /// The step of the view's map, a part `part` of the run (0 to 1) being done, and what follows for all of them.
+    pub(super) fn record_step(
+        &self,
+        recorder: &mut Recorder,
+        views: &Views,
+        view: u32,
+        part: f64,
+        status: &Buffer<u32>,
+    ) {
+        self.step.record(
+            recorder,
+            &exposure_step::Buffers { status, sums: &self.sums, maps: &self.maps, moments: &self.moments },
+            &exposure_step::Push {
+                photo: view,
+                photos: self.photos,
+                runs: runs(&views.frame_list[view as usize]),
+                rate: rate(part),
+            },
+            1,
+        );
+    }
+
+    /// The map of each photograph: rows of (M | b). Waits.
+    pub fn download(&self) -> Result<Vec<[f32; MAP as usize]>> {
+        Ok(self.maps.download()?.as_chunks().0.to_vec())
+    }
+
+    /// Adds all that the steps to come need. Waits.
+    pub(super) fn keep(&self, checkpoint: &mut Checkpoint) -> Result<()> {
+        for (name, buffer, numbers) in self.kept() {
+            checkpoint.put(name.into(), [self.photos as usize, numbers as usize], buffer.download()?);
+        }
+        Ok(())
+    }
+
+    /// What [`Exposure::keep`] added, to be written by [`Exposure::restore`].
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) where it is not there, or of another number of photographs.
+    pub(super) fn find<'a>(&self, checkpoint: &'a Checkpoint) -> Result<[&'a [f32]; 2]> {
+        let [maps, moments] = self.kept().map(|(name, buffer, _)| checkpoint.floats(name, buffer.len()));
+        Ok([maps?, moments?])
+    }
+
+    /// Waits.
+    pub(super) fn restore(&self, found: [&[f32]; 2]) -> Result<()> {
+        for ((_, buffer, _), values) in self.kept().into_iter().zip(found) {
+            buffer.upload(0, values)?;
+        }
+        Ok(())
+    }
+
+    fn kept(&self) -> [(&'static str, &Buffer<f32>, u32); 2] {
+        let [maps, moments] = KEPT;
+        [(maps, &self.maps, MAP), (moments, &self.moments, MOMENTS)]
+    }
+}
+
+fn pixels(frame: &Frame) -> u32 {
+    frame.width * frame.height
+}
+
+/// Of [`SUM_PIXELS`] pixels.
+fn runs(frame: &Frame) -> u32 {
+    pixels(frame).div_ceil(SUM_PIXELS)
+}
+
+/// See [`RATES`].
+pub fn rate(part: f64) -> f32 {
+    let [first, last] = RATES.map(f64::ln);
+    (first * (1.0 - part) + last * part).exp() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rate_falls_in_equal_ratios() {
+        for (part, want) in [(0.0, 0.01), (0.5, 0.01 / 10f64.sqrt()), (1.0, 0.001)] {
+            assert!((f64::from(rate(part)) / want - 1.0).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Twin of `exposure_apply.comp`.
+
+/// A photograph's affine map of colours: rows of (M | b), so entry 4 · row + column, and of that b is column 3.
+pub type Map = [f64; 12];
+
+/// The map that changes nothing.
+pub const IDENTITY: Map = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// M c + b of each pixel; `image` is RGB and transmittance, which stays.
+pub fn exposure_apply(map: &Map, image: &[[f64; 4]]) -> Vec<[f64; 4]> {
+    let pixel = |&[r, g, b, transmittance]: &[f64; 4]| {
+        let row = |k: usize| map[4 * k] * r + map[4 * k + 1] * g + map[4 * k + 2] * b + map[4 * k + 3];
+        [row(0), row(1), row(2), transmittance]
+    };
+    image.iter().map(pixel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_identity_changes_nothing_and_a_map_is_rows_of_a_matrix_and_an_offset() {
+        let image = [[0.25, 0.5, 2.0, 0.1], [0.0, -1.0, 0.75, 1.0]];
+        assert_eq!(exposure_apply(&IDENTITY, &image), image);
+        let map = [2.0, 0.0, 1.0, 0.5, 0.0, 3.0, 0.0, 0.0, 1.0, 1.0, 1.0, -1.0];
+        assert_eq!(exposure_apply(&map, &image)[0], [3.0, 1.5, 1.75, 0.1]);
+    }
+}
