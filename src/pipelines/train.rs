@@ -472,6 +472,7 @@ pub struct BaseOptions {
 }
 
 /// Where Gaussians that have learned take up a schedule again. Small/garden at 128 pixels...
+/// Where Gaussians that have learned take up a schedule again.
 pub const LEARNED: f64 = 0.5;
 
 impl Default for BaseOptions {

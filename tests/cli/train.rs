@@ -92,3 +92,33 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
         assert!(output.status.code() == Some(2) && said.contains(words), "{option}: {said}");
     }
 }
+
+/// A scene of glint or of anybody begins where it was, points of a file where they are.
+#[test]
+fn training_begins_with_what_a_file_holds() {
+    let work = Work::new();
+    let first = work.json(&format!("{TRAIN} -o first.ply --json"));
+    let psnr = |scene: &str| work.json(&format!("eval {scene} data --json"))["base"]["psnr"].as_f64().unwrap();
+    let more = "train data --init first.ply --iterations 32 --deterministic";
+    let report = work.json(&format!("{more} -o more.ply --json"));
+    assert_eq!((&report["gaussians"], &report["sh_degree"]), (&first["gaussians"], &serde_json::json!(3)));
+    // Half of the steps more: the rates go on where they were half way.
+    assert!(psnr("more.ply") > psnr("first.ply"), "{} and {}", psnr("more.ply"), psnr("first.ply"));
+    // A fresh start of as many steps comes to less.
+    work.ok("train data -o fresh.ply --iterations 32 --deterministic");
+    assert!(psnr("more.ply") > psnr("fresh.ply") + 1.0);
+    work.ok(&format!("{more} -o grown.ply --gaussians 350"));
+    assert_eq!(work.json("info grown.ply --json")["base"]["count"], 350);
+
+    // What was trained from another file is another run.
+    let points = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
+                  0 0 0 250 0 0\n0.2 0 0 0 250 0\n0 0.2 0 0 0 250\n";
+    fs::write(work.path("points.ply"), points).unwrap();
+    let report = work.json("train data --init points.ply --strategy fixed -o few.ply --iterations 4 --json");
+    assert_eq!(report["gaussians"], 3);
+    work.refused(&format!("{more} -o x.ply --points 5"), &["first.ply", "--points"]);
+    work.refused(&format!("{more} -o x.ply --gaussians 5"), &["first.ply", "300 Gaussians", "--gaussians 5"]);
+    work.refused("train data --init nowhere.ply -o x.ply", &["nowhere.ply"]);
+    work.refused("train data --init first.ply -o first.ply --force", &["first.ply", "this command reads"]);
+}
