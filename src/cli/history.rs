@@ -91,7 +91,8 @@ impl<'a> History<'a> {
             replace.check_file(&self.path, "jsonl", "a history", inputs)?;
             replace.make_folder(&self.folder, inputs)?;
             let found = fs::read_dir(&self.folder).map_err(|error| Error::io(&self.folder, error))?;
-            let names: Vec<_> = found.flatten().filter_map(|file| file.file_name().into_string().ok()).collect();
+            let mut names: Vec<_> = found.flatten().filter_map(|file| file.file_name().into_string().ok()).collect();
+            names.sort();
             let pictures =
                 names.iter().map(String::as_str).filter(|name| name.starts_with(STEP) && name.ends_with(".png"));
             return replace.check_files(&self.folder, pictures, inputs);

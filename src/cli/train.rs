@@ -492,7 +492,7 @@ impl Args {
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "photos": photos_json(photos, pixels),
-            "first": {"count": first, "crc32": checksum},
+            "points": {"count": first, "crc32": checksum},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
             "resolved": format!("{options:?} {density:?} {:?}", (policy, background, extent, seed)),
         }))

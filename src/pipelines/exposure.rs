@@ -15,9 +15,10 @@ use crate::{
     },
 };
 
-/// Rate of a map's entries per step of its photograph, at the run's first and last step; between them it falls in equal ratios. 3DGS
-/// (`exposure_lr_init` and `exposure_lr_final` of its `arguments/__init__.py`).
-pub const RATES: [f64; 2] = [0.01, 0.001];
+/// Rate of a map's entries per step of its photograph, at the run's first and last step; between them it falls in equal ratios. 3DGS has 0.01
+/// and 0.001 (`exposure_lr_init` and `exposure_lr_final` of its `arguments/__init__.py`). On garden (96 pixels, 4,000 Gaussians, 3,000
+/// steps) those cost 1.3 dB, and these 0.4 dB; with photographs made brighter and darker by up to 30 % those gain 0.3 dB, and these 0.6.
+pub const RATES: [f64; 2] = [0.003, 0.0003];
 
 /// The map that changes nothing: rows of (M | b).
 pub const IDENTITY: [f32; MAP as usize] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
@@ -174,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_rate_falls_in_equal_ratios() {
-        for (part, want) in [(0.0, 0.01), (0.5, 0.01 / 10f64.sqrt()), (1.0, 0.001)] {
+        for (part, want) in [(0.0, 0.003), (0.5, 0.003 / 10f64.sqrt()), (1.0, 0.0003)] {
             assert!((f64::from(rate(part)) / want - 1.0).abs() < 1e-6);
         }
     }

@@ -76,7 +76,7 @@ impl WorkDir {
                 let work = WorkDir { folder: folder.to_owned(), names: names.clone(), settings: Value::Null };
                 let views = 0..names.len();
                 let mut all = views
-                    .flat_map(|view| [BASE, DEPTH, PLANE, LIFTS].map(|kind| work.file(view, kind)))
+                    .flat_map(|view| [LIFTS, BASE, DEPTH, PLANE].map(|kind| work.file(view, kind)))
                     .chain([folder.join(JOINT)]);
                 if let Some(left) = all.find(|file| file.exists()) {
                     let what = format!("was made with settings that are not known: there is no {SETTINGS}; {another}");

@@ -141,7 +141,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     let points = work.path("data/sparse/0/points3D.txt");
     let text = fs::read_to_string(&points).unwrap();
     fs::write(&points, text.replacen("120 130 140", "121 130 140", 1)).unwrap();
-    work.refused(&train(400, ""), &[CHECKPOINT, "`first.crc32`"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "`points.crc32`"]);
     fs::write(&points, text).unwrap();
     let mut photo = image::open(work.path("data/images/d.png")).unwrap().into_rgb8();
     photo.get_pixel_mut(3, 3).0[1] ^= 1;
