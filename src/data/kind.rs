@@ -160,6 +160,7 @@ mod tests {
         is(b"PK\x03\x04", "a.splat", Kind::Zip);
         is(&[7; 64], "a.ksplat", Kind::Ksplat);
         is(&[7; 64], "a.ply", Kind::Unknown);
+        assert_eq!([Kind::Ksplat, Kind::Image].map(Kind::advice), ["; export it as PLY", ""]);
         assert!(Kind::of_file(Path::new("nowhere")).unwrap_err().to_string().contains("nowhere"));
     }
 }

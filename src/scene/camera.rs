@@ -74,3 +74,42 @@ impl Camera {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    fn camera() -> Camera {
+        let rotation = DMat3::from_rotation_y(0.3) * DMat3::from_rotation_x(-0.2);
+        let translation = DVec3::new(0.5, -1.0, 2.0);
+        Camera { width: 40, height: 20, fx: 50.0, fy: 45.0, cx: 19.0, cy: 11.0, rotation, translation }
+    }
+
+    #[test]
+    fn a_camera_around_another_origin_sees_the_same() {
+        let (camera, origin, point) = (camera(), DVec3::new(3.0, 5.0, -7.0), DVec3::new(0.2, 0.4, 5.0));
+        let (a, b) = (camera.project(point), camera.around(origin).project(point - origin));
+        assert!((a.0 - b.0).abs() + (a.1 - b.1).abs() + (a.2 - b.2).abs() < 1e-9, "{a:?} and {b:?}");
+        let (x, y, z) = a;
+        assert!(camera.unproject(x, y, z).distance(point) < 1e-9);
+    }
+
+    #[test]
+    fn another_size_has_all_of_the_image_in_its_middle() {
+        let camera = camera();
+        assert_eq!(camera.fitted(40, 20), camera);
+        // Twice as large, with (101 − 80)/2 pixels to the left, rounded away from 0, and none above.
+        let large = camera.fitted(101, 40);
+        let found = [large.fx, large.fy, large.cx, large.cy];
+        assert_eq!((large.width, large.height, found), (101, 40, [100.0, 90.0, 49.0, 22.0]));
+        assert_eq!((large.rotation, large.translation), (camera.rotation, camera.translation));
+        // Half as large where the height is what there is least of.
+        let high = camera.fitted(20, 30);
+        assert_eq!([high.fx, high.fy, high.cx, high.cy], [25.0, 22.5, 9.5, 15.5]);
+        let resized = camera.resized(20, 60);
+        let found = [resized.fx, resized.fy, resized.cx, resized.cy];
+        assert_eq!((resized.width, resized.height, found), (20, 60, [25.0, 135.0, 9.5, 33.0]));
+    }
+}

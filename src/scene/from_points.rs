@@ -49,11 +49,14 @@ mod tests {
     #[test]
     fn a_grid_of_points_gets_its_spacing_as_scale() {
         let positions: Vec<[f32; 3]> = (0..125).map(|i| [i % 5, i / 5 % 5, i / 25].map(|c| c as f32 * 0.5)).collect();
-        let scene = from_points(&positions, &vec![[255, 0, 128]; 125], 1);
+        let mut colors = vec![[255, 0, 128]; 125];
+        colors[124] = [51; 3];
+        let scene = from_points(&positions, &colors, 1);
         assert_eq!((scene.len(), scene.sh.len()), (125, 500));
         // Every point has at least three neighbours at the spacing.
         assert!(scene.log_scales.iter().all(|s| (s[0] - 0.5f32.ln()).abs() < 1e-6 && s[0] == s[1]));
         assert!((scene.sh[0][0] * SH_DC + 0.5 - 1.0).abs() < 1e-6);
+        assert!((scene.sh[124 * 4][1] * SH_DC + 0.5 - 0.2).abs() < 1e-6 && scene.sh[124 * 4 + 1] == [0.0; 3]);
     }
 
     #[test]

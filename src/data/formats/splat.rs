@@ -52,3 +52,16 @@ fn rotation(quat: [f32; 4]) -> [u8; 4] {
     let largest = unit.into_iter().fold(0.0f64, |most, v| if v.abs() > most.abs() { v } else { most });
     unit.map(|v| quantise::byte(if largest > 0.0 { -v } else { v } * 128.0 + 128.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of the two signs of a rotation the one whose largest part is negative: −1 is a byte, 1 is not.
+    #[test]
+    fn a_rotation_is_as_exact_as_its_bytes_allow() {
+        assert_eq!(rotation([1.0, 0.0, 0.0, 0.0]), [0, 128, 128, 128]);
+        assert_eq!(rotation([0.0, -2.0, 0.0, 0.0]), [128, 0, 128, 128]);
+        assert_eq!(rotation([0.6, 0.0, 0.0, -0.8]), [205, 128, 128, 26]);
+    }
+}
