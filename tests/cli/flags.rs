@@ -41,6 +41,7 @@ fn every_option_of_training_changes_the_scene() {
     ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
+    assert!(work.made(train, "--test-every none") == work.made(train, "--holdout none"));
     // Before its first refinement adaptive control does nothing, and what else there is begins with other opacities.
     assert!(work.made(train, "--strategy adc") == work.made(train, "--strategy fixed"));
     assert!(work.made(train, "--strategy mcmc") != work.made(train, "--strategy fixed"));

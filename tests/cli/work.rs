@@ -100,6 +100,10 @@ fn settings_that_are_gone_or_damaged_are_not_guessed() {
     let text = fs::read_to_string(&settings).unwrap();
     fs::write(&settings, &text[..text.len() / 2]).unwrap();
     work.stale("", &["damaged"]);
+    let version = concat!("\"glint\": \"", env!("CARGO_PKG_VERSION"), "\"");
+    assert!(text.contains(version));
+    fs::write(&settings, text.replace(version, "\"glint\": \"0.0.1\"")).unwrap();
+    work.stale("", &["`glint` was \"0.0.1\""]);
     fs::remove_file(&settings).unwrap();
     work.refused(&format!("{ENHANCE} -o x.ply"), &["lifted.safetensors", "no settings.json", "another --work"]);
     fs::write(&settings, &text).unwrap();
