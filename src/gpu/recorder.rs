@@ -133,7 +133,8 @@ pub struct Recorder {
 pub struct Kept {
     /// Since the last barrier: whether a buffer was written (true) or only read.
     touched: HashMap<vk::Buffer, bool>,
-    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    /// By kind and handle: handles of different kinds may be the same number.
+    keep: HashMap<(vk::ObjectType, u64), Arc<dyn Any + Send + Sync>>,
     times: Option<Times>,
 }
 
@@ -175,6 +176,10 @@ impl Kept {
             return Ok(vec![]);
         };
         stamps.read(context)
+    }
+
+    fn keep<H: vk::Handle, T: Any + Send + Sync>(&mut self, handle: H, what: &Arc<T>) {
+        self.keep.entry((H::TYPE, handle.as_raw())).or_insert_with(|| what.clone());
     }
 
     /// Lets go of all, and keeps the memory of the lists.
@@ -532,8 +537,8 @@ impl Recorder {
     ) {
         let used = raw.iter().map(|b| &***b).zip(access.iter().copied());
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
-        self.keep(vk::Handle::as_raw(pipeline.raw.handle), &pipeline.raw);
-        raw.iter().for_each(|buffer| self.keep(vk::Handle::as_raw(buffer.handle), buffer));
+        self.kept.keep(pipeline.raw.handle, &pipeline.raw);
+        raw.iter().for_each(|buffer| self.kept.keep(buffer.handle, buffer));
         args.into_iter().for_each(|args| self.keep_buffer(args));
         const MOST: usize = needs::STORAGE_BUFFERS as usize;
         let mut infos = [vk::DescriptorBufferInfo { range: vk::WHOLE_SIZE, ..Default::default() }; MOST];
@@ -590,12 +595,8 @@ impl Recorder {
         self.kept.touched.clear();
     }
 
-    fn keep<T: Any + Send + Sync>(&mut self, handle: u64, what: &Arc<T>) {
-        self.kept.keep.entry(handle).or_insert_with(|| what.clone());
-    }
-
     pub(super) fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
-        self.keep(vk::Handle::as_raw(buffer.raw().handle), buffer.raw());
+        self.kept.keep(buffer.raw().handle, buffer.raw());
     }
 
     fn label(&self, name: &CStr) {
@@ -739,6 +740,20 @@ fn recycle(context: &Context, mut slot: CommandSlot) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Vulkan lets a driver give a buffer and a pipeline handles of one number.
+    #[test]
+    fn what_has_one_handle_and_is_of_two_kinds_is_kept_twice() {
+        use vk::Handle;
+        let (mut kept, buffer, pipeline) = (Kept::default(), Arc::new(1u32), Arc::new(2u32));
+        for _ in 0..2 {
+            kept.keep(vk::Buffer::from_raw(7), &buffer);
+            kept.keep(vk::Pipeline::from_raw(7), &pipeline);
+        }
+        assert_eq!((kept.len(), Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (2, 2, 2));
+        kept.clear();
+        assert_eq!((Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (1, 1));
+    }
 
     #[test]
     fn timestamps_of_few_bits_begin_again_at_0() {
