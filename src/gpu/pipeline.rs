@@ -244,11 +244,11 @@ fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<()
             });
         }
     }
-    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup };
+    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup() };
     for (what, needs, has) in [
         ("threads of a workgroup", workgroup.into(), most),
         ("bytes of shared memory", shared, limits.shared_bytes),
-        ("storage buffers", K::ACCESS.len() as u64, limits.storage_buffers),
+        ("storage buffers", K::ACCESS.len() as u64, limits.storage_buffers()),
         ("bytes of push constants", size_of::<K::Push>() as u64, limits.push_bytes),
     ] {
         if needs > u64::from(has) {
