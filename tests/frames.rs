@@ -210,9 +210,33 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
     let odd = Target { pixels: Pixels::Buffer(odd), exposure: 1.0, ..small };
     refused(0, &[own], FrameView { color: Some(odd), ..view }, "multiple of 4");
+    let imaged = |format| Pixels::Image(ImageRegion::of(vk::Image::null(), format, vk::ImageLayout::GENERAL));
+    let of = |format, texel| Some(Target::new(imaged(format), texel));
+    let color = of(vk::Format::B8G8R8A8_UNORM, Texel::Rgba8);
+    refused(0, &[own], FrameView { color, ..view }, "format B8G8R8A8_UNORM, whose texels are not Rgba8");
+    let color = of(vk::Format::R16_UNORM, Texel::Rgba16F);
+    refused(0, &[own], FrameView { color, ..view }, "format R16_UNORM");
     let other = Gpu::new();
     let foreign = Model::upload(&other, &scene, 0).unwrap();
     refused(0, &[Instance::of(&foreign)], view, "another context");
+    // What has other texels than depths and numbers would be read as such.
+    let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
+    let mut deep = Frames::new(&gpu, limits).unwrap();
+    let mut refused = |view: FrameView, words: &str| {
+        let frame = Frame { slot: 0, instances: &[own], views: &[view] };
+        let said = unsafe { deep.record(nothing, &frame) }.unwrap_err().to_string();
+        assert!(said.contains(words) && deep.report(0).is_err(), "{said} lacks {words}");
+    };
+    for format in
+        [vk::Format::D16_UNORM, vk::Format::X8_D24_UNORM_PACK32, vk::Format::D24_UNORM_S8_UINT, vk::Format::R32_UINT]
+    {
+        refused(
+            FrameView { depth_in: Some(imaged(format)), ..view },
+            "for depths that hide Gaussians, expected one of [D32",
+        );
+        refused(FrameView { depth_out: Some(imaged(format)), ..view }, "for depths of Gaussians, expected one of [D32");
+    }
+    refused(FrameView { ids: Some(imaged(vk::Format::R32_SFLOAT)), ..view }, "expected one of [R32_UINT]");
     engine.submit(0);
     for limits in [
         Limits { width: 0, ..Limits::of(&model, 32, 24) },

@@ -121,7 +121,7 @@ typedef struct glint_pixels {
     VkBuffer buffer;
     uint64_t buffer_offset;
     VkImageLayout layout;
-    VkImageAspectFlags aspect;
+    VkFormat format; /* of the image: that of the texel, for depths D32_SFLOAT, D32_SFLOAT_S8_UINT or R32_SFLOAT, for ids R32_UINT */
     uint32_t level, layer;
     int32_t offset[2];
 } glint_pixels;

@@ -186,8 +186,8 @@ pub struct glint_pixels {
     pub buffer_offset: u64,
     /// VkImageLayout at the time: general, or transfer source or destination.
     pub layout: i32,
-    /// VkImageAspectFlags: colour or depth.
-    pub aspect: u32,
+    /// VkFormat that the image was made with.
+    pub format: i32,
     /// Level of detail.
     pub level: u32,
     /// Array layer.
@@ -207,7 +207,7 @@ impl glint_pixels {
             (image, _) => Some(Pixels::Image(ImageRegion {
                 image: vk::Image::from_raw(image),
                 layout: vk::ImageLayout::from_raw(self.layout),
-                aspect: vk::ImageAspectFlags::from_raw(self.aspect),
+                format: vk::Format::from_raw(self.format),
                 level: self.level,
                 layer: self.layer,
                 offset: self.offset,

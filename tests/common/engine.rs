@@ -51,9 +51,7 @@ impl<'a> Engine<'a> {
             self.images.push((image, memory));
             image
         };
-        let depth = format == vk::Format::D32_SFLOAT;
-        let aspect = if depth { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-        let mut region = ImageRegion { aspect, ..ImageRegion::of(image, vk::ImageLayout::UNDEFINED) };
+        let mut region = ImageRegion::of(image, format, vk::ImageLayout::UNDEFINED);
         self.turn(&mut region, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         region
     }
@@ -70,7 +68,7 @@ impl<'a> Engine<'a> {
                 .src_access_mask(access)
                 .dst_access_mask(access)
                 .subresource_range(vk::ImageSubresourceRange {
-                    aspect_mask: region.aspect,
+                    aspect_mask: region.aspect(),
                     level_count: 1,
                     layer_count: 1,
                     ..Default::default()
