@@ -9,6 +9,8 @@ mod shared;
 use std::{
     alloc::{GlobalAlloc, Layout, System},
     cell::Cell,
+    collections::BTreeSet,
+    sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed},
 };
 
 use ash::vk;
@@ -22,6 +24,7 @@ use glint::{
     pipelines::{
         frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
         model::{self, Model, Upload},
+        plan::Held,
         render::{Needs, RenderOptions, Renderer},
         start::first_points,
         views::Views,
@@ -683,6 +686,19 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let (planned, held) = (Model::plan(&gpu, &scene, room).bytes(), gpu.memory().used - before);
         // A buffer for bindings that nobody uses, and the rounding of small ones.
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
+        // Every one of them can be had by name.
+        let named = |held: Vec<Held>| {
+            assert!(held.iter().all(|held| held.buffer != vk::Buffer::null()));
+            (
+                held.iter().map(|held| held.name).collect::<BTreeSet<_>>(),
+                held.iter().map(|held| held.bytes).sum::<u64>(),
+            )
+        };
+        let (names, bytes) = named(model.held());
+        assert!(
+            bytes == planned && names.contains("supplement lobes") == (supplement > 0),
+            "{names:?} of {bytes} bytes"
+        );
         let needs = Needs::of_scene(&scene, half);
         assert_eq!(needs, Needs::of(&model));
         let limits = Limits::for_needs(needs, 320, 200);
@@ -690,6 +706,9 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let frames = Frames::new(&gpu, limits.clone()).unwrap();
         let (planned, held) = (limits.plan(&gpu).bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
+        // But for an element each of the three kinds of gradient records.
+        let (names, bytes) = named(frames.held());
+        assert!(bytes + 3 * 12 == planned && names.contains("image") && names.contains("target"), "{names:?}: {bytes}");
         drop(frames);
     }
 }

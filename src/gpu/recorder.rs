@@ -13,8 +13,8 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::{
-    Access, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall, Workgroups,
-    needs,
+    Access, Binding, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall,
+    Workgroups, needs,
 };
 
 /// Stages that one recorder can time; later ones are recorded untimed.
@@ -440,7 +440,7 @@ impl Recorder {
                     [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
                 }
             };
-            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::ACCESS))
+            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::BINDINGS))
         };
         // What is recorded next needs a command buffer even where this failed.
         let outcome = run();
@@ -478,7 +478,7 @@ impl Recorder {
         twin: Twin,
         mut call: TwinCall,
         raw: &[&Arc<RawBuffer>],
-        access: &[Access],
+        bindings: &[Binding],
     ) -> Result<(), GpuError> {
         if call.workgroups.groups() == 0 {
             return Ok(());
@@ -494,7 +494,7 @@ impl Recorder {
         outcome.map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
         self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
         let written =
-            raw.iter().zip(access).zip(&call.bindings).filter(|((buffer, a), _)| a.writes() && !buffer.unused);
+            raw.iter().zip(bindings).zip(&call.bindings).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
         for ((buffer, _), now) in written {
             buffer.bytes().upload(0, now.bytes())?;
         }
@@ -513,7 +513,7 @@ impl Recorder {
         push: &K::Push,
         args: Option<&Buffer<u32>>,
     ) {
-        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, K::ACCESS, args));
+        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, args));
         self.label(K::LABEL);
         let inner = &self.context.0;
         let bytes = bytemuck::bytes_of(push);
@@ -528,14 +528,8 @@ impl Recorder {
     }
 
     /// Descriptors, and the barrier before them. Nothing is taken from the heap once `kept` has seen as many buffers.
-    fn bind_buffers<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        raw: &[&Arc<RawBuffer>],
-        access: &[Access],
-        args: Option<&Buffer<u32>>,
-    ) {
-        let used = raw.iter().map(|b| &***b).zip(access.iter().copied());
+    fn bind_buffers<K: Kernel>(&mut self, pipeline: &Pipeline<K>, raw: &[&Arc<RawBuffer>], args: Option<&Buffer<u32>>) {
+        let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
         self.kept.keep(pipeline.raw.handle, &pipeline.raw);
         raw.iter().for_each(|buffer| self.kept.keep(buffer.handle, buffer));

@@ -19,7 +19,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use super::{
     model::{Model, Segment},
-    plan::{Plan, buffers},
+    plan::{Held, Plan, buffers},
     raster::{Grid, Raster, RasterOptions, SplatCount},
     render::{MEDIAN_THRESHOLD, ModelStages, Needs, Placed, RenderOptions},
     session::Policy,
@@ -489,6 +489,12 @@ impl Frames {
     /// Intersections that fit.
     pub fn capacity(&self) -> u32 {
         self.raster.capacity()
+    }
+
+    /// The working buffers that all slots share, as [`Limits::plan`] lists them. Of intersections they are others after
+    /// [`Frames::reserve`].
+    pub fn held(&self) -> Vec<Held> {
+        [self.raster.held(), self.buffers.held()].concat()
     }
 
     /// Room for at least so many intersections. Frames in flight keep the buffers that they were recorded with until their slot is

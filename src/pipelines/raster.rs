@@ -4,7 +4,7 @@
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
 use super::{
-    plan::{Plan, buffers},
+    plan::{Held, Plan, buffers},
     session::Policy,
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
@@ -377,6 +377,11 @@ impl Raster {
     /// What a raster of these options holds, its records by intersection.
     pub fn plan(options: &RasterOptions) -> Plan {
         RasterBuffers::plan(options).and(Isects::plan(options)).and(Records::plan(options))
+    }
+
+    /// All its buffers, but for gradient records.
+    pub fn held(&self) -> Vec<Held> {
+        [self.buffers.held(), self.isects.held()].concat()
     }
 
     /// The context that it was made on.
