@@ -51,8 +51,11 @@ pub struct Limit {
 const SHARED_BYTES: u32 = 16_384;
 const WORKGROUP: u32 = 128;
 
-/// The limits, and where a device says them.
-const LIMITS: [(Limit, fn(&Limits) -> u32); 8] = {
+/// Where a device says a limit.
+type Said = fn(&Limits) -> u32;
+
+/// The limits, and what a device says of them.
+const LIMITS: [(Limit, Said); 8] = {
     const fn limit(name: &'static str, least: u32) -> Limit {
         Limit { name, least }
     }
