@@ -190,7 +190,7 @@ impl Demands {
     }
 }
 
-/// What takes one item of a kernel's work, a variant of `stages::Unit`: it calls the function of glsl/shared/common.glsl that numbers
+/// What takes one item of a kernel's work, a variant of `gpu::Unit`: it calls the function of glsl/shared/common.glsl that numbers
 /// these, and neither of the other two.
 pub fn unit(module: &[u32]) -> Result<&'static str, String> {
     const UNITS: [(&str, &str); 3] =
@@ -407,8 +407,18 @@ impl Kernel {
             let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
             writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
         }
-        let access: Vec<_> = bindings.iter().map(|(_, _, a)| access(a)).collect();
-        writeln!(s, "    const ACCESS: &'static [crate::gpu::Access] = &[{}];", access.join(", ")).unwrap();
+        writeln!(s, "    const BINDINGS: &'static [crate::gpu::Binding] = &[").unwrap();
+        for (n, t, a) in bindings {
+            let (access, bytes) = (access(a), format!("size_of::<{t}>() as u32"));
+            writeln!(s, "        crate::gpu::Binding {{ name: c{n:?}, access: {access}, element_bytes: {bytes} }},")
+                .unwrap();
+        }
+        writeln!(s, "    ];\n    const CONSTANTS: &'static [crate::gpu::Constant] = &[").unwrap();
+        for (id, n, t) in spec {
+            let kind = format!("crate::gpu::ConstantKind::{}{}", t[..1].to_uppercase(), &t[1..]);
+            writeln!(s, "        crate::gpu::Constant {{ id: {id}, name: c{n:?}, kind: {kind} }},").unwrap();
+        }
+        writeln!(s, "    ];\n    const UNIT: crate::gpu::Unit = crate::gpu::Unit::{unit};").unwrap();
         writeln!(s, "    const SUBGROUPS: bool = {};", demands.subgroup_operations != 0).unwrap();
         writeln!(s, "    const BARRIERS: bool = {};", demands.barriers).unwrap();
         let features: Vec<_> = demands.features.iter().map(|f| format!("crate::gpu::Feature::{f}")).collect();
@@ -425,8 +435,7 @@ impl Kernel {
         let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
         writeln!(s, "    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {{").unwrap();
         writeln!(s, "        with(&[{}])\n    }}", raw.join(", ")).unwrap();
-        writeln!(s, "}}\nimpl crate::stages::Stage for Kernel {{").unwrap();
-        writeln!(s, "    const UNIT: crate::stages::Unit = crate::stages::Unit::{unit};\n}}\n}}").unwrap();
+        writeln!(s, "}}\n}}").unwrap();
         s
     }
 

@@ -10,7 +10,8 @@ use std::{
 use common::{Gpu, Turn};
 use glint::{
     gpu::{
-        Buffer, Context, ContextOptions, Feature, GpuError, Location, Reconvergence,
+        Access, Buffer, ConstantKind, Context, ContextOptions, Feature, GpuError, Location, Reconvergence, Unit,
+        ash::vk,
         spirv::{
             MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW, instructions, op,
             opcode, shared_bytes, with_modes, words,
@@ -199,6 +200,34 @@ fn every_feature_that_a_kernel_needs_is_asked_for() {
     let blend = kernels::ALL.iter().find(|k| k.name == "blend").unwrap();
     assert!(blend.features.contains(&Feature::SubgroupBroadcastDynamicId));
     assert_eq!(gpu.info().float_atomics, gpu.features().contains(&Feature::ShaderBufferFloat32AtomicAdd));
+}
+
+/// What a kernel is given is data, and so is what a device must allow for it: the one follows from the other.
+#[test]
+fn limits_are_those_of_the_kernel_that_takes_most() {
+    let needed = Context::requirements();
+    let least = |name: &str| needed.limits.iter().find(|limit| limit.name == name).map(|limit| limit.least);
+    let bindings = kernels::ALL.iter().map(|kernel| kernel.bindings.len() as u32).max();
+    for name in ["maxPerStageDescriptorStorageBuffers", "maxDescriptorSetStorageBuffers", "maxPushDescriptors"] {
+        assert_eq!(least(name), bindings, "{name}");
+    }
+    assert_eq!(least("maxPushConstantsSize"), kernels::ALL.iter().map(|kernel| kernel.push_bytes).max());
+    // As many as there are in Vulkan's guarantee, or any device could be refused for them.
+    assert!(least("maxPushConstantsSize") <= Some(128) && least("maxComputeSharedMemorySize") == Some(16384));
+    assert_eq!(least("maxComputeWorkGroupInvocations"), Some(128));
+    assert_eq!(needed.subgroup_lanes, [8, 64]);
+    let subgroups = kernels::ALL.iter().any(|kernel| kernel.subgroups);
+    assert!(subgroups && needed.subgroup_operations.contains(vk::SubgroupFeatureFlags::BALLOT));
+    let blend = kernels::ALL.iter().find(|kernel| kernel.name == "blend").unwrap();
+    let image = blend.bindings.iter().find(|binding| binding.name == c"image").unwrap();
+    assert_eq!((image.access, image.element_bytes, blend.unit), (Access::Write, 16, Unit::Subgroup));
+    assert_eq!(blend.push_bytes as usize, size_of::<blend::Push>());
+    for kernel in kernels::ALL {
+        let [first, ..] = kernel.constants else { panic!("{} has no workgroup size", kernel.name) };
+        assert_eq!((first.id, first.name, first.kind), (0, c"workgroup_size", ConstantKind::U32), "{}", kernel.name);
+        let names: BTreeSet<_> = kernel.bindings.iter().map(|binding| binding.name).collect();
+        assert!(names.len() == kernel.bindings.len() && kernel.bindings.iter().all(|b| b.element_bytes > 0));
+    }
 }
 
 #[test]

@@ -5,9 +5,11 @@ mod common;
 mod run;
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
     process::Command,
+    time::Duration,
 };
 
 use common::Gpu;
@@ -29,6 +31,9 @@ use glint::{
 
 const SIZE: [u32; 2] = [96, 72];
 
+/// The longest is a first build of glint and all below it, optimised nowhere, on two cores that others use too.
+const LIMIT: Duration = Duration::from_secs(1800);
+
 /// What is built here stays for the next run, and is nobody else's.
 fn target() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("target/outside")
@@ -43,7 +48,7 @@ fn done(command: &mut Command) -> String {
     for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("CARGO") && name != "CARGO_HOME") {
         command.env_remove(name);
     }
-    let output = run::run(command.env("CARGO_TARGET_DIR", target()));
+    let output = run::run_within(LIMIT, command.env("CARGO_TARGET_DIR", target()));
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(output.status.success(), "{command:?}: {}{}", text(&output.stdout), text(&output.stderr));
     text(&output.stdout)
@@ -97,7 +102,17 @@ impl Case {
 #[test]
 fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     let case = Case::new();
-    done(Command::new("cargo").args(["build", "--quiet"]).current_dir(within("tests/outside/mesh")));
+    // Where none of the folders above is glint's, whose settings of cargo would be found there.
+    let outside = case.path("mesh");
+    let manifest = copy_crate(&within("tests/outside/mesh"), &outside);
+    // Of the copies of earlier runs nothing stays.
+    done(Command::new("cargo").args(["clean", "--quiet", "--package", "mesh"]).current_dir(&outside));
+    done(Command::new("cargo").args(["build", "--quiet", "--locked"]).current_dir(&outside));
+    assert!(manifest.contains("default-features = false"));
+    // All that is built for it, on whatever system.
+    let lock = fs::read_to_string(outside.join("Cargo.lock")).unwrap();
+    let packages: Vec<&str> = lock.lines().filter_map(|line| line.strip_prefix("name = ")).collect();
+    assert!(packages.contains(&"\"ash\"") && packages.len() <= 30 + 2, "{} beside mesh and glint", packages.len() - 2);
     // A quad that leans: its left edge is 1 unit from the camera, its right one 6.
     let corner = |x: f64, y: f64, z: f64| case.camera.unproject(x, y, z);
     let corners = [corner(10.3, 8.4, 1.0), corner(80.2, 5.1, 6.0), corner(10.3, 66.7, 1.0), corner(80.2, 69.9, 6.0)];
@@ -152,6 +167,22 @@ fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     assert!(seen > 4000 && before > 300 && behind > 100, "{seen} {before} {behind}");
 }
 
+/// Copies the crate `from`, and lets it find glint from where it is then. Gives its manifest.
+fn copy_crate(from: &Path, to: &Path) -> String {
+    fs::create_dir_all(to.join("src")).unwrap();
+    let files =
+        fs::read_dir(from).unwrap().chain(fs::read_dir(from.join("src")).unwrap()).map(|entry| entry.unwrap().path());
+    for file in files.filter(|path| path.is_file()) {
+        fs::copy(&file, to.join(file.strip_prefix(from).unwrap())).unwrap();
+    }
+    let manifest = fs::read_to_string(to.join("Cargo.toml")).unwrap();
+    let (here, there) = ("path = \"../../..\"", format!("path = {:?}", within("").display().to_string()));
+    assert!(manifest.contains(here));
+    let manifest = manifest.replace(here, &there);
+    fs::write(to.join("Cargo.toml"), &manifest).unwrap();
+    manifest
+}
+
 /// Camera z (the ray's parameter, as its z is 1) where a ray meets a triangle (Möller and Trumbore 1997).
 fn triangle(eye: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
@@ -180,20 +211,35 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     assert!(pc.contains(&format!("prefix={}", installed.display())) && pc.contains("Version: 0"));
     let program = case.path("frame");
     let mut compile = Command::new("cc");
-    compile.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-o"]).arg(&program);
+    const STRICT: [&str; 5] = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers"];
+    compile.args(STRICT).arg("-o").arg(&program);
     compile.arg(within("tests/outside/frame.c")).arg("-I").arg(installed.join("include"));
     compile.arg(installed.join("lib/libglint.a")).args(["-lvulkan", "-lpthread", "-ldl", "-lm"]);
     done(&mut compile);
     let got = case.pixels(&program, &[]);
+    // With the shared library, by what pkg-config makes of its file.
+    let mut ask = Command::new("pkg-config");
+    ask.args(["--cflags", "--libs", "glint"]).env("PKG_CONFIG_PATH", installed.join("lib/pkgconfig"));
+    if Command::new("pkg-config").arg("--version").output().is_ok() {
+        let flags = done(&mut ask);
+        let program = case.path("frame-shared");
+        let mut compile = Command::new("cc");
+        compile.args(STRICT).arg(within("tests/outside/frame.c")).args(flags.split_whitespace()).arg("-lvulkan");
+        done(compile.arg(format!("-Wl,-rpath,{}", installed.join("lib").display())).arg("-o").arg(&program));
+        assert!(done(Command::new("ldd").arg(&program)).contains("libglint.so => "));
+        assert!(case.pixels(&program, &[]) == got, "the shared library draws another frame");
+    } else {
+        println!("there is no pkg-config to ask");
+    }
     // The shared library has the same functions, every one of the header and none more.
     let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
     let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
-    let exported: std::collections::BTreeSet<&str> = listed
+    let exported: BTreeSet<&str> = listed
         .lines()
         .filter_map(|line| line.split_whitespace().last())
         .filter(|name| name.starts_with("glint_"))
         .collect();
-    let declared: std::collections::BTreeSet<&str> = header
+    let declared: BTreeSet<&str> = header
         .lines()
         .filter(|line| {
             line.contains("(") && !line.starts_with(' ') && !line.starts_with("/*") && !line.starts_with('#')
@@ -209,7 +255,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
     let want = renderer.render(&model, &views, 0, [0.5, 0.25, 0.75]).unwrap().color;
     let got: Vec<f32> = got.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-    // The camera comes back from matrices, which may turn the last bit of a focal length: so may a pixel's.
+    // The camera comes back from matrices in float64, and is rounded to the float32 that it was.
     let off = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(off == 0.0, "{off:e}");
 }

@@ -24,8 +24,10 @@ use glint::{
     },
     gpu::{Context, ContextOptions},
     pipelines::{
+        frames::{Limits, Texel},
         layers::{Layer, Layers},
-        render::RenderOptions,
+        model::{Model, Room},
+        render::{Needs, RenderOptions},
     },
     reference::random_scene,
     report::{decompose::srgb_from_linear, page::FULL_ERROR, sidebyside::error_map},
@@ -350,6 +352,17 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     // The first photograph is the test photograph, and its size the window's.
     viewer.says("scene | augmented | orbit | a.png");
     viewer.says("400 + 200 Gaussians");
+    // The memory is that of the scene and of what draws it in a window of this size, as both are planned.
+    let context = Context::new(&ContextOptions::from_env()).unwrap();
+    let mut needs = Needs::of_scene(&scene, false);
+    // Diffuse is the base without bands.
+    needs.degrees.push(0);
+    let frames = Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(&context);
+    let planned = (Model::plan(&context, &scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
+    let title = display.title(viewer.window);
+    let said = title.split(" | ").find_map(|part| part.strip_suffix(" MB")?.parse::<f64>().ok());
+    // One decimal is said; reports and what stands for unused bindings are a few KB.
+    assert!(planned > 0.5 && said.is_some_and(|mb| (mb - planned).abs() < 0.06), "{planned} MB planned: {title}");
 
     // The photographs' cameras, one after the other and round, in all modes.
     display.press('p');
@@ -384,7 +397,6 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     assert!(viewer.shot("scene") == photo);
     display.press('8');
     viewer.says("| error |");
-    let context = Context::new(&ContextOptions::from_env()).unwrap();
     let cameras = [camera(0.0), camera(0.2), camera(0.4), camera(0.0).fitted(210, 160)];
     let mut layers = Layers::new(&context, &scene, &cameras, RenderOptions::default()).unwrap();
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;

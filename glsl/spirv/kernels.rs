@@ -260,7 +260,24 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_apply";
     const LABEL: &'static std::ffi::CStr = c"density_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"strategy", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"sh_planes", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -269,9 +286,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.words.raw(), b.sources.raw(), b.copies.raw(), b.geometry.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.scores.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_draw.comp`
@@ -325,7 +339,17 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_draw";
     const LABEL: &'static std::ffi::CStr = c"density_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"replacement", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -334,9 +358,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.words.raw(), b.order.raw(), b.sources.raw(), b.copies.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_image.comp`
@@ -388,7 +409,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_image";
     const LABEL: &'static std::ffi::CStr = c"density_image";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -397,9 +427,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.image.raw(), b.targets.raw(), b.image_grad.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_noise.comp`
@@ -452,7 +479,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_noise";
     const LABEL: &'static std::ffi::CStr = c"density_noise";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -461,9 +496,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.geometry.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_place.comp`
@@ -516,7 +548,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_place";
     const LABEL: &'static std::ffi::CStr = c"density_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -525,9 +566,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.words.raw(), b.alive.raw(), b.ranks.raw(), b.sources.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_plan.comp`
@@ -579,7 +617,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_plan";
     const LABEL: &'static std::ffi::CStr = c"density_plan";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"replacement", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -588,9 +635,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw(), b.words.raw(), b.dispatch_args.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_score.comp`
@@ -668,7 +712,22 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_score";
     const LABEL: &'static std::ffi::CStr = c"density_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"pulls", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -677,9 +736,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.splats.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.scores.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/density/density_weigh.comp`
@@ -743,7 +799,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_weigh";
     const LABEL: &'static std::ffi::CStr = c"density_weigh";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"strategy", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -752,9 +819,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.geometry.raw(), b.scores.raw(), b.alive.raw(), b.keys.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/exposure/exposure_apply.comp`
@@ -1021,7 +1085,20 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_append";
     const LABEL: &'static std::ffi::CStr = c"lift_append";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Read, element_bytes: size_of::<Lift>() as u32 },
+        crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -1030,9 +1107,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.lifts.raw(), b.lift_ranks.raw(), b.lift_flags.raw(), b.population.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/lift/lift_count.comp`
@@ -1090,7 +1164,17 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_count";
     const LABEL: &'static std::ffi::CStr = c"lift_count";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1099,9 +1183,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.screen_planes.raw(), b.screen_frames.raw(), b.views.raw(), b.depths.raw(), b.point_counts.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/lift/lift_groups.comp`
@@ -1177,7 +1258,22 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_groups";
     const LABEL: &'static std::ffi::CStr = c"lift_groups";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"group_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rounds", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"fail_on_smallest", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1186,9 +1282,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.point_counts.raw(), b.point_firsts.raw(), b.heaviest.raw(), b.labels.raw(), b.group_sizes.raw(), b.taus.raw(), b.prime_labels.raw(), b.cluster_sizes.raw(), b.rounds.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/lift/lift_join.comp`
@@ -1252,7 +1345,19 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_join";
     const LABEL: &'static std::ffi::CStr = c"lift_join";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1261,9 +1366,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.points.raw(), b.point_sets.raw(), b.point_counts.raw(), b.point_firsts.raw(), b.taus.raw(), b.cluster_sizes.raw(), b.labels.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/lift/lift_pca.comp`
@@ -1356,7 +1458,26 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_pca";
     const LABEL: &'static std::ffi::CStr = c"lift_pca";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"train_views", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"plain_weights", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1365,9 +1486,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.screen_planes.raw(), b.screen_frames.raw(), b.views.raw(), b.train_views.raw(), b.points.raw(), b.point_counts.raw(), b.point_firsts.raw(), b.heaviest.raw(), b.labels.raw(), b.prime_labels.raw(), b.cluster_sizes.raw(), b.lifts.raw(), b.lift_flags.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/lift/lift_points.comp`
@@ -1449,7 +1567,23 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_points";
     const LABEL: &'static std::ffi::CStr = c"lift_points";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1458,9 +1592,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.screen_planes.raw(), b.screen_frames.raw(), b.views.raw(), b.depths.raw(), b.point_counts.raw(), b.point_firsts.raw(), b.points.raw(), b.heaviest.raw(), b.taus.raw(), b.point_sets.raw(), b.labels.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/loss/loss_sum.comp`
@@ -1512,7 +1643,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_sum";
     const LABEL: &'static std::ffi::CStr = c"loss_sum";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"losses", access: crate::gpu::Access::Write, element_bytes: size_of::<Loss>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1521,9 +1661,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_sums.raw(), b.losses.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/loss/ssim_backward.comp`
@@ -1592,7 +1729,21 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_backward";
     const LABEL: &'static std::ffi::CStr = c"ssim_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_list", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -1601,9 +1752,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.image_grad.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/loss/ssim_forward.comp`
@@ -1677,7 +1825,23 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_forward";
     const LABEL: &'static std::ffi::CStr = c"ssim_forward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_list", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
+        crate::gpu::Constant { id: 3, name: c"loss_map", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1686,9 +1850,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.tile_sums.raw(), b.loss_map.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/model/gather.comp`
@@ -1745,7 +1906,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "gather";
     const LABEL: &'static std::ffi::CStr = c"gather";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"from", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"gathered", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -1754,9 +1924,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.sources.raw(), b.from.raw(), b.gathered.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/model/recount.comp`
@@ -1820,7 +1987,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "recount";
     const LABEL: &'static std::ffi::CStr = c"recount";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"added", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"pages", access: crate::gpu::Access::Read, element_bytes: size_of::<Page>() as u32 },
+        crate::gpu::Binding { name: c"segment_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"population_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -1829,9 +2007,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.added.raw(), b.pages.raw(), b.segment_counts.raw(), b.population.raw(), b.population_args.raw(), b.status.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/optim/adam.comp`
@@ -1918,7 +2093,27 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "adam";
     const LABEL: &'static std::ffi::CStr = c"adam";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobe_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 3, name: c"opacity_only", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 4, name: c"sparse", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -1927,9 +2122,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.geometry_grads.raw(), b.sh_grads.raw(), b.lobe_grads.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/optim/project_backward.comp`
@@ -2034,7 +2226,32 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project_backward";
     const LABEL: &'static std::ffi::CStr = c"project_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"compensate", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 2, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 3, name: c"opacity_only", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 4, name: c"sparse", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"accumulate", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -2043,9 +2260,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/optim/step_done.comp`
@@ -2084,7 +2298,13 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "step_done";
     const LABEL: &'static std::ffi::CStr = c"step_done";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2093,9 +2313,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_attenuate.comp`
@@ -2174,7 +2391,22 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_attenuate";
     const LABEL: &'static std::ffi::CStr = c"pursuit_attenuate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -2183,9 +2415,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.fits.raw(), b.gains.raw(), b.beaten.raw(), b.explained.raw(), b.gain_keys.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/pursuit/pursuit_blur.comp`
@@ -2235,7 +2464,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_blur";
     const LABEL: &'static std::ffi::CStr = c"pursuit_blur";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"from_texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"halve", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2244,9 +2481,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.from_texels.raw(), b.texels.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_claim.comp`
@@ -2318,7 +2552,21 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_claim";
     const LABEL: &'static std::ffi::CStr = c"pursuit_claim";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"claims", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"check", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2327,9 +2575,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.fits.raw(), b.gains.raw(), b.claims.raw(), b.beaten.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_draw.comp`
@@ -2408,7 +2653,21 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_draw";
     const LABEL: &'static std::ffi::CStr = c"pursuit_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"quanta_total", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"quanta_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Write, element_bytes: size_of::<Candidate>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2417,9 +2676,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.views.raw(), b.plots.raw(), b.quanta_total.raw(), b.quanta_firsts.raw(), b.quanta.raw(), b.error_sums.raw(), b.errors.raw(), b.surface_depths.raw(), b.candidates.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_fit.comp`
@@ -2473,7 +2729,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_fit";
     const LABEL: &'static std::ffi::CStr = c"pursuit_fit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Write, element_bytes: size_of::<Fit>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2482,9 +2746,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.candidates.raw(), b.sums.raw(), b.fits.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_gain.comp`
@@ -2560,7 +2821,21 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_gain";
     const LABEL: &'static std::ffi::CStr = c"pursuit_gain";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2569,9 +2844,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.explained.raw(), b.fits.raw(), b.gain_keys.raw(), b.gains.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_place.comp`
@@ -2642,7 +2914,20 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_place";
     const LABEL: &'static std::ffi::CStr = c"pursuit_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"kept", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"plain_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2651,9 +2936,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.kept.raw(), b.order.raw(), b.candidates.raw(), b.fits.raw(), b.gain_keys.raw(), b.lifts.raw(), b.lift_flags.raw(), b.plain_flags.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/pursuit/pursuit_quanta.comp`
@@ -2697,7 +2979,14 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_quanta";
     const LABEL: &'static std::ffi::CStr = c"pursuit_quanta";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -2706,9 +2995,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.error_sums.raw(), b.quanta.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/pursuit/pursuit_residual.comp`
@@ -2788,7 +3074,23 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_residual";
     const LABEL: &'static std::ffi::CStr = c"pursuit_residual";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"squares", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -2797,9 +3099,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.plots.raw(), b.image.raw(), b.targets.raw(), b.depths.raw(), b.texels.raw(), b.surface_depths.raw(), b.errors.raw(), b.error_sums.raw(), b.explained.raw(), b.squares.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/pursuit/pursuit_score.comp`
@@ -2866,7 +3165,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_score";
     const LABEL: &'static std::ffi::CStr = c"pursuit_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -2875,9 +3185,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.sums.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/raster/blend.comp`
@@ -2970,7 +3277,30 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend";
     const LABEL: &'static std::ffi::CStr = c"blend";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Read, crate::gpu::Access::Read];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"backdrop", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 4, name: c"background_image", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"median", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"occluded", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 7, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
@@ -2979,9 +3309,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/raster/blend_backward.comp`
@@ -3072,7 +3399,27 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward";
     const LABEL: &'static std::ffi::CStr = c"blend_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
@@ -3081,9 +3428,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/raster/blend_backward_atomic.comp`
@@ -3174,7 +3518,27 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward_atomic";
     const LABEL: &'static std::ffi::CStr = c"blend_backward_atomic";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::ShaderBufferFloat32AtomicAdd, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
@@ -3183,9 +3547,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/raster/emit.comp`
@@ -3268,7 +3629,25 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "emit";
     const LABEL: &'static std::ffi::CStr = c"emit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rank_first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splat_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"batch", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -3277,9 +3656,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.count.raw(), b.global_from_rank.raw(), b.rank_first_slot.raw(), b.splats.raw(), b.tile_counts.raw(), b.splat_frames.raw(), b.isect_tiles.raw(), b.global_from_slot.raw(), b.first_slot.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/raster/median_depth.comp`
@@ -3341,7 +3717,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "median_depth";
     const LABEL: &'static std::ffi::CStr = c"median_depth";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"centre", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3350,9 +3737,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.median_ids.raw(), b.depths.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/raster/project.comp`
@@ -3434,7 +3818,27 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project";
     const LABEL: &'static std::ffi::CStr = c"project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"compensate", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 4, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 11, name: c"half_sh", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3443,9 +3847,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.splats.raw(), b.splat_colours.raw(), b.depth_keys.raw(), b.tile_counts.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/raster/resolve.comp`
@@ -3503,7 +3904,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "resolve";
     const LABEL: &'static std::ffi::CStr = c"resolve";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"target", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"depth_target", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3512,9 +3922,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.image.raw(), b.depths.raw(), b.target.raw(), b.depth_target.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/raster/tile_ranges.comp`
@@ -3562,7 +3969,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "tile_ranges";
     const LABEL: &'static std::ffi::CStr = c"tile_ranges";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 2]>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3571,9 +3986,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.isect_tiles.raw(), b.tile_ranges.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/screen/screen_backward.comp`
@@ -3660,7 +4072,25 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_backward";
     const LABEL: &'static std::ffi::CStr = c"screen_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"gradients", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3669,9 +4099,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw(), b.frames.raw(), b.screen_frames.raw(), b.screen_states.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.screen_planes.raw(), b.screen_ages.raw(), b.screen_moments.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/screen/screen_draw.comp`
@@ -3755,7 +4182,23 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_draw";
     const LABEL: &'static std::ffi::CStr = c"screen_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"quotas", access: crate::gpu::Access::Read, element_bytes: size_of::<Quota>() as u32 },
+        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"drawn_pixels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<ScreenState>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -3764,9 +4207,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw(), b.frames.raw(), b.quotas.raw(), b.loss_map.raw(), b.image.raw(), b.drawn_pixels.raw(), b.screen_states.raw(), b.screen_frames.raw(), b.screen_planes.raw(), b.screen_ages.raw(), b.screen_moments.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/screen/screen_project.comp`
@@ -3841,7 +4281,23 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_project";
     const LABEL: &'static std::ffi::CStr = c"screen_project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3850,9 +4306,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.screen_frames.raw(), b.screen_states.raw(), b.depths.raw(), b.screen_planes.raw(), b.splats.raw(), b.splat_colours.raw(), b.depth_keys.raw(), b.tile_counts.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/screen/screen_prune.comp`
@@ -3909,7 +4362,17 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_prune";
     const LABEL: &'static std::ffi::CStr = c"screen_prune";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -3918,9 +4381,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw(), b.frames.raw(), b.screen_states.raw(), b.screen_planes.raw(), b.screen_frames.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/screen/screen_tiles.comp`
@@ -3990,7 +4450,21 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_tiles";
     const LABEL: &'static std::ffi::CStr = c"screen_tiles";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
+        crate::gpu::Binding { name: c"tile_marks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"forward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"backward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"tile", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -3999,9 +4473,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.screen_frames.raw(), b.tile_counts.raw(), b.splats.raw(), b.tile_marks.raw(), b.count.raw(), b.forward_tiles.raw(), b.backward_tiles.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/sort/dispatch_args.comp`
@@ -4053,7 +4524,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "dispatch_args";
     const LABEL: &'static std::ffi::CStr = c"dispatch_args";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::Write, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -4062,9 +4541,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.dispatch_args.raw(), b.status.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/sort/radix_downsweep.comp`
@@ -4133,7 +4609,22 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_downsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_downsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"values_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"keys_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"values_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
@@ -4142,9 +4633,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.values_in.raw(), b.block_counts.raw(), b.digit_totals.raw(), b.keys_out.raw(), b.values_out.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/sort/radix_spine.comp`
@@ -4194,7 +4682,17 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_spine";
     const LABEL: &'static std::ffi::CStr = c"radix_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -4203,9 +4701,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.block_counts.raw(), b.digit_totals.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/sort/radix_upsweep.comp`
@@ -4257,7 +4752,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_upsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_upsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -4266,9 +4772,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.block_counts.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/sort/scan_apply.comp`
@@ -4326,7 +4829,19 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_apply";
     const LABEL: &'static std::ffi::CStr = c"scan_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"offsets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"gather", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
@@ -4335,9 +4850,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.values.raw(), b.index.raw(), b.block_sums.raw(), b.offsets.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/sort/scan_reduce.comp`
@@ -4391,7 +4903,18 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_reduce";
     const LABEL: &'static std::ffi::CStr = c"scan_reduce";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"gather", kind: crate::gpu::ConstantKind::Bool },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -4400,9 +4923,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.values.raw(), b.index.raw(), b.block_sums.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/sort/scan_spine.comp`
@@ -4448,7 +4968,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_spine";
     const LABEL: &'static std::ffi::CStr = c"scan_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -4457,9 +4985,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.block_sums.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/verify/fma_rate.comp`
@@ -4504,7 +5029,15 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "fma_rate";
     const LABEL: &'static std::ffi::CStr = c"fma_rate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"chain_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"chains", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"depth", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -4513,9 +5046,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.chain_sums.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// Plain constants of `glsl/shared/`, by file.

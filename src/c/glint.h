@@ -1,17 +1,23 @@
 /* glint: Gaussian scenes with view-dependent opacity, drawn into a renderer's own frames. Vulkan 1.2.
  *
  * The order of things:
- *   1. Make a VkDevice with the extensions glint_required_extension names and the features of glint_required_features.
+ *   1. Make a VkDevice with the extensions glint_required_extension names and the features of glint_feature_chain, of a physical device
+ *      that has them and what glint_required and glint_required_limit say: glint_device_choose finds one.
  *   2. glint_context_create lends it to glint.
  *   3. glint_scene_read, glint_upload_create, glint_upload_record into a command buffer of yours, glint_upload_finish when that has run:
  *      a glint_model. Any thread may do this while others draw.
- *   4. glint_limits_of, glint_frames_create.
+ *   4. glint_limits_of (or glint_limits_for, before there is a model), glint_frames_create. What all this will take in device memory is
+ *      known before: glint_upload_bytes, glint_frames_bytes.
  *   5. Each frame: glint_frames_record into a command buffer of yours, outside a render pass. It allocates, submits and waits for nothing.
  *      A slot may be recorded again when its commands have run; then glint_frames_report says how they went.
  *
  * Every function that returns int32_t gives 0, or 1 for what the machine could not do, 2 for what it was given; glint_last_error says
  * what, for the calling thread. A function that fails records nothing and leaves its handles as they were, but for
  * glint_upload_finish. Handles may be used from any thread, glint_frames and glint_upload by one at a time.
+ *
+ * A structure that begins with `size` may have more members in a later version. Set it to the sizeof of the structure before the call,
+ * also where the library fills the rest; another header's is refused. Set what you do not use, and `reserved`, to 0. Structures without
+ * `size` stay as they are.
  *
  * Barriers. glint copies from and to your images and buffers, so they must be available to VK_PIPELINE_STAGE_TRANSFER_BIT with
  * VK_ACCESS_TRANSFER_READ_BIT (depth_in; color too with GLINT_OVER) or VK_ACCESS_TRANSFER_WRITE_BIT (color, depth_out, ids) before the
@@ -29,7 +35,7 @@
 extern "C" {
 #endif
 
-#define GLINT_VERSION 1
+#define GLINT_VERSION 2
 
 typedef struct glint_context glint_context;
 typedef struct glint_scene glint_scene;
@@ -42,8 +48,28 @@ const char *glint_last_error(void);
 
 /* Device extensions, null beyond the last; on Vulkan 1.3 VK_EXT_subgroup_size_control need not be asked for. */
 const char *glint_required_extension(uint32_t index);
-/* A chain that begins with VkPhysicalDeviceFeatures2, for VkDeviceCreateInfo::pNext; never freed. */
-const void *glint_required_features(void);
+/* Limits that the physical device must allow: the name that Vulkan has for one, and the least value; null beyond the last. `least` may
+ * be NULL. */
+const char *glint_required_limit(uint32_t index, uint32_t *least);
+/* Features that glint makes use of where they are there (float atomics, reconvergence): the name that Vulkan has for one and, or NULL, the
+ * extension that must be enabled with it; null beyond the last. Feature k is bit k in what follows. `extension` may be NULL. */
+const char *glint_optional_feature(uint32_t index, const char **extension);
+/* The required features and the optional ones of these bits: a chain that begins with VkPhysicalDeviceFeatures2, for
+ * VkDeviceCreateInfo::pNext; never freed. */
+const void *glint_feature_chain(uint32_t optional);
+
+typedef struct glint_requirements {
+    uint32_t size;
+    uint32_t api_version;
+    VkSubgroupFeatureFlags subgroup_operations; /* in compute */
+    uint32_t least_lanes, most_lanes; /* of a subgroup: one such size can be asked for, or is the only one */
+} glint_requirements;
+
+int32_t glint_required(glint_requirements *requirements);
+/* Of an instance the physical device that has all this, a discrete GPU if there is one, or that of this index or part of a name (`wanted`,
+ * else NULL), and its optional features. Where there is none the error names what is missing. */
+int32_t glint_device_choose(PFN_vkGetInstanceProcAddr get_instance_proc_addr, VkInstance instance, const char *wanted,
+                            VkPhysicalDevice *physical_device, uint32_t *optional);
 
 typedef struct glint_device {
     uint32_t size; /* sizeof(glint_device) */
@@ -59,14 +85,33 @@ typedef struct glint_device {
     void (*unlock_queue)(void *user);
     void *user;
     uint32_t labels; /* 1: VK_EXT_debug_utils is enabled on the instance; kernels and buffers get names */
-    uint32_t reserved;
+    uint32_t optional; /* the optional features that the device was made with, and their extensions */
 } glint_device;
 
 int32_t glint_context_create(const glint_device *device, glint_context **context);
 void glint_context_destroy(glint_context *context);
 
+typedef struct glint_memory {
+    uint32_t size;
+    uint32_t reserved;
+    uint64_t used, budget; /* bytes of device memory that the context's buffers have, and that they may have together now */
+} glint_memory;
+
+int32_t glint_context_memory(const glint_context *context, glint_memory *memory);
+
+/* A buffer of glint's, for commands of your own: usage storage, indirect and transfer both ways. It lives as long as what it was asked of;
+ * what writes and reads it is ordered by barriers of yours between recordings of glint's. */
+typedef struct glint_buffer {
+    uint32_t size;
+    uint32_t reserved;
+    VkBuffer buffer;
+    uint64_t bytes;
+    char name[32]; /* as in ARCHITECTURE.md's table of buffers */
+} glint_buffer;
+
 /* Scenes in PLY files, base and supplement. `name` is for errors. */
 typedef struct glint_scene_counts {
+    uint32_t size;
     uint32_t base, supplement, sh_degree;
 } glint_scene_counts;
 
@@ -77,6 +122,7 @@ void glint_scene_destroy(glint_scene *scene);
 
 /* `origin` (3 doubles, or NULL for 0) is where the device's coordinates begin: for scenes far from the world's. `half` is 1 for harmonics
  * of half width, 140 bytes a Gaussian of degree 3 instead of 236. */
+uint64_t glint_upload_bytes(const glint_context *context, const glint_scene *scene, uint32_t half); /* that the model will take */
 int32_t glint_upload_create(const glint_context *context, const glint_scene *scene, const double *origin, uint32_t half,
                             glint_upload **upload);
 int32_t glint_upload_record(glint_upload *upload, VkCommandBuffer commands);
@@ -84,18 +130,22 @@ int32_t glint_upload_record(glint_upload *upload, VkCommandBuffer commands);
 int32_t glint_upload_finish(glint_upload *upload, glint_model **model);
 void glint_upload_destroy(glint_upload *upload);
 void glint_model_destroy(glint_model *model);
+/* Of the base, then of the supplement, page by page geometry, sh, lobes as far as there are any; then population, population_args,
+ * segment_counts, pages. 2 beyond the last. */
+int32_t glint_model_buffer(const glint_model *model, uint32_t index, glint_buffer *buffer);
 
 typedef enum glint_texel { GLINT_RGBA8 = 0, GLINT_BGRA8 = 1, GLINT_RGBA16F = 2, GLINT_RGBA32F = 3 } glint_texel;
 /* What lies behind the Gaussians: a background colour; nothing (colours are weighed by alpha); what the target holds. */
 typedef enum glint_blend { GLINT_OPAQUE = 0, GLINT_PREMULTIPLIED = 1, GLINT_OVER = 2 } glint_blend;
 
 typedef struct glint_limits {
+    uint32_t size;
     uint32_t width, height; /* pixels of the largest view */
     uint32_t gaussians;     /* of all instances of a frame together */
     uint32_t instances;     /* at most 64 */
     uint32_t views;
     uint32_t in_flight;     /* slots */
-    uint32_t intersections; /* of Gaussians and tiles; 0: 4 for each Gaussian and 3 for each pixel */
+    uint32_t intersections; /* of Gaussians and tiles; 0: as many as take `intersection_bytes` */
     uint32_t texel;         /* the widest of any target */
     uint32_t supplement;    /* 1: some models have one */
     uint32_t degrees;       /* bit d: harmonics of degree d are asked for */
@@ -104,16 +154,22 @@ typedef struct glint_limits {
     uint32_t depth_out;     /* 1: depths and ids are asked for */
     uint32_t timings;       /* 1: every stage has timestamps, for glint_frames_times */
     uint32_t compensate;    /* 1: opacities of small Gaussians are compensated (Mip-Splatting) */
+    uint64_t intersection_bytes; /* 0 too: 4 for each Gaussian and 3 for each pixel */
 } glint_limits;
 
 /* For one view, one instance, two slots, all of the model. */
 int32_t glint_limits_of(const glint_model *model, uint32_t width, uint32_t height, glint_limits *limits);
+/* The same for a scene, before it is uploaded. */
+int32_t glint_limits_for(const glint_scene *scene, uint32_t half, uint32_t width, uint32_t height, glint_limits *limits);
 uint64_t glint_frames_bytes(const glint_context *context, const glint_limits *limits);
 int32_t glint_frames_create(const glint_context *context, const glint_limits *limits, glint_frames **frames);
 /* All slots' commands have run. */
 void glint_frames_destroy(glint_frames *frames);
 /* Room for at least so many intersections; safe while frames are in flight. */
 int32_t glint_frames_reserve(glint_frames *frames, uint32_t intersections);
+uint32_t glint_frames_capacity(const glint_frames *frames); /* intersections that fit */
+/* The working buffers that all slots share; those of intersections are others after glint_frames_reserve. 2 beyond the last. */
+int32_t glint_frames_buffer(const glint_frames *frames, uint32_t index, glint_buffer *buffer);
 
 /* A rectangle of an image, or a buffer with rows that follow each other. Zeroes are nothing. */
 typedef struct glint_pixels {
@@ -121,46 +177,49 @@ typedef struct glint_pixels {
     VkBuffer buffer;
     uint64_t buffer_offset;
     VkImageLayout layout;
-    VkImageAspectFlags aspect;
+    VkFormat format; /* of the image: that of the texel, for depths D32_SFLOAT, D32_SFLOAT_S8_UINT or R32_SFLOAT, for ids R32_UINT */
     uint32_t level, layer;
     int32_t offset[2];
 } glint_pixels;
 
 typedef struct glint_view {
+    uint32_t size;
+    uint32_t width, height;
+    uint32_t texel;        /* glint_texel of color; images with a format of the _SRGB kind hold encoded values */
     double view[16];       /* world to view, columns first: rotation and translation */
     double projection[16]; /* view to Vulkan's clip space, columns first: perspective, any depth, reversed or infinite */
-    uint32_t width, height;
     double near_plane;     /* Gaussians whose centre is not beyond are left out */
     glint_pixels color;
     glint_pixels depth_in;  /* float32 depths of the projection: what lies behind is hidden */
     glint_pixels depth_out; /* the same of the Gaussians, where transmittance falls below one half */
     glint_pixels ids;       /* uint32, numbers of those Gaussians through all instances; 0xFFFFFFFF: none */
-    uint32_t texel;         /* glint_texel of color; images with a format of the _SRGB kind hold encoded values */
     uint32_t linear;        /* 1: color holds linear light, 0: sRGB-encoded values */
     uint32_t blend;         /* glint_blend */
     float exposure;         /* factor of the Gaussians' light, usually 1 */
     float background[3];    /* sRGB-encoded, for GLINT_OPAQUE */
-    uint32_t reserved;
 } glint_view;
 
 typedef struct glint_instance {
+    uint32_t size;
+    uint32_t sh_degree; /* at most the model's */
+    uint32_t base_only; /* 1: without the supplement */
+    uint32_t reserved;
     const glint_model *model;
     double rotation[4]; /* x, y, z, w */
     double translation[3];
     double scale;
-    uint32_t sh_degree; /* at most the model's */
-    uint32_t base_only; /* 1: without the supplement */
 } glint_instance;
 
 typedef struct glint_frame {
+    uint32_t size;
     uint32_t slot;
     uint32_t instance_count, view_count;
-    uint32_t reserved;
     const glint_instance *instances; /* in one order by depth */
     const glint_view *views;         /* one after the other */
 } glint_frame;
 
 typedef struct glint_report {
+    uint32_t size;
     uint32_t needed;        /* intersections that it would have taken, 0 where all found room; else only near Gaussians are shown */
     uint32_t visible;
     uint32_t intersections;
@@ -179,8 +238,41 @@ typedef struct glint_stage_time {
  * that is told. Where timings are off or the device has no timestamps there are none. */
 int32_t glint_frames_times(const glint_frames *frames, uint32_t slot, glint_stage_time *times, uint32_t *count);
 
-/* Kernel `index`: its name and SPIR-V, which live as long as the library; 2 beyond the last. */
-int32_t glint_kernel(uint32_t index, const char **name, const uint32_t **code, size_t *bytes);
+/* The kernels, for whoever makes and records them on their own. All buffers are storage buffers of set 0 in scalar block layout, numbered
+ * from 0; push constants begin at byte 0. Constant 0 is the threads of a workgroup, in x. One workgroup takes as many items as it has
+ * threads, or subgroups, or one, as `unit` says; items beyond 65,535 workgroups are folded into y. A kernel with subgroup operations is made
+ * with full subgroups of one size. */
+typedef enum glint_unit { GLINT_THREAD = 0, GLINT_SUBGROUP = 1, GLINT_WORKGROUP = 2 } glint_unit;
+typedef enum glint_access { GLINT_READ = 1, GLINT_WRITE = 2, GLINT_READ_WRITE = 3 } glint_access;
+typedef enum glint_constant_kind { GLINT_U32 = 0, GLINT_I32 = 1, GLINT_F32 = 2, GLINT_BOOL = 3 } glint_constant_kind;
+
+typedef struct glint_binding {
+    const char *name;
+    uint32_t access;        /* glint_access */
+    uint32_t element_bytes;
+} glint_binding;
+
+typedef struct glint_constant {
+    const char *name;
+    uint32_t id;
+    uint32_t kind; /* glint_constant_kind, of the constant's 4 bytes */
+} glint_constant;
+
+typedef struct glint_kernel_info {
+    uint32_t size;
+    uint32_t unit; /* glint_unit */
+    const char *name;
+    const uint32_t *code; /* SPIR-V 1.5 */
+    size_t code_bytes;
+    const glint_binding *bindings;
+    const glint_constant *constants;
+    uint32_t binding_count, constant_count;
+    uint32_t push_bytes;
+    uint32_t subgroups; /* 1: it has subgroup operations */
+} glint_kernel_info;
+
+/* Kernel `index`; what it points to lives as long as the library. 2 beyond the last. */
+int32_t glint_kernel(uint32_t index, glint_kernel_info *kernel);
 
 #ifdef __cplusplus
 }

@@ -2,7 +2,7 @@
 //!
 //! Every function returns 0, or a code: 1 for what the machine could not do, 2 for what it was given. [`glint_last_error`] then says
 //! what, for the thread that asked. No panic leaves a function. Handles are made and destroyed by functions of one name; a null handle
-//! is refused, and destroying one does nothing.
+//! is refused, and destroying one does nothing. A structure that may grow begins with its size, by which one of another header is refused.
 
 mod types;
 
@@ -12,7 +12,7 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     ptr, slice,
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
 use ash::vk::{self, Handle};
@@ -23,10 +23,12 @@ pub use types::*;
 use crate::{
     Error, Result,
     data::{parse_scene, read_scene},
-    gpu::{BorrowedDevice, Context, FeatureChain, Kept, QueueLock, Recorder},
+    gpu::{BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, QueueLock, Recorder},
     pipelines::{
-        frames::{Frame, FrameView, Frames, Instance},
-        model::{Room, Upload},
+        frames::{Frame, FrameView, Frames, Instance, Limits},
+        model::{Model, Room, Upload},
+        plan::Held,
+        render::Needs,
     },
     scene::Scene,
     stages::ALL,
@@ -57,6 +59,44 @@ fn null(what: &str) -> Error {
 unsafe fn of<'a, T>(handle: *const T, what: &str) -> Result<&'a T> {
     // SAFETY: by the contract above.
     unsafe { handle.as_ref() }.ok_or_else(|| null(what))
+}
+
+/// A structure that begins with its size.
+///
+/// # Safety
+/// `from` is null or points to one of as many bytes as it says.
+unsafe fn sized<'a, T>(from: *const T, what: &str) -> Result<&'a T> {
+    // SAFETY: by the contract above the size is there, and with it the rest.
+    unsafe {
+        let got = *of(from.cast::<u32>(), what)? as usize;
+        match got == size_of::<T>() {
+            true => of(from, what),
+            false => {
+                let want = size_of::<T>();
+                Err(Error::Usage(format!(
+                    "the size of {what} is {got}, expected {want}: set it, and take this library's header"
+                )))
+            }
+        }
+    }
+}
+
+/// Fills such a structure.
+///
+/// # Safety
+/// As for [`sized`], and writable.
+unsafe fn fill<T>(to: *mut T, what: &str, value: T) -> Result<()> {
+    // SAFETY: by the contract above.
+    unsafe {
+        sized(to.cast_const(), what)?;
+        to.write(value);
+    }
+    Ok(())
+}
+
+/// `size` of a structure.
+const fn size<T>() -> u32 {
+    size_of::<T>() as u32
 }
 
 /// # Safety
@@ -109,14 +149,122 @@ pub extern "C" fn glint_required_extension(index: u32) -> *const c_char {
     Context::requirements().extensions.get(index as usize).map_or(ptr::null(), |name| name.as_ptr())
 }
 
-/// The features that a device must be made with: a chain that begins with VkPhysicalDeviceFeatures2, for VkDeviceCreateInfo::pNext. It
-/// is never freed.
+/// Name `index` of the limits that a device must allow, as Vulkan has it, and how much; null beyond the last.
+///
+/// # Safety
+/// `least` is null or writable.
 #[unsafe(no_mangle)]
-pub extern "C" fn glint_required_features() -> *const c_void {
+pub unsafe extern "C" fn glint_required_limit(index: u32, least: *mut u32) -> *const c_char {
+    static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
+    let limits = Context::requirements().limits;
+    let names = NAMES.get_or_init(|| limits.iter().map(|l| CString::new(l.name).unwrap_or_default()).collect());
+    let (Some(limit), Some(name)) = (limits.get(index as usize), names.get(index as usize)) else { return ptr::null() };
+    // SAFETY: by the contract above.
+    if let Some(least) = unsafe { least.as_mut() } {
+        *least = limit.least;
+    }
+    name.as_ptr()
+}
+
+/// What a device must have beside extensions, features and limits.
+///
+/// # Safety
+/// A writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_required(out: *mut glint_requirements) -> i32 {
+    guarded(|| {
+        let needed = Context::requirements();
+        let [least_lanes, most_lanes] = needed.subgroup_lanes;
+        let (api_version, subgroup_operations) = (needed.api_version, needed.subgroup_operations.as_raw());
+        let size = size::<glint_requirements>();
+        let value = glint_requirements { size, api_version, subgroup_operations, least_lanes, most_lanes };
+        // SAFETY: by the contract above.
+        unsafe { fill(out, "requirements", value) }
+    })
+}
+
+/// Name `index` of the features that a device may be made with, and the extension that it comes with, or null; null beyond the last.
+///
+/// # Safety
+/// `extension` is null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_optional_feature(index: u32, extension: *mut *const c_char) -> *const c_char {
+    static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
+    let optional = Context::requirements().optional;
+    let names = NAMES.get_or_init(|| optional.iter().map(|f| CString::new(f.name()).unwrap_or_default()).collect());
+    let (Some(feature), Some(name)) = (optional.get(index as usize), names.get(index as usize)) else {
+        return ptr::null();
+    };
+    // SAFETY: by the contract above.
+    if let Some(extension) = unsafe { extension.as_mut() } {
+        *extension = feature.extension().map_or(ptr::null(), CStr::as_ptr);
+    }
+    name.as_ptr()
+}
+
+/// Bit k is optional feature k.
+fn optional(bits: u32) -> impl Iterator<Item = Feature> {
+    let all = Context::requirements().optional.into_iter().enumerate();
+    all.filter(move |(k, _)| bits >> k & 1 != 0).map(|(_, feature)| feature)
+}
+
+/// The features that a device must be made with, and of the optional ones those of these bits: a chain that begins with
+/// VkPhysicalDeviceFeatures2, for VkDeviceCreateInfo::pNext. It is never freed.
+#[unsafe(no_mangle)]
+pub extern "C" fn glint_feature_chain(bits: u32) -> *const c_void {
     // Of a chain each structure points to the next, so it must not move; one is made for a device, so what leaks is little.
-    let chain = Box::leak(Box::new(FeatureChain::new(Context::requirements().features)));
+    let features = Context::requirements().features.into_iter().chain(optional(bits));
+    let chain = Box::leak(Box::new(FeatureChain::new(features)));
     let first: &'static vk::PhysicalDeviceFeatures2<'static> = Box::leak(Box::new(chain.link()));
     ptr::from_ref(first).cast()
+}
+
+/// # Safety
+/// A live instance and its loader.
+unsafe fn instance_of(
+    get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
+    instance: *mut c_void,
+) -> Result<(ash::Entry, ash::Instance)> {
+    let Some(get_instance_proc_addr) = get_instance_proc_addr else { return Err(null("get_instance_proc_addr")) };
+    if instance.is_null() {
+        return Err(null("instance"));
+    }
+    // SAFETY: by the contract above.
+    unsafe {
+        let entry = ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr });
+        let instance = ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(instance as u64));
+        Ok((entry, instance))
+    }
+}
+
+/// # Safety
+/// A live instance and its loader, `wanted` null or a string, and writable places.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_device_choose(
+    get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
+    instance: *mut c_void,
+    wanted: *const c_char,
+    physical: *mut *mut c_void,
+    bits: *mut u32,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let (_entry, instance) = instance_of(get_instance_proc_addr, instance)?;
+            let device = match wanted.is_null() {
+                true => None,
+                false => Some(CStr::from_ptr(wanted).to_string_lossy().into_owned()),
+            };
+            let (found, offered) = Context::choose(&instance, &ContextOptions { device, ..Default::default() })?;
+            let (Some(physical), Some(bits)) = (physical.as_mut(), bits.as_mut()) else {
+                return Err(null("where the device goes"));
+            };
+            let all = Context::requirements().optional.into_iter().enumerate();
+            *bits = all.filter(|(_, feature)| offered.contains(feature)).map(|(k, _)| 1 << k).sum();
+            *physical = found.as_raw() as *mut c_void;
+        }
+        Ok(())
+    })
 }
 
 /// # Safety
@@ -125,16 +273,10 @@ pub extern "C" fn glint_required_features() -> *const c_void {
 pub unsafe extern "C" fn glint_context_create(device: *const glint_device, out: *mut *mut glint_context) -> i32 {
     guarded(|| {
         // SAFETY: by the contract above.
-        let d = unsafe { of(device, "device") }?;
-        if d.size as usize != size_of::<glint_device>() {
-            let (got, want) = (d.size, size_of::<glint_device>());
-            return Err(Error::Usage(format!("glint_device::size is {got}, expected {want}: the header is another's")));
-        }
-        let Some(get) = d.get_instance_proc_addr else { return Err(null("get_instance_proc_addr")) };
+        let d = unsafe { sized(device, "device") }?;
         // SAFETY: by the contract above.
         unsafe {
-            let entry = ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: get });
-            let instance = ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(d.instance as u64));
+            let (entry, instance) = instance_of(d.get_instance_proc_addr, d.instance)?;
             let device = ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(d.device as u64));
             let user = User(d.user);
             let queue_lock = match (d.lock_queue, d.unlock_queue) {
@@ -151,7 +293,7 @@ pub unsafe extern "C" fn glint_context_create(device: *const glint_device, out: 
                 physical_device: vk::PhysicalDevice::from_raw(d.physical_device as u64),
                 queue_family: d.queue_family,
                 queue: vk::Queue::from_raw(d.queue as u64),
-                optional: Default::default(),
+                optional: optional(d.optional).collect(),
                 pipeline_cache: vk::PipelineCache::from_raw(d.pipeline_cache),
                 queue_lock,
                 labels: d.labels != 0,
@@ -178,6 +320,20 @@ unsafe impl Sync for User {}
 pub unsafe extern "C" fn glint_context_destroy(context: *mut glint_context) {
     // SAFETY: by the contract above.
     unsafe { destroy(context) };
+}
+
+/// # Safety
+/// A live handle, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out: *mut glint_memory) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let memory = of(context, "context")?.0.memory();
+            let size = size::<glint_memory>();
+            fill(out, "memory", glint_memory { size, reserved: 0, used: memory.used, budget: memory.budget })
+        }
+    })
 }
 
 /// # Safety
@@ -222,23 +378,20 @@ unsafe fn path_of<'a>(path: *const c_char) -> Result<&'a Path> {
 }
 
 /// # Safety
-/// A live handle, and writable numbers.
+/// A live handle, and a writable structure that has its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_info(scene: *const glint_scene, out: *mut glint_scene_counts) -> i32 {
     guarded(|| {
         // SAFETY: by the contract above.
         let Scene { base, supplement } = unsafe { &of(scene, "scene")?.0 };
         let counts = glint_scene_counts {
+            size: size::<glint_scene_counts>(),
             base: base.len() as u32,
             supplement: supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32),
             sh_degree: base.sh_degree,
         };
-        if out.is_null() {
-            return Err(null("counts"));
-        }
         // SAFETY: by the contract above.
-        unsafe { *out = counts };
-        Ok(())
+        unsafe { fill(out, "counts", counts) }
     })
 }
 
@@ -248,6 +401,30 @@ pub unsafe extern "C" fn glint_scene_info(scene: *const glint_scene, out: *mut g
 pub unsafe extern "C" fn glint_scene_destroy(scene: *mut glint_scene) {
     // SAFETY: by the contract above.
     unsafe { destroy(scene) };
+}
+
+fn room(half: u32) -> Room {
+    Room { half: half != 0, ..Default::default() }
+}
+
+/// Device memory that a model of the scene will take, bytes; 0 where a handle is null.
+///
+/// # Safety
+/// Live handles.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_upload_bytes(
+    context: *const glint_context,
+    scene: *const glint_scene,
+    half: u32,
+) -> u64 {
+    let mut bytes = 0;
+    guarded(|| {
+        // SAFETY: by the contract above.
+        let (context, scene) = unsafe { (&of(context, "context")?.0, &of(scene, "scene")?.0) };
+        bytes = Model::plan(context, scene, room(half)).bytes();
+        Ok(())
+    });
+    bytes
 }
 
 /// # Safety
@@ -264,7 +441,7 @@ pub unsafe extern "C" fn glint_upload_create(
         // SAFETY: by the contract above; null is the world's origin.
         unsafe {
             let origin = if origin.is_null() { &[0.0; 3] } else { &*origin.cast::<[f64; 3]>() };
-            let room = Room { half: half != 0, ..Default::default() };
+            let room = room(half);
             let (context, scene) = (&of(context, "context")?.0, &of(scene, "scene")?.0);
             let upload = Upload::prepare(context, DVec3::from_array(*origin), scene, room)?;
             put(out, glint_upload { upload, context: context.clone(), kept: Kept::default() })
@@ -318,10 +495,58 @@ pub unsafe extern "C" fn glint_model_destroy(model: *mut glint_model) {
     unsafe { destroy(model) };
 }
 
+/// # Safety
+/// `out` is null or writable, and has its size.
+unsafe fn put_held(held: &[Held], index: u32, out: *mut glint_buffer) -> Result<()> {
+    let found = held.get(index as usize);
+    let held = found.ok_or_else(|| Error::Usage(format!("there are {} buffers, not number {index}", held.len())))?;
+    let mut name = [0; 32];
+    put_name(&mut name, held.name);
+    let (size, buffer, bytes) = (size::<glint_buffer>(), held.buffer.as_raw(), held.bytes);
+    // SAFETY: by the contract above.
+    unsafe { fill(out, "buffer", glint_buffer { size, reserved: 0, buffer, bytes, name }) }
+}
+
+/// The last stays 0.
+fn put_name(to: &mut [c_char; 32], name: &str) {
+    to[..31].iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
+}
+
+/// Buffer `index` of a model; 2 beyond the last.
+///
+/// # Safety
+/// A live handle, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_model_buffer(model: *const glint_model, index: u32, out: *mut glint_buffer) -> i32 {
+    // SAFETY: by the contract above.
+    guarded(|| unsafe { put_held(&of(model, "model")?.0.held(), index, out) })
+}
+
+/// Limits for one view and one instance of all of a scene, before there is a model of it.
+///
+/// # Safety
+/// Live handles, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_limits_for(
+    scene: *const glint_scene,
+    half: u32,
+    width: u32,
+    height: u32,
+    out: *mut glint_limits,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let needs = Needs::of_scene(&of(scene, "scene")?.0, half != 0);
+            fill(out, "limits", glint_limits::from(&Limits::for_needs(needs, width, height)))
+        }
+    })
+}
+
 /// Limits for one view and one instance of all of a model.
 ///
 /// # Safety
-/// Live handles.
+/// Live handles, and a writable structure that has its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_limits_of(
     model: *const glint_model,
@@ -332,10 +557,9 @@ pub unsafe extern "C" fn glint_limits_of(
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let out = out.as_mut().ok_or_else(|| null("limits"))?;
-            *out = glint_limits::of(&of(model, "model")?.0, width, height);
+            let limits = Limits::of(&of(model, "model")?.0, width, height);
+            fill(out, "limits", glint_limits::from(&limits))
         }
-        Ok(())
     })
 }
 
@@ -350,7 +574,7 @@ pub unsafe extern "C" fn glint_frames_create(
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let limits = of(limits, "limits")?.limits()?;
+            let limits = sized(limits, "limits")?.limits()?;
             let frames = Frames::new(&of(context, "context")?.0, limits)?;
             put(out, glint_frames { frames, views: Vec::new() })
         }
@@ -366,7 +590,7 @@ pub unsafe extern "C" fn glint_frames_bytes(context: *const glint_context, limit
     let mut bytes = 0;
     guarded(|| {
         // SAFETY: by the contract above.
-        bytes = unsafe { of(limits, "limits")?.limits()?.plan(&of(context, "context")?.0).bytes() };
+        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(&of(context, "context")?.0).bytes() };
         Ok(())
     });
     bytes
@@ -384,11 +608,11 @@ pub unsafe extern "C" fn glint_frames_record(
         // SAFETY: by the contract above.
         unsafe {
             let glint_frames { frames, views } = frames.as_mut().ok_or_else(|| null("frames"))?;
-            let f = of(frame, "frame")?;
+            let f = sized(frame, "frame")?;
             let instances = list(f.instances, f.instance_count, "instances")?;
             views.clear();
             for view in list(f.views, f.view_count, "views")? {
-                views.push(FrameView::try_from(view)?);
+                views.push(FrameView::try_from(sized(view, "a view")?)?);
             }
             // More than there is room for are refused below, as one too many.
             let mut placed: [Option<Instance<'_>>; INSTANCES] = [None; INSTANCES];
@@ -397,6 +621,7 @@ pub unsafe extern "C" fn glint_frames_record(
                 return Err(Error::Usage(format!("a frame of {count} instances, made for {INSTANCES} at most")));
             }
             for (to, from) in placed.iter_mut().zip(instances) {
+                let from = sized(from, "an instance")?;
                 *to = Some(from.instance(&of(from.model, "an instance's model")?.0)?);
             }
             // The first fills what is left, as a list needs something there.
@@ -415,21 +640,21 @@ pub unsafe extern "C" fn glint_frames_record(
 const INSTANCES: usize = 64;
 
 /// # Safety
-/// Live handles; the slot's commands have run.
+/// A live handle, and a writable structure that has its size; the slot's commands have run.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_report(frames: *const glint_frames, slot: u32, out: *mut glint_report) -> i32 {
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
             let report = of(frames, "frames")?.frames.report(slot)?;
-            let out = out.as_mut().ok_or_else(|| null("report"))?;
-            *out = glint_report {
+            let value = glint_report {
+                size: size::<glint_report>(),
                 needed: report.needed.unwrap_or(0),
                 visible: report.visible,
                 intersections: report.intersections,
             };
+            fill(out, "report", value)
         }
-        Ok(())
     })
 }
 
@@ -451,8 +676,7 @@ pub unsafe extern "C" fn glint_frames_times(
             *count = stages.len() as u32;
             for (i, stage) in stages.iter().take(room).enumerate() {
                 let mut name = [0; 32];
-                // The last stays 0.
-                name[..31].iter_mut().zip(stage.name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
+                put_name(&mut name, stage.name);
                 times.add(i).write(glint_stage_time { name, seconds: stage.time.as_secs_f64() });
             }
         }
@@ -470,6 +694,26 @@ pub unsafe extern "C" fn glint_frames_reserve(frames: *mut glint_frames, interse
     })
 }
 
+/// Intersections that fit; 0 where the handle is null.
+///
+/// # Safety
+/// A live handle.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_frames_capacity(frames: *const glint_frames) -> u32 {
+    // SAFETY: by the contract above.
+    unsafe { frames.as_ref() }.map_or(0, |f| f.frames.capacity())
+}
+
+/// Working buffer `index` of frames; 2 beyond the last.
+///
+/// # Safety
+/// A live handle, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_frames_buffer(frames: *const glint_frames, index: u32, out: *mut glint_buffer) -> i32 {
+    // SAFETY: by the contract above.
+    guarded(|| unsafe { put_held(&of(frames, "frames")?.frames.held(), index, out) })
+}
+
 /// # Safety
 /// Null, or a handle that is not used again. All its slots' commands have run.
 #[unsafe(no_mangle)]
@@ -478,29 +722,48 @@ pub unsafe extern "C" fn glint_frames_destroy(frames: *mut glint_frames) {
     unsafe { destroy(frames) };
 }
 
-/// Kernel `index` of all: its name and SPIR-V, which live as long as the library. Returns 2 beyond the last.
+/// Bindings and constants of each kernel, as the header has them.
+struct Interfaces(Vec<(Vec<glint_binding>, Vec<glint_constant>)>);
+
+// SAFETY: the names in it are constants of the program.
+unsafe impl Send for Interfaces {}
+// SAFETY: as above.
+unsafe impl Sync for Interfaces {}
+
+/// Kernel `index` of all: its SPIR-V and its interface, which live as long as the library. Returns 2 beyond the last.
 ///
 /// # Safety
-/// Writable pointers.
+/// A writable structure that has its size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn glint_kernel(
-    index: u32,
-    name: *mut *const c_char,
-    code: *mut *const u32,
-    bytes: *mut usize,
-) -> i32 {
+pub unsafe extern "C" fn glint_kernel(index: u32, out: *mut glint_kernel_info) -> i32 {
+    static INTERFACES: OnceLock<Interfaces> = OnceLock::new();
     guarded(|| {
-        let kernel = ALL.get(index as usize);
-        let kernel = kernel.ok_or_else(|| Error::Usage(format!("there are {} kernels, not {index}", ALL.len())))?;
-        if name.is_null() || code.is_null() || bytes.is_null() {
-            return Err(null("where a kernel goes"));
-        }
+        let all = INTERFACES.get_or_init(|| {
+            let of = |k: &KernelInfo| {
+                (
+                    k.bindings.iter().map(glint_binding::from).collect(),
+                    k.constants.iter().map(glint_constant::from).collect(),
+                )
+            };
+            Interfaces(ALL.iter().map(of).collect())
+        });
+        let (Some(kernel), Some((bindings, constants))) = (ALL.get(index as usize), all.0.get(index as usize)) else {
+            return Err(Error::Usage(format!("there are {} kernels, not number {index}", ALL.len())));
+        };
+        let info = glint_kernel_info {
+            size: size::<glint_kernel_info>(),
+            unit: kernel.unit as u32,
+            name: kernel.label.as_ptr(),
+            code: kernel.spirv.as_ptr().cast(),
+            code_bytes: kernel.spirv.len(),
+            bindings: bindings.as_ptr(),
+            constants: constants.as_ptr(),
+            binding_count: bindings.len() as u32,
+            constant_count: constants.len() as u32,
+            push_bytes: kernel.push_bytes,
+            subgroups: kernel.subgroups.into(),
+        };
         // SAFETY: by the contract above.
-        unsafe {
-            *name = kernel.label.as_ptr();
-            *code = kernel.spirv.as_ptr().cast();
-            *bytes = kernel.spirv.len();
-        }
-        Ok(())
+        unsafe { fill(out, "kernel", info) }
     })
 }

@@ -9,7 +9,7 @@ use glam::{DMat4, DQuat, DVec3};
 
 use crate::{
     Error, Result,
-    gpu::{BufferRange, Context, ImageRegion, Kept, Pixels},
+    gpu::{Access, Binding, BufferRange, Constant, ConstantKind, Context, ImageRegion, Kept, Pixels},
     pipelines::{
         frames::{Blend, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
         model::{Model, Segment, Upload},
@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Of `glint.h`.
-pub const GLINT_VERSION: u32 = 1;
+pub const GLINT_VERSION: u32 = 2;
 
 /// A device, see [`Context`].
 pub struct glint_context(pub(super) Context);
@@ -73,13 +73,58 @@ pub struct glint_device {
     pub user: *mut c_void,
     /// 1: VK_EXT_debug_utils is enabled on the instance, and kernels and buffers are to be named.
     pub labels: u32,
+    /// Bits: which of the optional features the device was made with.
+    pub optional: u32,
+}
+
+/// See [`Requirements`](crate::gpu::Requirements).
+#[repr(C)]
+pub struct glint_requirements {
+    /// sizeof(glint_requirements).
+    pub size: u32,
+    /// Of Vulkan, at least.
+    pub api_version: u32,
+    /// VkSubgroupFeatureFlags, in compute.
+    pub subgroup_operations: u32,
+    /// Of a subgroup, at least.
+    pub least_lanes: u32,
+    /// Of a subgroup, at most.
+    pub most_lanes: u32,
+}
+
+/// See [`Memory`](crate::gpu::Memory).
+#[repr(C)]
+pub struct glint_memory {
+    /// sizeof(glint_memory).
+    pub size: u32,
     /// 0.
     pub reserved: u32,
+    /// Bytes that the context's buffers have.
+    pub used: u64,
+    /// Bytes that they may have together.
+    pub budget: u64,
+}
+
+/// See [`Held`](crate::pipelines::plan::Held).
+#[repr(C)]
+pub struct glint_buffer {
+    /// sizeof(glint_buffer).
+    pub size: u32,
+    /// 0.
+    pub reserved: u32,
+    /// VkBuffer.
+    pub buffer: u64,
+    /// Bytes.
+    pub bytes: u64,
+    /// Ends with a 0.
+    pub name: [c_char; 32],
 }
 
 /// What a scene has.
 #[repr(C)]
 pub struct glint_scene_counts {
+    /// sizeof(glint_scene_counts).
+    pub size: u32,
     /// Plain Gaussians.
     pub base: u32,
     /// Gaussians with lobes.
@@ -91,6 +136,8 @@ pub struct glint_scene_counts {
 /// See [`Limits`].
 #[repr(C)]
 pub struct glint_limits {
+    /// sizeof(glint_limits).
+    pub size: u32,
     /// Pixels of the largest view.
     pub width: u32,
     /// Pixels of the largest view.
@@ -103,7 +150,7 @@ pub struct glint_limits {
     pub views: u32,
     /// Slots.
     pub in_flight: u32,
-    /// Room for so many; 0 for the usual.
+    /// Room for so many; 0 for what `intersection_bytes` says.
     pub intersections: u32,
     /// The widest `glint_texel` of any target.
     pub texel: u32,
@@ -121,14 +168,16 @@ pub struct glint_limits {
     pub timings: u32,
     /// 1: opacities of small Gaussians are compensated, as Mip-Splatting does.
     pub compensate: u32,
+    /// Room for as many as take so many bytes; 0 for the usual.
+    pub intersection_bytes: u64,
 }
 
-impl glint_limits {
-    pub(super) fn of(model: &Model, width: u32, height: u32) -> Self {
-        let limits = Limits::of(model, width, height);
+impl From<&Limits> for glint_limits {
+    fn from(limits: &Limits) -> Self {
         glint_limits {
-            width,
-            height,
+            size: size_of::<glint_limits>() as u32,
+            width: limits.width,
+            height: limits.height,
             gaussians: limits.gaussians,
             instances: limits.instances,
             views: limits.views,
@@ -142,9 +191,12 @@ impl glint_limits {
             depth_out: 0,
             timings: 0,
             compensate: 0,
+            intersection_bytes: 0,
         }
     }
+}
 
+impl glint_limits {
     pub(super) fn limits(&self) -> Result<Limits> {
         Ok(Limits {
             width: self.width,
@@ -153,9 +205,10 @@ impl glint_limits {
             instances: self.instances,
             views: self.views,
             in_flight: self.in_flight,
-            intersections: match self.intersections {
-                0 => Room::Usual,
-                count => Room::Intersections(count),
+            intersections: match (self.intersections, self.intersection_bytes) {
+                (0, 0) => Room::Usual,
+                (0, bytes) => Room::Bytes(bytes),
+                (count, _) => Room::Intersections(count),
             },
             texel: texel(self.texel)?,
             supplement: self.supplement != 0,
@@ -186,8 +239,8 @@ pub struct glint_pixels {
     pub buffer_offset: u64,
     /// VkImageLayout at the time: general, or transfer source or destination.
     pub layout: i32,
-    /// VkImageAspectFlags: colour or depth.
-    pub aspect: u32,
+    /// VkFormat that the image was made with.
+    pub format: i32,
     /// Level of detail.
     pub level: u32,
     /// Array layer.
@@ -207,7 +260,7 @@ impl glint_pixels {
             (image, _) => Some(Pixels::Image(ImageRegion {
                 image: vk::Image::from_raw(image),
                 layout: vk::ImageLayout::from_raw(self.layout),
-                aspect: vk::ImageAspectFlags::from_raw(self.aspect),
+                format: vk::Format::from_raw(self.format),
                 level: self.level,
                 layer: self.layer,
                 offset: self.offset,
@@ -219,14 +272,18 @@ impl glint_pixels {
 /// See [`FrameView`] and [`Target`].
 #[repr(C)]
 pub struct glint_view {
-    /// World to view, columns first.
-    pub view: [f64; 16],
-    /// View to Vulkan's clip space, columns first.
-    pub projection: [f64; 16],
+    /// sizeof(glint_view).
+    pub size: u32,
     /// Pixels.
     pub width: u32,
     /// Pixels.
     pub height: u32,
+    /// `glint_texel`.
+    pub texel: u32,
+    /// World to view, columns first.
+    pub view: [f64; 16],
+    /// View to Vulkan's clip space, columns first.
+    pub projection: [f64; 16],
     /// Distance along the view's axis, scene units of the world.
     pub near: f64,
     /// Where colours go.
@@ -237,8 +294,6 @@ pub struct glint_view {
     pub depth_out: glint_pixels,
     /// u32, of the Gaussians.
     pub ids: glint_pixels,
-    /// `glint_texel`.
-    pub texel: u32,
     /// 1: the target holds linear light.
     pub linear: u32,
     /// `glint_blend`.
@@ -247,8 +302,6 @@ pub struct glint_view {
     pub exposure: f32,
     /// sRGB-encoded, of opaque targets.
     pub background: [f32; 3],
-    /// 0.
-    pub reserved: u32,
 }
 
 impl TryFrom<&glint_view> for FrameView {
@@ -280,6 +333,14 @@ impl TryFrom<&glint_view> for FrameView {
 /// See [`Instance`].
 #[repr(C)]
 pub struct glint_instance {
+    /// sizeof(glint_instance).
+    pub size: u32,
+    /// Bands of harmonics, at most the model's.
+    pub sh_degree: u32,
+    /// 1: without the supplement.
+    pub base_only: u32,
+    /// 0.
+    pub reserved: u32,
     /// Any number of instances may be of one model.
     pub model: *const glint_model,
     /// x, y, z, w, of unit length.
@@ -288,10 +349,6 @@ pub struct glint_instance {
     pub translation: [f64; 3],
     /// Of all axes alike.
     pub scale: f64,
-    /// Bands of harmonics, at most the model's.
-    pub sh_degree: u32,
-    /// 1: without the supplement.
-    pub base_only: u32,
 }
 
 impl glint_instance {
@@ -312,14 +369,14 @@ impl glint_instance {
 /// See [`Frame`](crate::pipelines::frames::Frame).
 #[repr(C)]
 pub struct glint_frame {
+    /// sizeof(glint_frame).
+    pub size: u32,
     /// Which of the frames in flight it takes the place of.
     pub slot: u32,
     /// Of `instances`.
     pub instance_count: u32,
     /// Of `views`.
     pub view_count: u32,
-    /// 0.
-    pub reserved: u32,
     /// In one common order.
     pub instances: *const glint_instance,
     /// One after the other.
@@ -338,10 +395,84 @@ pub struct glint_stage_time {
 /// See [`Report`](crate::pipelines::frames::Report).
 #[repr(C)]
 pub struct glint_report {
+    /// sizeof(glint_report).
+    pub size: u32,
     /// 0 where all found room.
     pub needed: u32,
     /// Gaussians that the last view saw.
     pub visible: u32,
     /// Of those with its tiles.
     pub intersections: u32,
+}
+
+/// See [`Binding`].
+#[repr(C)]
+pub struct glint_binding {
+    /// Of the buffer's contents.
+    pub name: *const c_char,
+    /// 1: read, 2: written, 3: both.
+    pub access: u32,
+    /// Of an element.
+    pub element_bytes: u32,
+}
+
+impl From<&Binding> for glint_binding {
+    fn from(binding: &Binding) -> Self {
+        let access = match binding.access {
+            Access::Read => 1,
+            Access::Write => 2,
+            Access::ReadWrite => 3,
+        };
+        glint_binding { name: binding.name.as_ptr(), access, element_bytes: binding.element_bytes }
+    }
+}
+
+/// See [`Constant`].
+#[repr(C)]
+pub struct glint_constant {
+    /// As the kernel has it.
+    pub name: *const c_char,
+    /// Its number in the module.
+    pub id: u32,
+    /// `glint_constant_kind`.
+    pub kind: u32,
+}
+
+impl From<&Constant> for glint_constant {
+    fn from(constant: &Constant) -> Self {
+        let kind = match constant.kind {
+            ConstantKind::U32 => 0,
+            ConstantKind::I32 => 1,
+            ConstantKind::F32 => 2,
+            ConstantKind::Bool => 3,
+        };
+        glint_constant { name: constant.name.as_ptr(), id: constant.id, kind }
+    }
+}
+
+/// See [`KernelInfo`](crate::gpu::KernelInfo).
+#[repr(C)]
+pub struct glint_kernel_info {
+    /// sizeof(glint_kernel_info).
+    pub size: u32,
+    /// `glint_unit`: what takes one item.
+    pub unit: u32,
+    /// As the stage is called.
+    pub name: *const c_char,
+    /// SPIR-V.
+    pub code: *const u32,
+    /// Of the code.
+    pub code_bytes: usize,
+    /// By number, in set 0.
+    pub bindings: *const glint_binding,
+    /// The first is the workgroup size.
+    pub constants: *const glint_constant,
+    /// Of `bindings`.
+    pub binding_count: u32,
+    /// Of `constants`.
+    pub constant_count: u32,
+    /// Of push constants, from 0 on.
+    pub push_bytes: u32,
+    /// 1: it has subgroup operations.
+    pub subgroups: u32,
 }

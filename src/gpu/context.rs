@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeSet,
-    ffi::CStr,
     sync::{
         Arc, Mutex,
         atomic::{AtomicU64, Ordering},
@@ -13,7 +12,7 @@ use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::{
-    DeviceInfo, Feature, GpuError, Recorder, Twin,
+    DeviceInfo, Feature, GpuError, Recorder, Requirements, Twin,
     device::{self, Limits, Physical, Subgroups},
     instance::{create_instance, create_messenger},
     memory::Budget,
@@ -104,20 +103,6 @@ type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
 #[derive(Clone)]
 pub struct QueueLock(pub Arc<WithQueue>);
 
-/// What a borrowed device must have been made with, and what it may have been.
-#[derive(Debug, Clone)]
-pub struct Requirements {
-    /// Of Vulkan, at least.
-    pub api_version: u32,
-    /// Those of the features are named by [`Feature::extension`]; on a device of Vulkan 1.3 `VK_EXT_subgroup_size_control` is
-    /// not needed.
-    pub extensions: Vec<&'static CStr>,
-    /// [`FeatureChain`](super::FeatureChain) sets them for `vkCreateDevice`.
-    pub features: Vec<Feature>,
-    /// Say in [`BorrowedDevice::optional`] which of these the device has.
-    pub optional: Vec<Feature>,
-}
-
 /// How often the host talked to the device since the context was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Counters {
@@ -179,14 +164,9 @@ struct Own {
 }
 
 impl Context {
-    /// What a borrowed device must have been made with.
+    /// What a device must have and be made with: the list by which [`Context::new`], [`Context::borrow`] and [`Context::devices`] judge one.
     pub fn requirements() -> Requirements {
-        let features = Feature::REQUIRED.to_vec();
-        let mut extensions = device::EXTENSIONS.to_vec();
-        extensions.extend(features.iter().filter_map(|f| f.extension()));
-        extensions.dedup();
-        let optional = Feature::ALL.into_iter().filter(|f| !features.contains(f)).collect();
-        Requirements { api_version: vk::API_VERSION_1_2, extensions, features, optional }
+        Requirements::of_kernels()
     }
 
     /// All physical devices, in the loader's order.

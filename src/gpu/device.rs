@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, ffi::CStr};
 
-use ash::{khr, vk};
+use ash::{ext, khr, vk};
 
 use super::{
     Check, ContextOptions, Feature, GpuError,
@@ -14,8 +14,81 @@ use super::{
 /// Lanes of the smallest and the largest subgroup that kernels are written for.
 const LANES: [u32; 2] = [8, 64];
 
-/// Extensions that glint enables, and that a borrowed device must have enabled.
-pub(super) const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
+/// Extensions that glint enables, and that a borrowed device must have enabled, beside those of its features.
+const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
+
+/// What a device must have and be made with, and what it may have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Requirements {
+    /// Of Vulkan, at least.
+    pub api_version: u32,
+    /// Those of the features are named by [`Feature::extension`]; on a device of Vulkan 1.3 `VK_EXT_subgroup_size_control` is
+    /// not needed.
+    pub extensions: Vec<&'static CStr>,
+    /// [`FeatureChain`] sets them for `vkCreateDevice`.
+    pub features: Vec<Feature>,
+    /// Say in [`BorrowedDevice::optional`](super::BorrowedDevice::optional) which of these the device has.
+    pub optional: Vec<Feature>,
+    /// Of `VkPhysicalDeviceSubgroupProperties`, in compute.
+    pub subgroup_operations: vk::SubgroupFeatureFlags,
+    /// Lanes of a subgroup, at least and at most. The device can be asked for a size in between, or has no other.
+    pub subgroup_lanes: [u32; 2],
+    /// What the kernels that take most take. What a pipeline takes beyond, as its constants say, is checked when it is made.
+    pub limits: Vec<Limit>,
+}
+
+/// A limit that a device must allow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limit {
+    /// As Vulkan has it in `VkPhysicalDeviceLimits`, or of push descriptors in `VkPhysicalDevicePushDescriptorPropertiesKHR`.
+    pub name: &'static str,
+    /// What is needed.
+    pub least: u32,
+}
+
+/// Bytes of shared memory and threads of a workgroup that every device of Vulkan allows. Kernels stay within the first, and take
+/// larger workgroups only where the device allows them.
+const SHARED_BYTES: u32 = 16_384;
+const WORKGROUP: u32 = 128;
+
+/// Where a device says a limit.
+type Said = fn(&Limits) -> u32;
+
+/// The limits, and what a device says of them.
+const LIMITS: [(Limit, Said); 8] = {
+    const fn limit(name: &'static str, least: u32) -> Limit {
+        Limit { name, least }
+    }
+    [
+        (limit("maxPerStageDescriptorStorageBuffers", needs::STORAGE_BUFFERS), |l| l.stage_storage_buffers),
+        (limit("maxDescriptorSetStorageBuffers", needs::STORAGE_BUFFERS), |l| l.set_storage_buffers),
+        (limit("maxPerStageResources", needs::STORAGE_BUFFERS), |l| l.stage_resources),
+        (limit("maxPushDescriptors", needs::STORAGE_BUFFERS), |l| l.push_descriptors),
+        (limit("maxPushConstantsSize", needs::PUSH_BYTES), |l| l.push_bytes),
+        (limit("maxComputeSharedMemorySize", SHARED_BYTES), |l| l.shared_bytes),
+        (limit("maxComputeWorkGroupInvocations", WORKGROUP), |l| l.workgroup_invocations),
+        (limit("maxComputeWorkGroupSize", WORKGROUP), |l| l.workgroup_size),
+    ]
+};
+
+impl Requirements {
+    /// Of all kernels together.
+    pub(super) fn of_kernels() -> Self {
+        let features = Feature::REQUIRED.to_vec();
+        let mut extensions = EXTENSIONS.to_vec();
+        extensions.extend(features.iter().filter_map(|f| f.extension()));
+        extensions.dedup();
+        Requirements {
+            api_version: vk::API_VERSION_1_2,
+            extensions,
+            optional: Feature::ALL.into_iter().filter(|f| !features.contains(f)).collect(),
+            features,
+            subgroup_operations: vk::SubgroupFeatureFlags::from_raw(needs::SUBGROUP_OPERATIONS),
+            subgroup_lanes: LANES,
+            limits: LIMITS.iter().map(|(limit, _)| *limit).collect(),
+        }
+    }
+}
 
 /// What makes the lanes of a subgroup meet again after a branch that parted them: subgroup operations rely on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,13 +172,31 @@ pub(super) struct Physical {
 /// What kernels must stay within.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
-    pub workgroup: u32,
-    pub workgroup_subgroups: u32,
+    workgroup_invocations: u32,
+    /// In x.
+    workgroup_size: u32,
+    workgroup_subgroups: u32,
+    stage_storage_buffers: u32,
+    set_storage_buffers: u32,
+    stage_resources: u32,
+    push_descriptors: u32,
     pub shared_bytes: u32,
-    pub storage_buffers: u32,
     pub push_bytes: u32,
     pub storage_bytes: u32,
     pub timestamp_period: f32,
+}
+
+impl Limits {
+    /// Threads of a workgroup.
+    pub fn workgroup(&self) -> u32 {
+        self.workgroup_invocations.min(self.workgroup_size)
+    }
+
+    /// Buffers that a kernel binds.
+    pub fn storage_buffers(&self) -> u32 {
+        let all = [self.stage_storage_buffers, self.set_storage_buffers, self.stage_resources, self.push_descriptors];
+        all.into_iter().fold(u32::MAX, u32::min)
+    }
 }
 
 /// How the kernels of a context use subgroups.
@@ -157,14 +248,14 @@ impl Physical {
                 },
                 extensions,
                 limits: Limits {
-                    workgroup: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
+                    workgroup_invocations: limits.max_compute_work_group_invocations,
+                    workgroup_size: limits.max_compute_work_group_size[0],
                     workgroup_subgroups: sizes.max_compute_workgroup_subgroups,
                     shared_bytes: limits.max_compute_shared_memory_size,
-                    storage_buffers: limits
-                        .max_per_stage_descriptor_storage_buffers
-                        .min(limits.max_descriptor_set_storage_buffers)
-                        .min(limits.max_per_stage_resources)
-                        .min(push.max_push_descriptors),
+                    stage_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
+                    set_storage_buffers: limits.max_descriptor_set_storage_buffers,
+                    stage_resources: limits.max_per_stage_resources,
+                    push_descriptors: push.max_push_descriptors,
                     push_bytes: limits.max_push_constants_size,
                     storage_bytes: limits.max_storage_buffer_range,
                     timestamp_period: limits.timestamp_period,
@@ -188,35 +279,37 @@ impl Physical {
     /// How kernels would use its subgroups with these features enabled, or the first thing that the device lacks.
     pub fn check(&self, options: &ContextOptions, enabled: &BTreeSet<Feature>) -> Result<Subgroups, GpuError> {
         let missing = |feature: String| GpuError::Missing { device: self.name.clone(), feature };
-        if self.api_version < vk::API_VERSION_1_2 {
-            return Err(missing("Vulkan 1.2".into()));
+        let needed = Requirements::of_kernels();
+        if self.api_version < needed.api_version {
+            let version = needed.api_version;
+            let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
+            return Err(missing(format!("Vulkan {major}.{minor}")));
         }
         if self.queue_family.is_none() {
             return Err(missing("a compute queue".into()));
         }
-        for wanted in EXTENSIONS {
-            if !has_extension(&self.extensions, wanted) {
+        let software = options.software_subgroups();
+        for wanted in needed.extensions {
+            let of_subgroups = wanted == ext::subgroup_size_control::NAME;
+            let not_needed = of_subgroups && (software || self.api_version >= vk::API_VERSION_1_3);
+            if !not_needed && !has_extension(&self.extensions, wanted) {
                 return Err(missing(format!("extension {}", wanted.to_string_lossy())));
             }
         }
-        let software = options.software_subgroups();
-        for feature in Feature::REQUIRED.into_iter().filter(|f| !(software && f.is_of_subgroups())) {
+        for feature in needed.features.into_iter().filter(|f| !(software && f.is_of_subgroups())) {
             if !self.offered.contains(&feature) {
                 return Err(missing(format!("feature {}", feature.name())));
             }
         }
-        let operations = needs::SUBGROUP_OPERATIONS & !self.subgroup_operations;
-        if !software && operations != 0 {
-            let operations = vk::SubgroupFeatureFlags::from_raw(operations);
+        let operations = needed.subgroup_operations & !vk::SubgroupFeatureFlags::from_raw(self.subgroup_operations);
+        if !software && !operations.is_empty() {
             return Err(missing(format!("subgroup operations in compute: {operations:?}")));
         }
-        for (what, needs, has) in [
-            ("storage buffers of a kernel", needs::STORAGE_BUFFERS, self.limits.storage_buffers),
-            ("bytes of push constants", needs::PUSH_BYTES, self.limits.push_bytes),
-        ] {
-            if needs > has {
-                let device = self.name.clone();
-                return Err(GpuError::Limit { device, what: what.into(), needs: needs.into(), has: has.into() });
+        for (Limit { name, least }, of) in LIMITS {
+            let has = of(&self.limits);
+            if least > has {
+                let (device, what) = (self.name.clone(), format!("of {name}"));
+                return Err(GpuError::Limit { device, what, needs: least.into(), has: has.into() });
             }
         }
         self.subgroups(options, enabled).ok_or_else(|| {
@@ -264,7 +357,7 @@ impl Physical {
 
     /// `subgroups` as [`Physical::check`] gave them; none for a device that glint cannot use.
     pub fn info(&self, subgroups: Option<Subgroups>, enabled: &BTreeSet<Feature>, timestamp_bits: u32) -> DeviceInfo {
-        let Limits { workgroup, workgroup_subgroups, storage_bytes, timestamp_period, .. } = self.limits;
+        let Limits { workgroup_subgroups, storage_bytes, timestamp_period, .. } = self.limits;
         let lanes = subgroups.map_or(self.preferred_lanes, |s| s.lanes).max(1);
         let most = if subgroups.is_some_and(|s| s.software) { u32::MAX } else { lanes * workgroup_subgroups };
         DeviceInfo {
@@ -280,7 +373,7 @@ impl Physical {
             subgroup_sizes: self.subgroup_sizes,
             reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
             preserves_nan: self.preserves_nan,
-            max_workgroup: workgroup.min(most) / lanes * lanes,
+            max_workgroup: self.limits.workgroup().min(most) / lanes * lanes,
             max_storage_bytes: storage_bytes.into(),
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
@@ -292,7 +385,7 @@ impl Physical {
     /// Extensions of a device of our own that has all features on offer.
     pub fn own_extensions(&self) -> Vec<&'static CStr> {
         // A device that is not all of Vulkan (MoltenVK) must be told that we know. Nothing that it may leave out is used.
-        let others = [khr::portability_subset::NAME, ash::ext::memory_budget::NAME];
+        let others = [khr::portability_subset::NAME, ext::memory_budget::NAME];
         let features = self.offered.iter().filter_map(|f| f.extension());
         let mut list: Vec<_> = EXTENSIONS.into_iter().chain(features).chain(others).collect();
         list.sort_unstable();
@@ -387,13 +480,17 @@ mod tests {
     fn physical() -> Physical {
         Physical {
             handle: vk::PhysicalDevice::null(),
-            extensions: vec![extension(khr::push_descriptor::NAME)],
+            extensions: Requirements::of_kernels().extensions.into_iter().map(extension).collect(),
             offered: Feature::REQUIRED.into(),
             limits: Limits {
-                workgroup: 1024,
+                workgroup_invocations: 1024,
+                workgroup_size: 1024,
                 workgroup_subgroups: 16,
-                shared_bytes: 16384,
-                storage_buffers: needs::STORAGE_BUFFERS,
+                stage_storage_buffers: needs::STORAGE_BUFFERS,
+                set_storage_buffers: needs::STORAGE_BUFFERS,
+                stage_resources: needs::STORAGE_BUFFERS,
+                push_descriptors: needs::STORAGE_BUFFERS,
+                shared_bytes: SHARED_BYTES,
                 push_bytes: 128,
                 storage_bytes: 1 << 27,
                 timestamp_period: 1.0,
@@ -475,11 +572,36 @@ mod tests {
         }
         let ballot = says(|p| p.subgroup_operations &= !vk::SubgroupFeatureFlags::BALLOT.as_raw());
         assert_eq!(ballot, "device a device lacks subgroup operations in compute: BALLOT");
-        let few = needs::STORAGE_BUFFERS - 1;
-        let buffers = format!("device a device allows {few} storage buffers of a kernel, {} are needed", few + 1);
-        assert_eq!(says(|p| p.limits.storage_buffers -= 1), buffers);
-        let push = format!("device a device allows 1 bytes of push constants, {} are needed", needs::PUSH_BYTES);
-        assert_eq!(says(|p| p.limits.push_bytes = 1), push);
+        // Each limit of the list, by its name; with what is asked for and no more the device is taken.
+        let set = |limits: &mut Limits, name: &str, value: u32| match name {
+            "maxPerStageDescriptorStorageBuffers" => limits.stage_storage_buffers = value,
+            "maxDescriptorSetStorageBuffers" => limits.set_storage_buffers = value,
+            "maxPerStageResources" => limits.stage_resources = value,
+            "maxPushDescriptors" => limits.push_descriptors = value,
+            "maxPushConstantsSize" => limits.push_bytes = value,
+            "maxComputeSharedMemorySize" => limits.shared_bytes = value,
+            "maxComputeWorkGroupInvocations" => limits.workgroup_invocations = value,
+            "maxComputeWorkGroupSize" => limits.workgroup_size = value,
+            other => panic!("{other}"),
+        };
+        let mut least = physical();
+        for Limit { name, least: needed } in Requirements::of_kernels().limits {
+            let mut p = physical();
+            set(&mut p.limits, name, needed - 1);
+            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
+            assert_eq!(error, format!("device a device allows {} of {name}, {needed} are needed", needed - 1));
+            set(&mut least.limits, name, needed);
+        }
+        assert!(least.check(&wants(None), &least.offered).is_ok());
+        // An extension became a part of Vulkan 1.3.
+        let lone = |api_version| Physical {
+            extensions: vec![extension(khr::push_descriptor::NAME)],
+            api_version,
+            ..physical()
+        };
+        let [old, new] =
+            [vk::API_VERSION_1_2, vk::API_VERSION_1_3].map(|v| lone(v).check(&wants(None), &BTreeSet::new()));
+        assert!(new.is_ok() && old.unwrap_err().to_string().ends_with("lacks extension VK_EXT_subgroup_size_control"));
     }
 
     #[test]
@@ -510,7 +632,7 @@ mod tests {
             p.info(p.check(&wants(None), &p.offered).ok(), &p.offered, bits)
         };
         assert_eq!(info(|_| (), 64).max_workgroup, 512);
-        assert_eq!(info(|p| p.limits.workgroup = 200, 64).max_workgroup, 192);
+        assert_eq!(info(|p| p.limits.workgroup_size = 200, 64).max_workgroup, 192);
         assert_eq!((info(|_| (), 36).timestamp_period, info(|_| (), 0).timestamp_period), (1.0, 0.0));
         // A device that cannot be used is described too.
         assert_eq!(info(|p| p.subgroup_sizes = [4, 4], 64).subgroup_size, 32);
@@ -519,7 +641,7 @@ mod tests {
     #[test]
     fn a_device_that_is_not_all_of_vulkan_is_told_that_we_know() {
         let mut p = physical();
-        assert_eq!(p.own_extensions(), [khr::push_descriptor::NAME]);
+        assert_eq!(p.own_extensions(), [ext::subgroup_size_control::NAME, khr::push_descriptor::NAME]);
         p.extensions.push(extension(khr::portability_subset::NAME));
         assert!(p.own_extensions().contains(&khr::portability_subset::NAME));
     }

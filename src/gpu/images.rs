@@ -16,8 +16,9 @@ pub struct ImageRegion {
     pub image: vk::Image,
     /// That it has at the time: `GENERAL`, or `TRANSFER_DST_OPTIMAL` and `TRANSFER_SRC_OPTIMAL`.
     pub layout: vk::ImageLayout,
-    /// `COLOR` or `DEPTH`; a queue without graphics copies colour only.
-    pub aspect: vk::ImageAspectFlags,
+    /// That it was made with: texels are copied as they are. Of one with depths these are meant, which a queue without graphics does not
+    /// copy.
+    pub format: vk::Format,
     /// Level of detail.
     pub level: u32,
     /// Array layer: an eye, a face of a cube.
@@ -27,16 +28,29 @@ pub struct ImageRegion {
 }
 
 impl ImageRegion {
-    /// The upper left of the first layer of a colour image.
-    pub fn of(image: vk::Image, layout: vk::ImageLayout) -> Self {
-        ImageRegion { image, layout, aspect: vk::ImageAspectFlags::COLOR, level: 0, layer: 0, offset: [0, 0] }
+    /// The upper left of the first layer of an image.
+    pub fn of(image: vk::Image, format: vk::Format, layout: vk::ImageLayout) -> Self {
+        ImageRegion { image, layout, format, level: 0, layer: 0, offset: [0, 0] }
+    }
+
+    /// The part of a texel that is copied.
+    pub fn aspect(&self) -> vk::ImageAspectFlags {
+        match self.format {
+            vk::Format::D16_UNORM
+            | vk::Format::X8_D24_UNORM_PACK32
+            | vk::Format::D32_SFLOAT
+            | vk::Format::D16_UNORM_S8_UINT
+            | vk::Format::D24_UNORM_S8_UINT
+            | vk::Format::D32_SFLOAT_S8_UINT => vk::ImageAspectFlags::DEPTH,
+            _ => vk::ImageAspectFlags::COLOR,
+        }
     }
 
     /// Of the rows of a buffer that follow each other without padding.
     fn copy(&self, [width, height]: [u32; 2]) -> vk::BufferImageCopy {
         vk::BufferImageCopy {
             image_subresource: vk::ImageSubresourceLayers {
-                aspect_mask: self.aspect,
+                aspect_mask: self.aspect(),
                 mip_level: self.level,
                 base_array_layer: self.layer,
                 layer_count: 1,

@@ -18,15 +18,15 @@ mod needs {
 }
 
 pub use ash;
-pub use context::{BorrowedDevice, Context, ContextOptions, Counters, QueueLock, Requirements};
-pub use device::{DeviceInfo, Reconvergence};
+pub use context::{BorrowedDevice, Context, ContextOptions, Counters, QueueLock};
+pub use device::{DeviceInfo, Limit, Reconvergence, Requirements};
 pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};
 #[cfg(feature = "view")]
 pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
-pub use pipeline::{Access, Kernel, KernelInfo, Pipeline, Words};
+pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, Pipeline, Unit, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 

@@ -32,6 +32,51 @@ impl Access {
     }
 }
 
+/// A storage buffer of a kernel, of set 0.
+#[derive(Debug, Clone, Copy)]
+pub struct Binding {
+    /// Of the buffer's contents.
+    pub name: &'static CStr,
+    /// What the kernel does to it.
+    pub access: Access,
+    /// Bytes of an element.
+    pub element_bytes: u32,
+}
+
+/// A specialisation constant of a kernel.
+#[derive(Debug, Clone, Copy)]
+pub struct Constant {
+    /// Its number in the module.
+    pub id: u32,
+    /// As [`Kernel::Spec`] has it.
+    pub name: &'static CStr,
+    /// What its word is read as.
+    pub kind: ConstantKind,
+}
+
+/// What the word of a specialisation constant is read as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "named as Rust's types are")]
+pub enum ConstantKind {
+    U32,
+    I32,
+    F32,
+    /// 0 or 1.
+    Bool,
+}
+
+/// What takes one item of a kernel's work. glsl/generate.rs sees it by the function that a kernel asks for its number: `thread_index`,
+/// `subgroup_index` or `group_index` of `glsl/shared/common.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// One lane.
+    Thread,
+    /// 8 to 64 lanes.
+    Subgroup,
+    /// All threads that meet at a barrier.
+    Workgroup,
+}
+
 /// A kernel's interface. Implemented by glsl/generate.rs from the reflection, once for each `glsl/**/*.comp`.
 pub trait Kernel {
     /// The kernel's file name without extension: its label and timestamp too.
@@ -43,8 +88,12 @@ pub trait Kernel {
     /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
     #[cfg(feature = "software-subgroups")]
     const SOFTWARE_SPIRV: &'static [u8];
-    /// By binding.
-    const ACCESS: &'static [Access];
+    /// By number.
+    const BINDINGS: &'static [Binding];
+    /// The first is the workgroup size, id 0.
+    const CONSTANTS: &'static [Constant];
+    /// What takes one item of its work.
+    const UNIT: Unit;
     /// It uses subgroup operations, or asks for the subgroup's size or number.
     const SUBGROUPS: bool;
     /// The threads of a workgroup meet at barriers, where all of its subgroups come.
@@ -76,6 +125,14 @@ pub struct KernelInfo {
     pub label: &'static CStr,
     /// [`Kernel::SPIRV`].
     pub spirv: &'static [u8],
+    /// [`Kernel::BINDINGS`].
+    pub bindings: &'static [Binding],
+    /// [`Kernel::CONSTANTS`].
+    pub constants: &'static [Constant],
+    /// Bytes of [`Kernel::Push`].
+    pub push_bytes: u32,
+    /// [`Kernel::UNIT`].
+    pub unit: Unit,
     /// [`Kernel::SOFTWARE_SPIRV`].
     #[cfg(feature = "software-subgroups")]
     pub software_spirv: &'static [u8],
@@ -94,6 +151,10 @@ impl KernelInfo {
             name: K::NAME,
             label: K::LABEL,
             spirv: K::SPIRV,
+            bindings: K::BINDINGS,
+            constants: K::CONSTANTS,
+            push_bytes: size_of::<K::Push>() as u32,
+            unit: K::UNIT,
             #[cfg(feature = "software-subgroups")]
             software_spirv: K::SOFTWARE_SPIRV,
             subgroups: K::SUBGROUPS,
@@ -150,7 +211,7 @@ impl<K: Kernel> Pipeline<K> {
         let code = with_modes(&module, &subgroups.modes(context.info(), K::SUBGROUPS)).map_err(in_kernel)?;
         let (ids, words): (Vec<u32>, Vec<u32>) = spec.iter().copied().unzip();
         let device = &context.0.device;
-        let bindings: Vec<_> = (0..K::ACCESS.len() as u32)
+        let bindings: Vec<_> = (0..K::BINDINGS.len() as u32)
             .map(|binding| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
@@ -244,11 +305,11 @@ fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<()
             });
         }
     }
-    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup };
+    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup() };
     for (what, needs, has) in [
         ("threads of a workgroup", workgroup.into(), most),
         ("bytes of shared memory", shared, limits.shared_bytes),
-        ("storage buffers", K::ACCESS.len() as u64, limits.storage_buffers),
+        ("storage buffers", K::BINDINGS.len() as u64, limits.storage_buffers()),
         ("bytes of push constants", size_of::<K::Push>() as u64, limits.push_bytes),
     ] {
         if needs > u64::from(has) {

@@ -13,8 +13,8 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::{
-    Access, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall, Workgroups,
-    needs,
+    Access, Binding, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall,
+    Workgroups, needs,
 };
 
 /// Stages that one recorder can time; later ones are recorded untimed.
@@ -133,7 +133,8 @@ pub struct Recorder {
 pub struct Kept {
     /// Since the last barrier: whether a buffer was written (true) or only read.
     touched: HashMap<vk::Buffer, bool>,
-    keep: HashMap<u64, Arc<dyn Any + Send + Sync>>,
+    /// By kind and handle: handles of different kinds may be the same number.
+    keep: HashMap<(vk::ObjectType, u64), Arc<dyn Any + Send + Sync>>,
     times: Option<Times>,
 }
 
@@ -175,6 +176,10 @@ impl Kept {
             return Ok(vec![]);
         };
         stamps.read(context)
+    }
+
+    fn keep<H: vk::Handle, T: Any + Send + Sync>(&mut self, handle: H, what: &Arc<T>) {
+        self.keep.entry((H::TYPE, handle.as_raw())).or_insert_with(|| what.clone());
     }
 
     /// Lets go of all, and keeps the memory of the lists.
@@ -435,7 +440,7 @@ impl Recorder {
                     [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
                 }
             };
-            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::ACCESS))
+            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::BINDINGS))
         };
         // What is recorded next needs a command buffer even where this failed.
         let outcome = run();
@@ -473,7 +478,7 @@ impl Recorder {
         twin: Twin,
         mut call: TwinCall,
         raw: &[&Arc<RawBuffer>],
-        access: &[Access],
+        bindings: &[Binding],
     ) -> Result<(), GpuError> {
         if call.workgroups.groups() == 0 {
             return Ok(());
@@ -489,7 +494,7 @@ impl Recorder {
         outcome.map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
         self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
         let written =
-            raw.iter().zip(access).zip(&call.bindings).filter(|((buffer, a), _)| a.writes() && !buffer.unused);
+            raw.iter().zip(bindings).zip(&call.bindings).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
         for ((buffer, _), now) in written {
             buffer.bytes().upload(0, now.bytes())?;
         }
@@ -508,7 +513,7 @@ impl Recorder {
         push: &K::Push,
         args: Option<&Buffer<u32>>,
     ) {
-        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, K::ACCESS, args));
+        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, args));
         self.label(K::LABEL);
         let inner = &self.context.0;
         let bytes = bytemuck::bytes_of(push);
@@ -523,17 +528,11 @@ impl Recorder {
     }
 
     /// Descriptors, and the barrier before them. Nothing is taken from the heap once `kept` has seen as many buffers.
-    fn bind_buffers<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        raw: &[&Arc<RawBuffer>],
-        access: &[Access],
-        args: Option<&Buffer<u32>>,
-    ) {
-        let used = raw.iter().map(|b| &***b).zip(access.iter().copied());
+    fn bind_buffers<K: Kernel>(&mut self, pipeline: &Pipeline<K>, raw: &[&Arc<RawBuffer>], args: Option<&Buffer<u32>>) {
+        let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
-        self.keep(vk::Handle::as_raw(pipeline.raw.handle), &pipeline.raw);
-        raw.iter().for_each(|buffer| self.keep(vk::Handle::as_raw(buffer.handle), buffer));
+        self.kept.keep(pipeline.raw.handle, &pipeline.raw);
+        raw.iter().for_each(|buffer| self.kept.keep(buffer.handle, buffer));
         args.into_iter().for_each(|args| self.keep_buffer(args));
         const MOST: usize = needs::STORAGE_BUFFERS as usize;
         let mut infos = [vk::DescriptorBufferInfo { range: vk::WHOLE_SIZE, ..Default::default() }; MOST];
@@ -590,12 +589,8 @@ impl Recorder {
         self.kept.touched.clear();
     }
 
-    fn keep<T: Any + Send + Sync>(&mut self, handle: u64, what: &Arc<T>) {
-        self.kept.keep.entry(handle).or_insert_with(|| what.clone());
-    }
-
     pub(super) fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
-        self.keep(vk::Handle::as_raw(buffer.raw().handle), buffer.raw());
+        self.kept.keep(buffer.raw().handle, buffer.raw());
     }
 
     fn label(&self, name: &CStr) {
@@ -739,6 +734,20 @@ fn recycle(context: &Context, mut slot: CommandSlot) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Vulkan lets a driver give a buffer and a pipeline handles of one number.
+    #[test]
+    fn what_has_one_handle_and_is_of_two_kinds_is_kept_twice() {
+        use vk::Handle;
+        let (mut kept, buffer, pipeline) = (Kept::default(), Arc::new(1u32), Arc::new(2u32));
+        for _ in 0..2 {
+            kept.keep(vk::Buffer::from_raw(7), &buffer);
+            kept.keep(vk::Pipeline::from_raw(7), &pipeline);
+        }
+        assert_eq!((kept.len(), Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (2, 2, 2));
+        kept.clear();
+        assert_eq!((Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (1, 1));
+    }
 
     #[test]
     fn timestamps_of_few_bits_begin_again_at_0() {

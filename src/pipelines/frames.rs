@@ -19,7 +19,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use super::{
     model::{Model, Segment},
-    plan::{Plan, buffers},
+    plan::{Held, Plan, buffers},
     raster::{Grid, Raster, RasterOptions, SplatCount},
     render::{MEDIAN_THRESHOLD, ModelStages, Needs, Placed, RenderOptions},
     session::Policy,
@@ -48,6 +48,13 @@ pub const SYNC_READ: (vk::PipelineStageFlags, vk::AccessFlags) =
 /// Where glint writes a caller's image or buffer; of [`Blend::Over`] it is read there too, as by [`SYNC_READ`].
 pub const SYNC_WRITTEN: (vk::PipelineStageFlags, vk::AccessFlags) =
     (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
+
+/// Of images with depths: 32-bit floats, as copies take texels as they are. Depths of 16 or 24 bits go through a buffer of the caller's.
+pub const DEPTH_FORMATS: [vk::Format; 3] =
+    [vk::Format::D32_SFLOAT, vk::Format::D32_SFLOAT_S8_UINT, vk::Format::R32_SFLOAT];
+
+/// Of images with numbers of Gaussians.
+pub const ID_FORMATS: [vk::Format; 1] = [vk::Format::R32_UINT];
 
 /// Room for intersections of Gaussians and tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -289,11 +296,13 @@ pub struct FrameView {
     pub depth_form: DepthForm,
     /// Where colours go, if they are wanted.
     pub color: Option<Target>,
-    /// Float32 depths of what is there already: what lies behind is hidden.
+    /// Float32 depths of what is there already: what lies behind is hidden. An image is of [`DEPTH_FORMATS`].
     pub depth_in: Option<Pixels>,
-    /// Float32 depths of the Gaussians: of each pixel where transmittance falls below one half, else `depth_form.a`.
+    /// Float32 depths of the Gaussians: of each pixel where transmittance falls below one half, else `depth_form.a`. An image is of
+    /// [`DEPTH_FORMATS`].
     pub depth_out: Option<Pixels>,
-    /// Numbers of the same Gaussians (u32), counted through the capacities of all instances; `u32::MAX` where there is none.
+    /// Numbers of the same Gaussians (u32), counted through the capacities of all instances; `u32::MAX` where there is none. An image is
+    /// of [`ID_FORMATS`].
     pub ids: Option<Pixels>,
 }
 
@@ -482,6 +491,12 @@ impl Frames {
         self.raster.capacity()
     }
 
+    /// The working buffers that all slots share, as [`Limits::plan`] lists them. Of intersections they are others after
+    /// [`Frames::reserve`].
+    pub fn held(&self) -> Vec<Held> {
+        [self.raster.held(), self.buffers.held()].concat()
+    }
+
     /// Room for at least so many intersections. Frames in flight keep the buffers that they were recorded with until their slot is
     /// recorded again.
     ///
@@ -620,6 +635,29 @@ impl Frames {
             }
             if (view.depth_out.is_some() || view.ids.is_some()) && !limits.depth_out {
                 return Err(Error::Usage("a view asks for depths or ids, frames were made without depth_out".into()));
+            }
+            let format = |pixels: Option<Pixels>| match pixels {
+                Some(Pixels::Image(region)) => Some(region.format),
+                _ => None,
+            };
+            if let (Some(target), Some(has)) = (view.color, format(view.color.map(|c| c.pixels)))
+                && Texel::of(has) != Some(target.texel)
+            {
+                return Err(Error::Usage(format!(
+                    "a target of format {has:?}, whose texels are not {:?}",
+                    target.texel
+                )));
+            }
+            let depths = [("depths that hide Gaussians", view.depth_in), ("depths of Gaussians", view.depth_out)];
+            let depths = depths.map(|(what, pixels)| (what, pixels, &DEPTH_FORMATS[..]));
+            for (what, pixels, formats) in
+                depths.into_iter().chain([("numbers of Gaussians", view.ids, &ID_FORMATS[..])])
+            {
+                if let Some(has) = format(pixels).filter(|has| !formats.contains(has)) {
+                    return Err(Error::Usage(format!(
+                        "an image of format {has:?} for {what}, expected one of {formats:?}"
+                    )));
+                }
             }
             let ranges = [view.color.map(|c| c.pixels), view.depth_in, view.depth_out, view.ids];
             for range in ranges.into_iter().flatten() {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{
-    plan::{Plan, Planned},
+    plan::{Held, Plan, Planned},
     views::Views,
 };
 use crate::{
@@ -189,6 +189,10 @@ impl Room {
     }
 }
 
+/// Of the planes of each segment.
+const NAMES: [[&str; 3]; 2] =
+    [["geometry", "sh", "lobes"], ["supplement geometry", "supplement sh", "supplement lobes"]];
+
 /// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
 pub struct Model {
     context: Context,
@@ -229,10 +233,7 @@ impl Model {
         let planned = |name, elements: u64, element_bytes| Planned { name, elements, element_bytes };
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
-            let names = match segment {
-                Segment::Base => ["geometry", "sh", "lobes"],
-                Segment::Supplement => ["supplement geometry", "supplement sh", "supplement lobes"],
-            };
+            let names = NAMES[segment as usize];
             let rows = names.into_iter().zip(room.planes(segment, sh_degree));
             let bytes = size_of::<f32>() as u64;
             let rows = rows.map(|(name, planes)| planned(name, u64::from(capacity), planes as u64 * bytes));
@@ -380,6 +381,25 @@ impl Model {
         let limit = self.page_limit;
         self.parts[segment as usize].reserve(&self.context, segment, capacity, limit)?;
         self.upload_pages()
+    }
+
+    /// Its buffers: of each segment page by page those with planes, then the counts. They are others after [`Model::reserve`].
+    pub fn held(&self) -> Vec<Held> {
+        let mut held = Vec::new();
+        for (names, part) in NAMES.into_iter().zip(&self.parts) {
+            for k in 0..part.pages.len() {
+                let planes = [&part.geometry, &part.sh, &part.lobes];
+                let some = names.into_iter().zip(planes).filter(|(_, planes)| planes.planes() > 0);
+                held.extend(some.map(|(name, planes)| Held::of(name, planes.page(k))));
+            }
+        }
+        held.extend([
+            Held::of("population", &self.population),
+            Held::of("population_args", &self.population_args),
+            Held::of("segment_counts", &self.segment_counts),
+            Held::of("pages", &self.pages),
+        ]);
+        held
     }
 
     /// The context that it was uploaded to.

@@ -2,6 +2,11 @@
 
 use std::fmt;
 
+use ash::vk;
+use bytemuck::Pod;
+
+use crate::gpu::Buffer;
+
 /// One buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Planned {
@@ -55,6 +60,23 @@ impl fmt::Display for Plan {
     }
 }
 
+/// A buffer that is there: for whoever records commands of their own beside glint's. Whoever holds it keeps it alive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Held {
+    /// The buffer's debug name.
+    pub name: &'static str,
+    /// Of usage storage, indirect and transfer both ways.
+    pub buffer: vk::Buffer,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+impl Held {
+    pub(crate) fn of<T: Pod>(name: &'static str, buffer: &Buffer<T>) -> Self {
+        Held { name, buffer: buffer.raw().handle(), bytes: buffer.raw().bytes_len() }
+    }
+}
+
 /// Declares a struct of device buffers with their sizes beside them: `plan` says them, `new` makes them, `remake` makes them
 /// anew one by one, so that beside what there is only one of them is ever held twice.
 macro_rules! buffers {
@@ -75,6 +97,11 @@ macro_rules! buffers {
                     elements: ($len) as u64,
                     element_bytes: size_of::<$T>() as u64,
                 },)*])
+            }
+
+            /// The buffers, in the plan's order.
+            $vis fn held(&self) -> Vec<$crate::pipelines::plan::Held> {
+                vec![$($crate::pipelines::plan::Held::of(stringify!($field), &self.$field),)*]
             }
 
             /// Makes the buffers, uninitialised.

@@ -245,7 +245,8 @@ impl Stages {
         let blur = |halve| pursuit_blur::Stage::new(context, &pursuit_blur::Spec { workgroup_size, halve });
         let claim = |check| pursuit_claim::Stage::new(context, &pursuit_claim::Spec { workgroup_size, check });
         // One workgroup sums over everything: as many threads as a spine has.
-        let quanta = pursuit_quanta::Spec { workgroup_size: context.info().workgroup(256) };
+        let most = context.info().max_workgroup;
+        let quanta = pursuit_quanta::Spec { workgroup_size: context.info().workgroup(256).min(most) };
         Ok(Stages {
             residual: pursuit_residual::Stage::new(context, &pursuit_residual::Spec { workgroup_size })?,
             blur: [blur(false)?, blur(true)?],

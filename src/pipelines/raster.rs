@@ -4,11 +4,12 @@
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
 use super::{
-    plan::{Plan, buffers},
+    plan::{Held, Plan, buffers},
     session::Policy,
     sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
+    error::{Error, Result},
     gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Recorder, Unused},
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
@@ -378,6 +379,11 @@ impl Raster {
         RasterBuffers::plan(options).and(Isects::plan(options)).and(Records::plan(options))
     }
 
+    /// All its buffers, but for gradient records.
+    pub fn held(&self) -> Vec<Held> {
+        [self.buffers.held(), self.isects.held()].concat()
+    }
+
     /// The context that it was made on.
     pub fn context(&self) -> &Context {
         &self.context
@@ -386,6 +392,25 @@ impl Raster {
     /// Intersections that fit.
     pub fn capacity(&self) -> u32 {
         self.options.isects
+    }
+
+    /// Whether there is room for a frame of so many splats and pixels; intersections are the device's to count.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where there is not.
+    pub(super) fn check(&self, splats: u32, width: u32, height: u32) -> Result<()> {
+        let RasterOptions { splats: most_splats, pixels: most_pixels, tiles: most_tiles, .. } = self.options;
+        let tiles = u64::from(width.div_ceil(self.tile.width)) * u64::from(height.div_ceil(self.tile.height));
+        for (what, has, most) in [
+            ("Gaussians", splats.into(), most_splats),
+            ("pixels", u64::from(width) * u64::from(height), most_pixels),
+            ("tiles", tiles, most_tiles),
+        ] {
+            if has > u64::from(most) {
+                return Err(Error::Usage(format!("a view of {has} {what}, made for {most}")));
+            }
+        }
+        Ok(())
     }
 
     /// The stage that makes gradient records, if there is one.

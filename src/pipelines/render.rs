@@ -9,7 +9,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
-    scene::Scene,
+    scene::{Camera, Scene},
     stages::{
         WORKGROUP, median_depth, project,
         status::{self, Resource, Status},
@@ -300,10 +300,11 @@ impl Renderer {
         })
     }
 
-    /// Records view `view` of `model` into the raster's image (and `depths`).
+    /// Records view `view` of `model` into the raster's image (and `depths`). The caller sets `status`, of
+    /// [`status::WORDS`] words, to 0 before; what did not fit is told there.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the renderer was not made for this.
+    /// [`Error::Usage`] where the renderer was not made for this; nothing is recorded then.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -315,18 +316,43 @@ impl Renderer {
     ) -> Result<Grid> {
         let grid = self.record_order(recorder, model, views, view, show, status)?;
         self.raster.record_blend(recorder, &grid, &views.frames, show.background, self.options.median_threshold);
-        self.record_depths(recorder, model, views, view, show);
+        if self.options.depth {
+            self.depths_of(recorder, model, views, view, show);
+        }
         Ok(grid)
     }
 
-    /// The part after pixels, of a renderer made with depth: the depths of the Gaussians in the raster's `median_ids`.
-    pub fn record_depths(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
+    /// The part after pixels: the depths of the Gaussians in the raster's `median_ids`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the renderer was not made for this, or without [`RenderOptions::depth`]; nothing is recorded then.
+    pub fn record_depths(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        views: &Views,
+        view: u32,
+        show: &Show,
+    ) -> Result<()> {
+        self.check(model, views, view, show)?;
+        if !self.options.depth {
+            return Err(Error::Usage("depths are asked for, the renderer was made without".into()));
+        }
+        self.depths_of(recorder, model, views, view, show);
+        Ok(())
+    }
+
+    /// As [`Renderer::record_depths`], of what was checked.
+    pub(crate) fn depths_of(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
         let placed = placed(model, views, view, show);
-        let pixels = views.cameras[view as usize].pixels();
+        let pixels = views.cameras.get(view as usize).map_or(0, Camera::pixels);
         self.stages.record_depths(recorder, &self.raster, &self.depths, &placed, pixels);
     }
 
     /// The part before pixels: splats, and the ordered lists of their tiles.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the renderer was not made for this; nothing is recorded then.
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
@@ -336,15 +362,14 @@ impl Renderer {
         show: &Show,
         status: &Buffer<u32>,
     ) -> Result<Grid> {
-        let placed = placed(model, views, view, show);
-        self.stages.check(model, placed.upto, placed.degree)?;
-        let Some(camera) = views.cameras.get(view as usize) else {
-            let most = views.cameras.len();
-            return Err(Error::Usage(format!("there are {most} views, and number {view} was asked for")));
-        };
+        let camera = self.check(model, views, view, show)?;
+        if status.len() < status::WORDS {
+            let words = status.len();
+            return Err(Error::Usage(format!("a status of {words} words, expected {}", status::WORDS)));
+        }
         let raster = &self.raster;
         let grid = raster.grid(view, 1, camera.width, camera.height);
-        self.stages.record_project(recorder, raster, &placed);
+        self.stages.record_project(recorder, raster, &placed(model, views, view, show));
         let splats = SplatCount {
             count: &model.population,
             index: show.upto.index() + 1,
@@ -355,12 +380,24 @@ impl Renderer {
         Ok(grid)
     }
 
+    /// Whether there is such a view, and the renderer was made for it and for the model.
+    fn check<'a>(&self, model: &Model, views: &'a Views, view: u32, show: &Show) -> Result<&'a Camera> {
+        model.check_origin(views)?;
+        self.stages.check(model, show.upto, show.degree.min(model.sh_degree))?;
+        let Some(camera) = views.cameras.get(view as usize) else {
+            let most = views.cameras.len();
+            return Err(Error::Usage(format!("there are {most} views, and number {view} was asked for")));
+        };
+        let shown = Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32);
+        self.raster.check(shown.map(|s| model.part(s).capacity()).sum(), camera.width, camera.height)?;
+        Ok(camera)
+    }
+
     /// Renders one view and leaves it on the device, growing the intersection buffers where they are too small. Waits.
     ///
     /// # Errors
     /// [`Error::Usage`] where model and views have different origins; else what the device lacks.
     pub fn render_on_device(&mut self, model: &Model, views: &Views, view: u32, show: &Show) -> Result<()> {
-        model.check_origin(views)?;
         loop {
             let mut recorder = self.raster.context().recorder("render")?;
             recorder.fill(&self.status, 0);

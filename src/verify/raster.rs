@@ -478,7 +478,7 @@ fn median_depths(bench: &mut Bench<'_>, scene: &Scene, renderer: &Renderer, cent
     let (pixels, count) = (scene.pixels(), scene.params.count as u32);
     let ids: Vec<u32> = (0..pixels as u32).map(|p| if p % 9 == 4 { NONE } else { noise(p) % count }).collect();
     renderer.raster.buffers.median_ids.upload(0, &ids)?;
-    let times = bench.time(|r| renderer.record_depths(r, &scene.model, &scene.views, 0, &scene.show))?;
+    let times = bench.time(|r| renderer.depths_of(r, &scene.model, &scene.views, 0, &scene.show))?;
     let (name, at) = if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
     let mut row = bench.row("median_depth", name);
     row.chosen = !centre;

@@ -1,7 +1,13 @@
 //! The little of a renderer that frames are recorded for: images, command buffers, a loop.
 
+use std::sync::{Mutex, PoisonError};
+
 use ash::vk;
 use glint::gpu::{Buffer, Context, ImageRegion, Location, Pixels};
+
+/// A renderer's own lock of its queues: engines of several threads may share one. glint's submissions do not take it, so while another
+/// thread submits there are none.
+static QUEUE: Mutex<()> = Mutex::new(());
 
 /// Owns images and command buffers on a context's device.
 pub struct Engine<'a> {
@@ -51,9 +57,7 @@ impl<'a> Engine<'a> {
             self.images.push((image, memory));
             image
         };
-        let depth = format == vk::Format::D32_SFLOAT;
-        let aspect = if depth { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-        let mut region = ImageRegion { aspect, ..ImageRegion::of(image, vk::ImageLayout::UNDEFINED) };
+        let mut region = ImageRegion::of(image, format, vk::ImageLayout::UNDEFINED);
         self.turn(&mut region, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         region
     }
@@ -70,7 +74,7 @@ impl<'a> Engine<'a> {
                 .src_access_mask(access)
                 .dst_access_mask(access)
                 .subresource_range(vk::ImageSubresourceRange {
-                    aspect_mask: region.aspect,
+                    aspect_mask: region.aspect(),
                     level_count: 1,
                     layer_count: 1,
                     ..Default::default()
@@ -106,6 +110,7 @@ impl<'a> Engine<'a> {
             let buffers = [commands];
             let info = [vk::SubmitInfo::default().command_buffers(&buffers)];
             let queue = device.get_device_queue(self.context.queue_family(), 0);
+            let _locked = QUEUE.lock().unwrap_or_else(PoisonError::into_inner);
             device.queue_submit(queue, &info, fence).unwrap();
         }
     }

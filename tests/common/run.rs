@@ -14,21 +14,35 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 /// Runs `command` to its end.
 #[track_caller]
+#[allow(dead_code, reason = "not every test runs commands of the usual length")]
 pub fn run(command: &mut Command) -> Output {
-    finish(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+    run_within(LIMIT, command)
+}
+
+/// As [`run`], of one that may take as long as `limit`.
+#[track_caller]
+pub fn run_within(limit: Duration, command: &mut Command) -> Output {
+    let piped = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    finish_within(limit, piped.spawn().unwrap())
 }
 
 /// Waits for `child` and what is left in its pipes. One that does not end is killed and fails the test.
 #[track_caller]
-pub fn finish(mut child: Child) -> Output {
+#[allow(dead_code, reason = "not every test has children")]
+pub fn finish(child: Child) -> Output {
+    finish_within(LIMIT, child)
+}
+
+#[track_caller]
+fn finish_within(limit: Duration, mut child: Child) -> Output {
     let (stdout, stderr) = (drain(child.stdout.take()), drain(child.stderr.take()));
-    let status = child.wait_timeout(LIMIT).unwrap();
+    let status = child.wait_timeout(limit).unwrap();
     if status.is_none() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
     let (stdout, stderr) = (stdout.join().unwrap(), stderr.join().unwrap());
-    let status = status.unwrap_or_else(|| panic!("not done in {LIMIT:?}: {}", String::from_utf8_lossy(&stderr)));
+    let status = status.unwrap_or_else(|| panic!("not done in {limit:?}: {}", String::from_utf8_lossy(&stderr)));
     Output { status, stdout, stderr }
 }
 

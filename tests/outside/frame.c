@@ -54,20 +54,33 @@ int main(int argc, char **argv) {
     instance_info.pApplicationInfo = &app;
     VkInstance instance;
     VK(vkCreateInstance(&instance_info, NULL, &instance));
-    uint32_t count = 1;
     VkPhysicalDevice physical;
-    VkResult found = vkEnumeratePhysicalDevices(instance, &count, &physical);
-    if ((found != VK_SUCCESS && found != VK_INCOMPLETE) || count == 0) FAIL("no Vulkan device");
+    uint32_t optional;
+    if (glint_device_choose(vkGetInstanceProcAddr, instance, "a device of no such name", &physical, &optional) != 1) FAIL("no such device");
+    GLINT(glint_device_choose(vkGetInstanceProcAddr, instance, NULL, &physical, &optional));
+    glint_requirements required = { sizeof required };
+    GLINT(glint_required(&required));
+    VkPhysicalDeviceProperties properties;
+    vkGetPhysicalDeviceProperties(physical, &properties);
+    if (properties.apiVersion < required.api_version || required.least_lanes != 8 || required.most_lanes != 64) FAIL("requirements");
+    uint32_t limits_seen = 0, least;
+    for (const char *name; (name = glint_required_limit(limits_seen, &least)); ++limits_seen)
+        if (!strcmp(name, "maxPerStageDescriptorStorageBuffers") &&
+            (least == 0 || least > properties.limits.maxPerStageDescriptorStorageBuffers)) FAIL("%s: %u", name, least);
+    if (limits_seen < 4) FAIL("%u limits", limits_seen);
     const char *extensions[16];
     uint32_t extension_count = 0;
     for (const char *name; extension_count < 16 && (name = glint_required_extension(extension_count));)
         extensions[extension_count++] = name;
+    const char *extension;
+    for (uint32_t k = 0; glint_optional_feature(k, &extension); ++k)
+        if (optional >> k & 1 && extension && extension_count < 16) extensions[extension_count++] = extension;
     float priority = 1.0f;
     VkDeviceQueueCreateInfo queue_info = { VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO };
     queue_info.queueCount = 1; /* of family 0, which every driver has compute in */
     queue_info.pQueuePriorities = &priority;
     VkDeviceCreateInfo device_info = { VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO };
-    device_info.pNext = glint_required_features();
+    device_info.pNext = glint_feature_chain(optional);
     device_info.queueCreateInfoCount = 1;
     device_info.pQueueCreateInfos = &queue_info;
     device_info.enabledExtensionCount = extension_count;
@@ -111,6 +124,7 @@ int main(int argc, char **argv) {
     lent.lock_queue = lock_queue;
     lent.unlock_queue = unlock_queue;
     lent.user = &locked;
+    lent.optional = optional;
     glint_context *context;
     GLINT(glint_context_create(&lent, &context));
 
@@ -119,8 +133,14 @@ int main(int argc, char **argv) {
     if (glint_scene_parse((const uint8_t *)"ply\n", 4, "four bytes", &scene) != 2) FAIL("a scene of four bytes");
     if (glint_context_create(NULL, &context) != 2) FAIL("a device that is null");
     GLINT(glint_scene_read(argv[2], &scene));
-    glint_scene_counts counts;
+    glint_scene_counts counts = { sizeof counts };
     GLINT(glint_scene_info(scene, &counts));
+    /* What it will take is known before it is there. */
+    glint_limits limits = { sizeof limits }, early = { sizeof early };
+    GLINT(glint_limits_for(scene, 0, width, height, &early));
+    uint64_t planned = glint_upload_bytes(context, scene, 0);
+    glint_memory before = { sizeof before }, memory_used = { sizeof memory_used };
+    GLINT(glint_context_memory(context, &before));
     glint_upload *upload;
     GLINT(glint_upload_create(context, scene, NULL, 0, &upload));
     VkCommandBuffer commands = begin(device, pool);
@@ -129,15 +149,24 @@ int main(int argc, char **argv) {
     glint_model *model;
     GLINT(glint_upload_finish(upload, &model));
 
-    glint_limits limits;
+    GLINT(glint_context_memory(context, &memory_used));
+    uint64_t taken = memory_used.used - before.used;
+    if (taken < planned || taken > planned + 4096 || memory_used.used > memory_used.budget) FAIL("%llu bytes", (unsigned long long)taken);
     GLINT(glint_limits_of(model, width, height, &limits));
+    if (memcmp(&limits, &early, sizeof limits)) FAIL("limits of the model are not those of its scene");
+    limits.size = 4;
+    if (glint_limits_of(model, width, height, &limits) != 2 || !strstr(glint_last_error(), "size")) FAIL("limits of 4 bytes");
+    limits.size = sizeof limits;
+    limits.intersection_bytes = 2 << 20;
     limits.texel = GLINT_RGBA32F;
     limits.timings = 1;
     glint_frames *frames;
     GLINT(glint_frames_create(context, &limits, &frames));
+    if (glint_frames_capacity(frames) < 50000 || glint_frames_capacity(frames) > 200000) FAIL("%u intersections", glint_frames_capacity(frames));
 
     glint_view view;
     memset(&view, 0, sizeof view);
+    view.size = sizeof view;
     memcpy(view.view, numbers + 2, sizeof view.view);
     memcpy(view.projection, numbers + 18, sizeof view.projection);
     view.width = width;
@@ -149,8 +178,8 @@ int main(int argc, char **argv) {
     view.background[0] = 0.5f;
     view.background[1] = 0.25f;
     view.background[2] = 0.75f;
-    glint_instance instances[2] = { { model, { 0, 0, 0, 1 }, { 0, 0, 0 }, 1.0, counts.sh_degree, 0 } };
-    glint_frame frame = { 0, 1, 1, 0, instances, &view };
+    glint_instance instances[2] = { { sizeof instances[0], counts.sh_degree, 0, 0, model, { 0, 0, 0, 1 }, { 0, 0, 0 }, 1.0 } };
+    glint_frame frame = { sizeof frame, 0, 1, 1, instances, &view };
     commands = begin(device, pool);
     /* What makes no sense is refused and records nothing. */
     frame.slot = 7;
@@ -162,7 +191,10 @@ int main(int argc, char **argv) {
     frame.instances = NULL;
     if (glint_frames_record(frames, commands, &frame) != 2) FAIL("instances that are null");
     frame.instances = instances;
-    glint_report report;
+    view.size = 0;
+    if (glint_frames_record(frames, commands, &frame) != 2) FAIL("a view of no size");
+    view.size = sizeof view;
+    glint_report report = { sizeof report };
     if (glint_frames_report(frames, 0, &report) != 2) FAIL("a report of nothing");
     GLINT(glint_frames_record(frames, commands, &frame));
     VkMemoryBarrier written = { VK_STRUCTURE_TYPE_MEMORY_BARRIER };
@@ -186,12 +218,27 @@ int main(int argc, char **argv) {
     FILE *out = fopen(argv[3], "wb");
     if (!out || fwrite(pixels, 1, bytes, out) != bytes || fclose(out)) FAIL("%s: not written", argv[3]);
 
-    const char *name;
-    const uint32_t *code;
-    size_t length;
-    uint32_t kernels = 0;
-    for (; glint_kernel(kernels, &name, &code, &length) == 0; ++kernels)
-        if (code[0] != 0x07230203 || strlen(name) == 0) FAIL("kernel %u is no SPIR-V", kernels);
+    /* The kernels as data, and the buffers that they are bound to. */
+    glint_kernel_info kernel = { sizeof kernel };
+    uint32_t kernels = 0, blends = 0;
+    for (; glint_kernel(kernels, &kernel) == 0; ++kernels) {
+        if (kernel.code[0] != 0x07230203 || kernel.code_bytes % 4 || kernel.binding_count == 0 || kernel.constant_count == 0)
+            FAIL("kernel %u is no SPIR-V with an interface", kernels);
+        if (kernel.constants[0].id != 0 || strcmp(kernel.constants[0].name, "workgroup_size")) FAIL("%s: constant 0", kernel.name);
+        if (strcmp(kernel.name, "blend")) continue;
+        for (uint32_t b = 0; b < kernel.binding_count; ++b)
+            if (!strcmp(kernel.bindings[b].name, "image"))
+                blends += kernel.bindings[b].access == GLINT_WRITE && kernel.bindings[b].element_bytes == 16 && kernel.push_bytes == 40 &&
+                          kernel.unit == GLINT_SUBGROUP && kernel.subgroups;
+    }
+    if (blends != 1) FAIL("the blend is not as it was");
+    glint_buffer held = { sizeof held };
+    uint32_t buffers = 0, images = 0;
+    for (; glint_model_buffer(model, buffers, &held) == 0; ++buffers)
+        if (!held.buffer || !held.bytes || !held.name[0]) FAIL("buffer %u of the model", buffers);
+    for (uint32_t k = 0; glint_frames_buffer(frames, k, &held) == 0; ++k)
+        images += !strcmp(held.name, "image") && held.buffer && held.bytes == 16ull * width * height;
+    if (buffers < 8 || images != 1) FAIL("%u buffers, %u images", buffers, images);
     printf("%u + %u Gaussians, %u visible, %u intersections, %u kernels, %llu bytes\n", counts.base, counts.supplement,
            report.visible, report.intersections, kernels, (unsigned long long)glint_frames_bytes(context, &limits));
 

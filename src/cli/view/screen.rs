@@ -608,7 +608,7 @@ impl Screen {
         let save = save && self.chain.readable;
         let commands = self.begin(slot)?;
         self.turn(commands, image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
-        let target = Pixels::Image(ImageRegion::of(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL));
+        let target = Pixels::Image(ImageRegion::of(image, self.format.format, vk::ImageLayout::TRANSFER_DST_OPTIMAL));
         let mut kept = std::mem::take(&mut self.slots[slot].kept);
         let draws = matches!(shown, Shown::Scene(_));
         match shown {
@@ -644,7 +644,7 @@ impl Screen {
             // SAFETY: the image is in that layout. What the recorder keeps besides is kept by the frames or below.
             unsafe {
                 let mut recorder = Recorder::borrow(self.context(), commands, Kept::default());
-                recorder.bring(&Pixels::Image(ImageRegion::of(image, to)), &buffer, size, 1);
+                recorder.bring(&Pixels::Image(ImageRegion::of(image, self.format.format, to)), &buffer, size, 1);
                 recorder.host_barrier();
                 recorder.finish();
             }

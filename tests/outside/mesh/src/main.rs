@@ -134,10 +134,9 @@ impl Renderer {
         let mut frames = Frames::new(&context, limits)?;
 
         // One frame: the quad, then the scene over it, and the result to the host.
-        let place = |image: vk::Image, layout, aspect| Pixels::Image(ImageRegion { aspect, ..ImageRegion::of(image, layout) });
         let seen = FrameView::from_matrices(view, projection, width, height)?;
-        let target = place(colour.image, vk::ImageLayout::GENERAL, vk::ImageAspectFlags::COLOR);
-        let hides = place(depth.image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL, vk::ImageAspectFlags::DEPTH);
+        let target = Pixels::Image(ImageRegion::of(colour.image, COLOUR, vk::ImageLayout::GENERAL));
+        let hides = Pixels::Image(ImageRegion::of(depth.image, DEPTH, vk::ImageLayout::TRANSFER_SRC_OPTIMAL));
         let seen = FrameView {
             color: Some(Target { blend: Blend::Over, ..Target::new(target, Texel::Rgba32F) }),
             depth_in: Some(hides),
