@@ -871,7 +871,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_apply";
     const LABEL: &'static std::ffi::CStr = c"exposure_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"corrected", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
@@ -880,9 +889,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.maps.raw(), b.image.raw(), b.corrected.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Thread;
 }
 }
 /// `glsl/exposure/exposure_backward.comp`
@@ -939,7 +945,17 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_backward";
     const LABEL: &'static std::ffi::CStr = c"exposure_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::Write];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -948,9 +964,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.maps.raw(), b.image.raw(), b.image_grad.raw(), b.sums.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Subgroup;
 }
 }
 /// `glsl/exposure/exposure_step.comp`
@@ -1005,7 +1018,16 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_step";
     const LABEL: &'static std::ffi::CStr = c"exposure_step";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.spv"))).0;
-    const ACCESS: &'static [crate::gpu::Access] = &[crate::gpu::Access::Read, crate::gpu::Access::Read, crate::gpu::Access::ReadWrite, crate::gpu::Access::ReadWrite];
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
@@ -1014,9 +1036,6 @@ impl crate::gpu::Kernel for Kernel {
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.status.raw(), b.sums.raw(), b.maps.raw(), b.moments.raw()])
     }
-}
-impl crate::stages::Stage for Kernel {
-    const UNIT: crate::stages::Unit = crate::stages::Unit::Workgroup;
 }
 }
 /// `glsl/lift/lift_append.comp`
@@ -1645,7 +1664,7 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"losses", access: crate::gpu::Access::Write, element_bytes: size_of::<Loss>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
@@ -1832,7 +1851,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
