@@ -110,6 +110,16 @@ mod tests {
         assert!(plan(10, 100, 0.0, 1e9).total <= 10_000_000);
     }
 
+    #[test]
+    fn a_run_is_planned_anew_at_parts_of_it() {
+        let end = Instant::now() + Duration::from_secs(60);
+        assert_eq!(Deadline::new(end).next(), Some(PILOT));
+        let mut known = Deadline::of(end, 1000);
+        let marks: Vec<u32> = std::iter::from_fn(|| known.next()).collect();
+        let all: Vec<u32> = MARKS.iter().map(|mark| (1000.0 * mark) as u32).filter(|&step| step >= PILOT).collect();
+        assert!(!all.is_empty() && marks == all, "{marks:?}");
+    }
+
     /// Steps that take longer and longer, as Gaussians become more: the run ends when it should.
     #[test]
     fn a_run_that_becomes_slower_ends_in_time() {

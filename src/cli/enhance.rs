@@ -740,6 +740,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn bytes_have_units() {
+        let bytes = |text| parse_bytes(text).ok();
+        let right = ["2MB", "500kB", "1.5 GB", "7B", "12"].map(bytes);
+        assert_eq!(right, [2_000_000, 500_000, 1_500_000_000, 7, 12].map(Some));
+        assert_eq!(["-1MB", "2TB", "", "NaN", "1e9GB"].map(bytes), [None; 5]);
+    }
+
+    #[test]
     fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
         let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
         let at = |round, step, steps, count| {

@@ -87,6 +87,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn light_becomes_srgb_value_by_value() {
+        let found = encoded(&[0.0, 1.0, 0.5]);
+        // IEC 61966-2-1: 1.055 · 0.5^(1/2.4) − 0.055.
+        assert!(found[0] == 0.0 && (found[1] - 1.0).abs() < 1e-6 && (found[2] - 0.735_357).abs() < 1e-5, "{found:?}");
+    }
+
+    #[test]
     fn depth_is_white_near_dark_far_and_black_where_there_is_none() {
         let mut depths: Vec<f32> = (0..1000).map(|i| 1.0 + i as f32 * 0.01).collect();
         depths.push(0.0);

@@ -246,3 +246,15 @@ fn entry(
     let gaussians = scene.base.len() + supplementary;
     Ok(Entry { name: name.into(), gaussians, supplementary, bytes, mean: found.augmented, views })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_has_a_name_and_a_path() {
+        let named = parse_named("more steps=a=b.ply").unwrap();
+        assert_eq!((&named.name[..], named.path), ("more steps", PathBuf::from("a=b.ply")));
+        assert!(["base.ply", "=base.ply", "base="].iter().all(|text| parse_named(text).is_err()));
+    }
+}

@@ -191,6 +191,28 @@ mod tests {
     }
 
     #[test]
+    fn a_drag_turns_by_its_length_and_a_wheel_reaches_as_far_as_the_scene_asks() {
+        let mut flight = flight();
+        flight.motion = Motion::Fly;
+        let before = flight.forward();
+        flight.drag(0.1, 0.0);
+        assert!((flight.forward().angle_between(before) - 0.1 * TURN).abs() < 1e-9);
+        flight.drag(0.0, 0.05);
+        let level = flight.forward().dot(DVec3::NEG_Y).asin();
+        assert!((level.abs() - 0.05 * TURN).abs() < 1e-9, "{level}");
+        // 4 units before its point is where it began.
+        let mut orbit = self::flight();
+        orbit.wheel(-1e3);
+        assert!((orbit.camera().eye().length() / (4.0 * REACH[1]) - 1.0).abs() < 1e-9);
+        orbit.wheel(1e4);
+        assert!((orbit.camera().eye().length() / (4.0 * REACH[0]) - 1.0).abs() < 1e-6);
+        for (notches, reach) in [(1e4, REACH[1]), (-1e4, REACH[0])] {
+            flight.wheel(notches);
+            assert!((flight.speed / (4.0 * reach) - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
     fn a_drag_takes_what_is_under_the_mouse_along() {
         // A point before the pivot goes to the right and down.
         let near = DVec3::new(0.0, 0.0, -1.0);

@@ -728,6 +728,12 @@ mod tests {
     }
 
     #[test]
+    fn digits_are_those_of_both_rows() {
+        let keys = [KeyCode::Digit1, KeyCode::Digit3, KeyCode::Numpad8, KeyCode::Digit9, KeyCode::KeyA];
+        assert_eq!(keys.map(digit), [Some(0), Some(2), Some(7), None, None]);
+    }
+
+    #[test]
     fn a_reason_is_said_without_the_place_in_somebodys_source() {
         let text = "os error at /home/a/winit-0.30.13/src/platform_impl/linux/mod.rs:765: DISPLAY: it is not set.";
         assert_eq!(reason(text), "DISPLAY: it is not set");
