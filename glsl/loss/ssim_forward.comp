@@ -42,9 +42,6 @@ const uint COLUMNS = TILE + 2 * RADIUS;
 // banks, and all fits into the 16,384 bytes that Vulkan guarantees.
 const uint CHANNEL = STRIP * COLUMNS + 1;
 shared vec4 moments[3 * CHANNEL];
-// One per subgroup; a subgroup has 8 lanes or more.
-shared vec3 subgroup_sums[WORKGROUP / 8];
-
 // Where a row of a channel begins in `moments`.
 uint row_first(uint channel, uint row) { return channel * CHANNEL + row * COLUMNS + row / (STRIP / 2); }
 
@@ -150,10 +147,11 @@ void main() {
     }
 
     vec3 sums = vec3(subgroupAdd(l1), subgroupAdd(squares), subgroupAdd(ssim));
-    if (subgroupElect()) subgroup_sums[gl_SubgroupID] = sums;
+    // Behind the last barrier nobody reads moments.
+    if (subgroupElect()) moments[gl_SubgroupID].xyz = sums;
     barrier();
     if (thread == 0) {
-        for (uint s = 1; s < gl_NumSubgroups; s++) sums += subgroup_sums[s];
+        for (uint s = 1; s < gl_NumSubgroups; s++) sums += moments[s].xyz;
         tile_sums[tile] = sums;
     }
 }
