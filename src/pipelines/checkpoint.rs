@@ -90,7 +90,7 @@ impl Checkpoint {
         let (tensors, about) = match read_tensors_about(path) {
             Ok(found) => found,
             Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
-            // guard: files that are no checkpoints
+            // What is no safetensors file never was a checkpoint.
             Err(error @ Error::Input { .. }) => match Kind::of_file(path)? {
                 Kind::Safetensors | Kind::Empty => return Ok(Found::Damaged(error)),
                 kind => return Ok(Found::Foreign(format!("it is {kind}"))),
