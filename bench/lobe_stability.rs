@@ -61,8 +61,8 @@ fn radiance(model: Model, own_channels: bool, apart: f64, order: [usize; 3], vie
     sum
 }
 
-/// Over all orders, views and channels: the largest and the root mean square change, and how often the sum of channels changes by more
-/// than a hundredth; all of the largest radiance.
+/// Over all orders, views and channels: the largest and the root mean square change, both of the largest radiance, and the share that
+/// changes by more than a hundredth of it.
 fn changes(model: Model, own_channels: bool, apart: f64) -> [f64; 3] {
     let views = || (-90..=90).map(f64::from);
     let of = |order, view| radiance(model, own_channels, apart, order, view);

@@ -420,7 +420,11 @@ impl Args {
         let limit = self.gaussians.map(|n| n as usize);
         let points = match &self.init {
             Some(file) if !file.is_dir() && is_point_cloud(file)? => {
-                dataset.points = Some(read_points(file)?);
+                let cloud = read_points(file)?;
+                if cloud.positions.is_empty() {
+                    return Err(Error::input(file, "has no points to begin with"));
+                }
+                dataset.points = Some(cloud);
                 "points in the file"
             }
             Some(file) => {

@@ -69,8 +69,9 @@ pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
     read.map_err(|source| Error::io(path, source))?;
     let text = String::from_utf8_lossy(&start);
     let header = text.split("end_header").next().unwrap_or_default();
-    // The properties of Gaussians, plain and compressed.
-    Ok(header.starts_with("ply") && !["f_dc_0", "packed_position"].iter().any(|name| header.contains(name)))
+    // Of Gaussians that lack a property their own reader is to say so.
+    let gaussians = ["f_dc_0", "scale_0", "rot_0", "packed_position"];
+    Ok(header.starts_with("ply") && !gaussians.iter().any(|name| header.contains(name)))
 }
 
 pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {

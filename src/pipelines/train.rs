@@ -471,7 +471,6 @@ pub struct BaseOptions {
     pub begins: f64,
 }
 
-/// Where Gaussians that have learned take up a schedule again. Small/garden at 128 pixels...
 /// Where Gaussians that have learned take up a schedule again.
 pub const LEARNED: f64 = 0.5;
 

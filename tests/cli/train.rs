@@ -117,6 +117,10 @@ fn training_begins_with_what_a_file_holds() {
     fs::write(work.path("points.ply"), points).unwrap();
     let report = work.json("train data --init points.ply --strategy fixed -o few.ply --iterations 4 --json");
     assert_eq!(report["gaussians"], 3);
+    fs::write(work.path("none.ply"), points.split_once("0 0 0").unwrap().0.replace("vertex 3", "vertex 0")).unwrap();
+    work.refused("train data --init none.ply -o x.ply", &["none.ply", "no points"]);
+    fs::write(work.path("half.ply"), points.replace("uchar red", "float rot_0")).unwrap();
+    work.refused("train data --init half.ply -o x.ply", &["half.ply", "lacks property"]);
     work.refused(&format!("{more} -o x.ply --points 5"), &["first.ply", "--points"]);
     work.refused(&format!("{more} -o x.ply --gaussians 5"), &["first.ply", "300 Gaussians", "--gaussians 5"]);
     work.refused("train data --init nowhere.ply -o x.ply", &["nowhere.ply"]);
