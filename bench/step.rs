@@ -1,6 +1,6 @@
 //! Time of one training step, stage by stage, on a dataset, on the built-in scene or on random Gaussians.
 //!
-//!     cargo bench --bench step -- [DATASET | --size WxH] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--json]
+//!     cargo bench --bench step -- [DATASET | --size WxH] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--half] [--json]
 //!
 //! With a size, random Gaussians learn photographs of their own kind, which are renders of others.
 //!
@@ -52,6 +52,9 @@ struct Args {
     /// Add gradients up by float atomics, which training does where deterministic sums find no room
     #[arg(long)]
     atomic: bool,
+    /// Keep both moments of a number in one word
+    #[arg(long)]
+    half: bool,
     #[arg(long)]
     device: Option<String>,
     #[arg(long)]
@@ -81,8 +84,12 @@ fn run(args: &Args) -> Result<()> {
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
     let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, ..Default::default() };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
-    let session =
-        Session { policy: Policy { reduction, ..Default::default() }, background, extent, ..Session::new(&context) };
+    let session = Session {
+        policy: Policy { reduction, packed: args.half, ..Default::default() },
+        background,
+        extent,
+        ..Session::new(&context)
+    };
     train_base(&session, &model, &views, &options, false, |_| ())?;
     let started = Instant::now();
     train_base(&session, &model, &views, &options, false, |_| ())?;
@@ -105,7 +112,7 @@ fn run(args: &Args) -> Result<()> {
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
-            "sh_degree": args.sh_degree, "float_atomics": args.atomic, "steps": args.steps, "wall_ms_per_step": wall,
+            "sh_degree": args.sh_degree, "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,
         });
         println!("{report:#}");

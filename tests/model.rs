@@ -116,7 +116,14 @@ fn gradients_of_several_views_add_up() {
     let image_grad: Vec<f32> = (0..64 * 48).flat_map(ripple).map(|g| g as f32).collect();
     let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
     for segment in Segment::ALL {
-        let lesson = Lesson { segment, opacity_only: false, sparse: false, bias_correction: true, compensate: false };
+        let lesson = Lesson {
+            segment,
+            opacity_only: false,
+            sparse: false,
+            bias_correction: true,
+            compensate: false,
+            packed: false,
+        };
         let learner = Learner::new(&model, lesson, true).unwrap();
         let mut of = |seen: &[u32]| -> [Vec<f32>; 3] {
             for (k, &view) in seen.iter().enumerate() {
@@ -163,6 +170,7 @@ fn steps_of_several_views_learn() {
             sparse: true,
             bias_correction: true,
             compensate: false,
+            packed: false,
         };
         let schedule = (0..views_per_step * steps).map(|k| k % 2).collect();
         let plan = |_| StepPlan { rates: Rates { dc: 0.01, ..RATES }, active_degree: 1 };

@@ -17,6 +17,7 @@
 
 layout(constant_id = 1) const uint STRATEGY = MCMC;
 layout(constant_id = 2) const uint SH_PLANES = 3;
+layout(constant_id = 3) const uint MOMENTS = 2; // planes of them for each plane that learns
 
 layout(push_constant, scalar) uniform Push {
     uint segment;
@@ -107,9 +108,9 @@ void main() {
     bool lowered = sigmoid(logit) > push.most;
     if (lowered) logit = logit_of(push.most, 1.0 - push.most);
     store_geometry(OPACITY, place, logit);
-    for (uint m = 0; m < 2 * GEOMETRY_PLANES; ++m) {
-        if (fresh || (lowered && m / 2 == OPACITY)) geometry_moments[m * push.stride + place] = 0.0;
+    for (uint m = 0; m < MOMENTS * GEOMETRY_PLANES; ++m) {
+        if (fresh || (lowered && m / MOMENTS == OPACITY)) geometry_moments[m * push.stride + place] = 0.0;
     }
     if (!fresh) return;
-    for (uint m = 0; m < 2 * SH_PLANES; ++m) sh_moments[m * push.stride + place] = 0.0;
+    for (uint m = 0; m < MOMENTS * SH_PLANES; ++m) sh_moments[m * push.stride + place] = 0.0;
 }

@@ -86,7 +86,7 @@ void main() {
         }
     }
     for (uint p = 0; p < 3 * COEFFICIENTS; ++p) {
-        step_sh(p, place, sh_grads[p * push.stride + place], p < 3 ? push.rates.dc : push.rates.sh);
+        step_sh(p, place, load_sh(p, place), sh_grads[p * push.stride + place], p < 3 ? push.rates.dc : push.rates.sh);
     }
     step_all(g, HAS_LOBES, place);
 }

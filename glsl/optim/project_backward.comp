@@ -2,12 +2,13 @@
 // From intersection records to gradients of a Gaussian's parameters, and the Adam step on them in the same pass.
 //
 // One thread takes one Gaussian of a page and sums its records, see shared/records.glsl.
-// population, records, first_slot, tile_counts (by Gaussian index), views, geometry, sh, lobes, moments (by place)
+// population, records, first_slot, tile_counts, splat_colours (by Gaussian index), views, geometry, sh, lobes, moments (by place)
 // -> geometry, sh, lobes, moments
 // With ACCUMULATE the gradients are added to planes of their own, bound where the moments are, and nothing else changes: `adam`
 // steps when all views of the step are in. Plane GEOMETRY_PLANES counts the views that blend the Gaussian.
 // EWA backward as in 3DGS, in the whitened form of ARCHITECTURE.md; Adam (Kingma 2014), SparseAdam where SPARSE.
-// Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves once status says that a step did not fit.
+// Limits: a Gaussian whose gradient is not finite is left as it is; where coefficients so large that their product with it is not finite
+// make it so, they alone step. Nothing moves once status says that a step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -41,12 +42,13 @@ layout(set = 0, binding = 4, scalar) readonly buffer FirstSlot { uint first_slot
 #define RECORD_SHAPES 6
 #define RECORD_COLOURS 7
 #include "../shared/records.glsl"
-#define GEOMETRY 8
-#define SH 9
-#define LOBES 10
-#define GEOMETRY_MOMENTS 11
-#define SH_MOMENTS 12
-#define LOBE_MOMENTS 13
+layout(set = 0, binding = 8, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+#define GEOMETRY 9
+#define SH 10
+#define LOBES 11
+#define GEOMETRY_MOMENTS 12
+#define SH_MOMENTS 13
+#define LOBE_MOMENTS 14
 #define MODEL_LOADS
 #define MODEL_STORES
 #include "../shared/model.glsl"
@@ -111,6 +113,7 @@ void main() {
     float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit);
     Gradient g = Gradient(vec3(0.0), vec3(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0, 0.0);
     vec3 d_colour = vec3(0.0), to_mean = vec3(0.0), mean = load_geometry3(MEAN, place);
+    float range = 1.0;
 
     if (blended) {
         vec3 p = to_camera(view, mean);
@@ -121,7 +124,7 @@ void main() {
             norm = 1.0;
         }
         float factor = 1.0, compensation = 1.0;
-        float range = length(mean - view.eye);
+        range = length(mean - view.eye);
         to_mean = (mean - view.eye) / range;
         Projection e;
         if (COMPENSATE || !OPACITY_ONLY) e = project_covariance(view, p, q, exp(load_geometry3(LOG_SCALE, place)));
@@ -149,11 +152,7 @@ void main() {
         g.opacity = d_opacity * factor * compensation * opacity * sigmoid(-logit); // guard: slope of a high opacity
 
         if (!OPACITY_ONLY) {
-            // Colour, clamped at 0 in the forward pass.
-            ColourAt at = colour_at(to_mean);
-            d_colour = d_rgb * vec3(greaterThan(colour_of(at, place), vec3(0.0)));
-            vec3 d_to_mean = colour_backward(at, place, d_colour);
-            g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
+            d_colour = d_rgb * vec3(greaterThan(splat_colours[i], vec3(0.0))); // clamped at 0 in the forward pass
 
             // Centre and covariance: d/dSigma2D = L^T W L / 2 with W = sum g w w^T, d/dcentre = L^T sum g w. With N = L M (rows n1,
             // n2, of order 1) d/dM = L^T W N, and all that follows is written in N and L J W (rows j1, j2), not in M: a
@@ -231,15 +230,20 @@ void main() {
         g.log_scale += push.mean_scale / (3.0 * of_all) * exp(load_geometry3(LOG_SCALE, place));
     }
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
+    // Each coefficient is read once: for the gradient by the direction, and for its step.
     ColourAt at = colour_at(to_mean);
-    for (uint k = 0; k < COEFFICIENTS; ++k) {
-        vec3 by_coefficient = coefficient_gradient(at, k, d_colour);
-        for (uint c = 0; c < 3; ++c) {
+    vec3 d_to_mean = vec3(0.0);
+    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) {
+        vec3 by_coefficient = coefficient_gradient(at, k, d_colour), coefficient = load_sh3(k, place);
+        d_to_mean += direction_gradient(at, k, d_colour, coefficient);
+        [[unroll]] for (uint c = 0; c < 3; ++c) {
             uint p = 3 * k + c;
             if (ACCUMULATE) sh_moments[p * push.stride + place] += by_coefficient[c];
-            else step_sh(p, place, by_coefficient[c], k == 0 ? push.rates.dc : push.rates.sh);
+            else step_sh(p, place, coefficient[c], by_coefficient[c], k == 0 ? push.rates.dc : push.rates.sh);
         }
     }
+    if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
+    if (!finite(g.mean)) return;
     if (ACCUMULATE) add_gradient(g, blended, HAS_LOBES, place);
     else step_all(g, HAS_LOBES, place);
 }

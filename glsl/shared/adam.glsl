@@ -1,8 +1,13 @@
 // The Adam step (Kingma 2014) with the settings of 3DGS, on the parameters of one Gaussian; shared by project_backward, which
 // steps as soon as it has a gradient, and adam, which steps on gradients of several views.
 //
-// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates`.
+// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates` and
+// `push.page_first`.
 #include "adam_one.glsl"
+#include "packed.glsl"
+
+layout(constant_id = 6) const bool PACKED = false; // the moments of plane p are plane p, both in one word
+const uint MOMENTS = PACKED ? 1 : 2;
 
 const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
 // exp(beta) from 1/7 to 2981: a lobe twice as blunt as the cosine's square root, and one of 2 degrees. Within these bounds
@@ -10,31 +15,40 @@ const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
 const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
 const float FREE = 1e30; // bound of a parameter that has none
 
-void step_geometry(uint p, uint moment, uint place, float g, float rate) {
-    uint at = 2 * moment * push.stride + place;
-    float m = geometry_moments[at], v = geometry_moments[at + push.stride];
-    float change = adam(g, rate, m, v, push.rates.first_correction, push.rates.second_correction);
-    store_geometry(p, place, load_geometry(p, place) + change);
-    geometry_moments[at] = m;
-    geometry_moments[at + push.stride] = v;
+// What the words of a plane's moments say, and the first of those that say it.
+Moments moments_of(float first, float second) {
+    return PACKED ? unpack_moments(floatBitsToUint(first)) : Moments(first, second);
+}
+float first_word(Moments m, uint plane, uint place) {
+    return PACKED ? uintBitsToFloat(pack_moments(m, dither_of(push.page_first + place, plane, push.rates.step))) : m.first;
 }
 
-void step_sh(uint p, uint place, float g, float rate) {
-    uint at = 2 * p * push.stride + place;
-    float m = sh_moments[at], v = sh_moments[at + push.stride];
-    float change = adam(g, rate, m, v, push.rates.first_correction, push.rates.second_correction);
-    store_sh(p, place, load_sh(p, place) + change);
-    sh_moments[at] = m;
-    sh_moments[at + push.stride] = v;
+void step_geometry(uint p, uint moment, uint place, float g, float rate) {
+    uint at = MOMENTS * moment * push.stride + place;
+    Moments m = moments_of(geometry_moments[at], PACKED ? 0.0 : geometry_moments[at + push.stride]);
+    float change = adam(g, rate, m.first, m.second, push.rates.first_correction, push.rates.second_correction);
+    store_geometry(p, place, load_geometry(p, place) + change);
+    geometry_moments[at] = first_word(m, p, place);
+    if (!PACKED) geometry_moments[at + push.stride] = m.second;
+}
+
+// From `value`, which was read before.
+void step_sh(uint p, uint place, float value, float g, float rate) {
+    uint at = MOMENTS * p * push.stride + place;
+    Moments m = moments_of(sh_moments[at], PACKED ? 0.0 : sh_moments[at + push.stride]);
+    float change = adam(g, rate, m.first, m.second, push.rates.first_correction, push.rates.second_correction);
+    store_sh(p, place, value + change);
+    sh_moments[at] = first_word(m, p, place);
+    if (!PACKED) sh_moments[at + push.stride] = m.second;
 }
 
 void step_lobe(uint p, uint place, float g, float rate, float lo, float hi) {
-    uint at = 2 * p * push.stride + place;
-    float m = lobe_moments[at], v = lobe_moments[at + push.stride];
-    float change = adam(g, rate, m, v, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
+    uint at = MOMENTS * p * push.stride + place;
+    Moments m = moments_of(lobe_moments[at], PACKED ? 0.0 : lobe_moments[at + push.stride]);
+    float change = adam(g, rate, m.first, m.second, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
     store_lobe(p, place, clamp(load_lobe(p, place) + change, lo, hi));
-    lobe_moments[at] = m;
-    lobe_moments[at + push.stride] = v;
+    lobe_moments[at] = first_word(m, p, place);
+    if (!PACKED) lobe_moments[at + push.stride] = m.second;
 }
 
 // The gradient of all but the colour.
@@ -72,14 +86,14 @@ void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
 
 void step_all(Gradient g, bool has_lobes, uint place) {
     StepRates r = push.rates;
-    for (uint c = 0; c < 3; ++c) {
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
         step_geometry(MEAN + c, MEAN + c, place, g.mean[c], r.mean);
         step_geometry(LOG_SCALE + c, LOG_SCALE + c, place, g.log_scale[c], r.log_scale);
     }
-    for (uint c = 0; c < 4; ++c) step_geometry(QUAT + c, QUAT + c, place, g.quat[c], r.quat);
+    [[unroll]] for (uint c = 0; c < 4; ++c) step_geometry(QUAT + c, QUAT + c, place, g.quat[c], r.quat);
     step_geometry(OPACITY, OPACITY, place, g.opacity, r.opacity);
     if (!has_lobes) return;
-    for (uint c = 0; c < 3; ++c) step_lobe(LOBE_DIRECTION + c, place, g.direction[c], r.direction, -FREE, FREE);
+    [[unroll]] for (uint c = 0; c < 3; ++c) step_lobe(LOBE_DIRECTION + c, place, g.direction[c], r.direction, -FREE, FREE);
     step_lobe(LOBE_WIDTH, place, g.width, r.width, WIDTH_MIN, WIDTH_MAX); // guard: bounds of T
     step_lobe(LOBE_SHARPNESS, place, g.sharpness, r.sharpness, SHARPNESS_MIN, SHARPNESS_MAX); // guard: bounds of β
 }

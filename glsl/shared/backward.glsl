@@ -11,6 +11,9 @@
 #include "population.glsl"
 #include "tile.glsl"
 
+// A subgroup's splats in one piece of code, where lanes are constants, and no branches at pixels: as a CPU likes it.
+layout(constant_id = 4) const bool UNROLLED = false;
+
 // Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
 // is meant, see records.glsl.
 struct Record {
@@ -36,6 +39,69 @@ layout(set = 0, binding = 6, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer Population { uint segment_first[]; };
 
+// The pixels of this lane.
+float x;       // of their centres
+uint corner_y; // where the tile begins
+uint live;     // a bit for each that is not finished
+float T[PIXELS];
+float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
+vec3 grad[PIXELS];
+// The splat that this lane has loaded, and what becomes of it.
+Splat own;
+vec3 tint;
+bool learns; // all of it
+Record record;
+bool blended;
+
+// Pulls at the splat of lane `j` with all pixels of the tile.
+void take(uint j) {
+    vec2 centre = subgroupBroadcast(vec2(own.x, own.y), j);
+    vec4 shape = subgroupBroadcast(vec4(own.l11, own.l12, own.l22, own.opacity), j);
+    vec3 rgb = subgroupBroadcast(tint, j);
+    bool all = subgroupBroadcast(uint(learns), j) != 0;
+    precise float u0 = shape.x * (x - centre.x);
+    vec2 sum_w = vec2(0.0);
+    vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
+    float sum_opacity = 0.0;
+    bool touched = false;
+    [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
+        float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
+        Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+        bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN;
+        // Where no lane takes a row of pixels, a GPU passes over much; a CPU's lanes all go along, so what is not taken counts as 0.
+        if (!(UNROLLED || met)) continue;
+        precise float next = T[k] * (1.0 - e.alpha);
+        bool taken = met && next >= T_MIN;
+        bool shaped = taken && e.alpha < ALPHA_MAX; // guard: no shape where α is clamped
+        live &= ~(uint(met && !taken) << k);
+        touched = touched || taken;
+        float alpha = taken ? e.alpha : 0.0;
+        float share = alpha * T[k], pull = dot(grad[k], rgb);
+        behind[k] -= share * pull;
+        float g_alpha = T[k] * pull - behind[k] / (1.0 - alpha);
+        T[k] = taken ? next : T[k];
+        vec2 w = shaped ? vec2(e.u, e.v) : vec2(0.0);
+        vec2 w_g = g_alpha * alpha * w;
+        sum_rgb += share * grad[k];
+        sum_opacity += shaped ? g_alpha * e.weight : 0.0;
+        sum_w += w_g;
+        sum_ww += vec3(w_g.x * w.x, w_g.x * w.y, w_g.y * w.y);
+    }
+    if (!subgroupAny(touched)) return;
+    // Of what is frozen x says that it is blended, which SparseAdam asks.
+    // guard: blended without a gradient
+    Record total = Record(vec3(1.0, 0.0, subgroupAdd(sum_opacity)), vec3(0.0), vec3(0.0));
+    if (all) {
+        total.centre.xy = subgroupAdd(sum_w);
+        total.shape = subgroupAdd(sum_ww);
+        total.colour = subgroupAdd(sum_rgb);
+    }
+    if (gl_SubgroupInvocationID == j) {
+        record = total;
+        blended = true;
+    }
+}
+
 void tile_backward() {
     uint index = subgroup_index();
     if (index >= push.tile_count) return;
@@ -45,11 +111,9 @@ void tile_backward() {
     if (corner.x >= frame.width || corner.y >= frame.height) return;
 
     uint px = corner.x + lane_x();
-    float x = float(px) + 0.5;
-    float T[PIXELS];
-    float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
-    vec3 grad[PIXELS];
-    uint live = 0;
+    x = float(px) + 0.5;
+    corner_y = corner.y;
+    live = 0;
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         T[k] = 1.0;
         behind[k] = 0.0;
@@ -67,66 +131,24 @@ void tile_backward() {
     uvec2 range = tile_ranges[index];
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
-        Splat s;
-        vec3 tint;
+        // Of no opacity where there is none: no pixel takes it.
+        own = Splat(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        tint = vec3(0.0);
+        learns = false;
         if (mine < range.y) {
             slot = isect_slots[mine];
             global = global_from_slot[slot];
-            s = splats[global];
+            own = splats[global];
             tint = splat_colours[global];
+            learns = global >= all_first;
         }
-        Record record = Record(vec3(0.0), vec3(0.0), vec3(0.0));
-        bool blended = false;
-        uint n = min(gl_SubgroupSize, range.y - first);
-        for (uint j = 0; j < n; ++j) {
-            vec2 centre = subgroupBroadcast(vec2(s.x, s.y), j);
-            vec4 shape = subgroupBroadcast(vec4(s.l11, s.l12, s.l22, s.opacity), j);
-            vec3 rgb = subgroupBroadcast(tint, j);
-            bool all = subgroupBroadcast(global, j) >= all_first;
-            precise float u0 = shape.x * (x - centre.x);
-            vec2 sum_w = vec2(0.0);
-            vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
-            float sum_opacity = 0.0;
-            bool touched = false;
-            [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-                float dy = float(corner.y + lane_y(k)) + 0.5 - centre.y;
-                Response e = respond(u0, shape.y, shape.z, dy, shape.w);
-                // Branched to, unlike in blend: where no lane takes a row of pixels, much is passed over.
-                if ((live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN) {
-                    precise float next = T[k] * (1.0 - e.alpha);
-                    if (next < T_MIN) {
-                        live &= ~(1u << k);
-                    } else {
-                        touched = true;
-                        float share = e.alpha * T[k], pull = dot(grad[k], rgb);
-                        behind[k] -= share * pull;
-                        float g_alpha = T[k] * pull - behind[k] / (1.0 - e.alpha);
-                        T[k] = next;
-                        sum_rgb += share * grad[k];
-                        if (e.alpha < ALPHA_MAX) { // guard: no shape where α is clamped
-                            sum_opacity += g_alpha * e.weight;
-                            float g = g_alpha * e.alpha;
-                            sum_w += g * vec2(e.u, e.v);
-                            sum_ww += g * vec3(e.u * e.u, e.u * e.v, e.v * e.v);
-                        }
-                    }
-                }
-            }
-            if (subgroupAny(touched)) {
-                // Of what is frozen x says that it is blended, which SparseAdam asks.
-                // guard: blended without a gradient
-                Record total = Record(vec3(1.0, 0.0, subgroupAdd(sum_opacity)), vec3(0.0), vec3(0.0));
-                if (all) {
-                    total.centre.xy = subgroupAdd(sum_w);
-                    total.shape = subgroupAdd(sum_ww);
-                    total.colour = subgroupAdd(sum_rgb);
-                }
-                if (gl_SubgroupInvocationID == j) {
-                    record = total;
-                    blended = true;
-                }
-            }
+        blended = false;
+        if (UNROLLED) {
+            [[unroll]] for (uint j = 0; j < TILE_WIDTH * TILE_HEIGHT / PIXELS; ++j) take(j);
+        } else {
+            uint n = min(gl_SubgroupSize, range.y - first);
+            for (uint j = 0; j < n; ++j) take(j);
         }
-        if (blended) put(slot, global, global >= all_first, record);
+        if (blended) put(slot, global, learns, record);
     }
 }

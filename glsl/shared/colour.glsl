@@ -1,6 +1,6 @@
 // The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023).
 //
-// Kernels know colour_at, colour_of, colour_backward and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
+// Kernels know colour_at, colour_of, direction_gradient and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
 // channels. Another colour model is another file with these four, and a choice between the two here. The bands in use are a
 // specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
 layout(constant_id = 10) const uint SH_DEGREE = 3;
@@ -73,13 +73,9 @@ vec3 colour_of(ColourAt at, uint place) {
     return colour;
 }
 
-// The gradient by the direction, not yet made tangent to the sphere.
-vec3 colour_backward(ColourAt at, uint place, vec3 d_colour) {
-    vec3 d_direction = vec3(0.0);
-    [[unroll]] for (uint k = 1; k < COEFFICIENTS; ++k) {
-        d_direction += dot(d_colour, load_sh3(k, place)) * sh_basis_gradient(at.direction, k);
-    }
-    return d_direction;
+// Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere.
+vec3 direction_gradient(ColourAt at, uint k, vec3 d_colour, vec3 coefficient) {
+    return dot(d_colour, coefficient) * sh_basis_gradient(at.direction, k);
 }
 
 // The gradient by coefficient k.

@@ -81,7 +81,7 @@ void store_lobe_direction(uint place, vec3 value) {
 #endif
 #endif
 
-// The moments of plane p are planes 2p and 2p + 1, gradients that wait for a step plane p.
+// The moments of plane p are planes 2p and 2p + 1, or plane p where both are packed in a word; gradients that wait for a step are plane p.
 #ifdef GEOMETRY_MOMENTS
 layout(set = 0, binding = GEOMETRY_MOMENTS, scalar) buffer GeometryMoments { float geometry_moments[]; };
 layout(set = 0, binding = SH_MOMENTS, scalar) buffer ShMoments { float sh_moments[]; };

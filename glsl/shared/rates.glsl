@@ -1,6 +1,7 @@
-// Learning rates by parameter, and the bias corrections 1/(1 - 0.9^t) and 1/(1 - 0.999^t), or 1 and 1.
+// Learning rates by parameter, the bias corrections 1/(1 - 0.9^t) and 1/(1 - 0.999^t), or 1 and 1, and the step.
 struct StepRates {
     float mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness;
     float first_correction, second_correction;
     float lobe_first_correction, lobe_second_correction;
+    uint step; // from 0 in the life of the moments
 };

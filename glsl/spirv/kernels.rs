@@ -92,6 +92,7 @@ pub struct StepRates {
     pub second_correction: f32,
     pub lobe_first_correction: f32,
     pub lobe_second_correction: f32,
+    pub step: u32,
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Texel {
@@ -197,6 +198,7 @@ pub struct Spec {
     pub workgroup_size: u32,
     pub strategy: u32,
     pub sh_planes: u32,
+    pub moments: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -249,7 +251,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, strategy: call.constant(1) as u32, sh_planes: call.constant(2) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, strategy: call.constant(1) as u32, sh_planes: call.constant(2) as u32, moments: call.constant(3) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), words: crate::gpu::next_binding(&mut bindings), sources: crate::gpu::next_binding(&mut bindings), copies: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), }
     }
@@ -276,13 +278,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"strategy", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"sh_planes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 3, name: c"moments", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.strategy as u32), (2, spec.sh_planes as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.strategy as u32), (2, spec.sh_planes as u32), (3, spec.moments as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.words.raw(), b.sources.raw(), b.copies.raw(), b.geometry.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.scores.raw()])
     }
@@ -2044,6 +2047,7 @@ pub struct Spec {
     pub has_lobes: bool,
     pub opacity_only: bool,
     pub sparse: bool,
+    pub packed: bool,
     pub sh_degree: u32,
 }
 #[derive(Clone, Copy)]
@@ -2101,7 +2105,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, packed: call.constant(6) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), geometry_grads: crate::gpu::next_binding(&mut bindings), sh_grads: crate::gpu::next_binding(&mut bindings), lobe_grads: crate::gpu::next_binding(&mut bindings), }
     }
@@ -2130,6 +2134,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 3, name: c"opacity_only", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"sparse", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"packed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
@@ -2137,7 +2142,7 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (10, spec.sh_degree as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (6, spec.packed as u32), (10, spec.sh_degree as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.geometry_grads.raw(), b.sh_grads.raw(), b.lobe_grads.raw()])
     }
@@ -2165,6 +2170,7 @@ pub struct Spec {
     pub opacity_only: bool,
     pub sparse: bool,
     pub accumulate: bool,
+    pub packed: bool,
     pub sh_degree: u32,
 }
 #[derive(Clone, Copy)]
@@ -2185,6 +2191,8 @@ pub struct Buffers<'a> {
     pub record_shapes: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadOnly
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
+    /// ReadOnly
+    pub splat_colours: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
     pub geometry: &'a crate::gpu::Buffer<f32>,
     /// ReadWrite
@@ -2219,6 +2227,8 @@ pub struct Host<'a> {
     pub record_shapes: &'a [[f32; 3]],
     /// ReadOnly
     pub record_colours: &'a [[f32; 3]],
+    /// ReadOnly
+    pub splat_colours: &'a [[f32; 3]],
     /// ReadWrite
     pub geometry: &'a mut [f32],
     /// ReadWrite
@@ -2234,9 +2244,9 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2254,6 +2264,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
@@ -2268,6 +2279,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"opacity_only", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"sparse", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 5, name: c"accumulate", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"packed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
@@ -2275,9 +2287,9 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (10, spec.sh_degree as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (10, spec.sh_degree as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
+        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
     }
 }
 }
@@ -3347,6 +3359,7 @@ pub struct Spec {
     pub tile_width: u32,
     pub tile_height: u32,
     pub pixels: u32,
+    pub unrolled: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3407,7 +3420,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3437,13 +3450,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
@@ -3466,6 +3480,7 @@ pub struct Spec {
     pub tile_width: u32,
     pub tile_height: u32,
     pub pixels: u32,
+    pub unrolled: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3526,7 +3541,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3556,13 +3571,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::ShaderBufferFloat32AtomicAdd, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
@@ -5127,6 +5143,9 @@ pub mod model {
 #[doc = "T, 0.01 to 1"] pub const LOBE_WIDTH: u32 = 3;
 #[doc = "beta"] pub const LOBE_SHARPNESS: u32 = 4;
 #[doc = ""] pub const LOBE_PLANES: u32 = 5;
+}
+pub mod packed {
+#[doc = ""] pub const FIRST_STEPS: f32 = 1024.0;
 }
 pub mod population {
 #[doc = "segment"] pub const BASE: u32 = 0;

@@ -3,7 +3,7 @@ use std::{path::PathBuf, time::Instant};
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, Outcome, ReductionArgs,
+    DeviceArgs, LearnArgs, Outcome,
     enhance::{Beside, ChoiceArgs, Preset, Way, run_with_progress},
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -83,7 +83,7 @@ pub(super) struct Args {
     #[command(flatten)]
     replace: OutputArgs,
     #[command(flatten)]
-    reduction: ReductionArgs,
+    learn: LearnArgs,
     #[command(flatten)]
     device: DeviceArgs,
     // Last, for its heading goes on to what follows.
@@ -140,7 +140,7 @@ impl Args {
         let background = dataset.background;
         let views = upload_photos(context, &train, background, |_, _| ())?;
         let session =
-            self.reduction.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
+            self.learn.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
 
         let (base, base_seconds) = self.train(&session, dataset, &views, points, iterations)?;
         write_scene(self.output.join(BASE), &base)?;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, Look, Outcome, PhotoArgs, ReductionArgs, SceneArgs, WatchArgs, Watched,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
     deadline::{Deadline, duration},
     interrupt::Interrupt,
@@ -224,7 +224,7 @@ pub(super) struct Args {
     photos: PhotoArgs,
     #[command(flatten)]
     #[serde(skip)]
-    reduction: ReductionArgs,
+    learn: LearnArgs,
     #[command(flatten)]
     #[serde(skip)]
     draw: DrawArgs,
@@ -352,7 +352,7 @@ impl Args {
                 reading.set(done as u64);
             })?;
             drop(reading);
-            let session = self.reduction.session(context, self.draw.policy(), background, extent, self.seed.into());
+            let session = self.learn.session(context, self.draw.policy(), background, extent, self.seed.into());
             let work = match &self.work {
                 Some(folder) => {
                     let settings = self.settings(&photos, &pixels, &session, &options)?;

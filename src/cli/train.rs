@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, Outcome, PhotoArgs, ReductionArgs, SceneArgs, WatchArgs, Watched,
+    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
     deadline::{Deadline, Plan, duration},
     history::{History, Moment},
@@ -129,7 +129,7 @@ pub(super) struct Args {
     photos: PhotoArgs,
     #[command(flatten)]
     #[serde(skip)]
-    reduction: ReductionArgs,
+    learn: LearnArgs,
     #[command(flatten)]
     #[serde(skip)]
     draw: DrawArgs,
@@ -244,7 +244,7 @@ impl Args {
             let control = density(iterations);
             // Adam has two moments of everything.
             let most = control.limit.max(count as u32);
-            let scene = 3 * scene_bytes(most.into(), 0, self.sh_degree);
+            let scene = self.learn.words() * scene_bytes(most.into(), 0, self.sh_degree);
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);
@@ -255,7 +255,7 @@ impl Args {
             let (sh_degree, seed) = (self.sh_degree, self.seed);
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
-            let session = self.reduction.session(context, self.draw.policy(), background, extent, seed);
+            let session = self.learn.session(context, self.draw.policy(), background, extent, seed);
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());

@@ -5,7 +5,7 @@
 //! Gaussians there are afterwards is the device's to know; every dispatch follows.
 
 use super::{
-    learn::{Beside, Rates},
+    learn::{Beside, Rates, moments_of},
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
     plan::buffers,
@@ -291,7 +291,12 @@ impl Density {
             rearrange: Rearrange::new(context, part.capacity())?,
             apply: density_apply::Stage::new(
                 context,
-                &density_apply::Spec { workgroup_size, strategy, sh_planes: sh_planes(model.sh_degree) as u32 },
+                &density_apply::Spec {
+                    workgroup_size,
+                    strategy,
+                    sh_planes: sh_planes(model.sh_degree) as u32,
+                    moments: moments_of(session.policy.packed) as u32,
+                },
             )?,
             noise: density_noise::Stage::new(context, &density_noise::Spec { workgroup_size })?,
         })

@@ -3,7 +3,7 @@
 use super::{
     learn::{Lesson, Rates},
     model::{Model, Segment},
-    session::Session,
+    session::{Policy, Session},
     train::{StepPlan, Trainer, permutations},
     views::Views,
 };
@@ -52,7 +52,8 @@ impl JoinOptions {
 
     /// What base and supplement learn.
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
-        let (bias_correction, compensate) = (self.bias_correction, session.policy.compensate);
+        let bias_correction = self.bias_correction;
+        let Policy { compensate, packed, .. } = session.policy;
         [
             Lesson {
                 segment: Segment::Base,
@@ -60,8 +61,16 @@ impl JoinOptions {
                 sparse: true,
                 bias_correction,
                 compensate,
+                packed,
             },
-            Lesson { segment: Segment::Supplement, opacity_only: false, sparse: false, bias_correction, compensate },
+            Lesson {
+                segment: Segment::Supplement,
+                opacity_only: false,
+                sparse: false,
+                bias_correction,
+                compensate,
+                packed,
+            },
         ]
     }
 }

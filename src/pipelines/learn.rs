@@ -67,9 +67,16 @@ pub struct Lesson {
     pub bias_correction: bool,
     /// As the projection had it.
     pub compensate: bool,
+    /// See [`Policy::packed`](super::session::Policy::packed).
+    pub packed: bool,
 }
 
-/// Planes beside a segment's own: two moments for each plane that learns, or the gradients.
+/// Planes of moments for each plane that learns.
+pub(super) fn moments_of(packed: bool) -> usize {
+    if packed { 1 } else { 2 }
+}
+
+/// Planes beside a segment's own: both moments of each plane that learns, or the gradients.
 pub struct Beside {
     /// Beside the planes of [`layout`](crate::scene::layout)'s geometry.
     pub geometry: Planes,
@@ -143,7 +150,7 @@ impl Learner {
     pub fn new(model: &Model, lesson: Lesson, accumulate: bool) -> Result<Self, GpuError> {
         let context = model.context();
         let has_lobes = lesson.segment == Segment::Supplement;
-        let Lesson { opacity_only, sparse, compensate, .. } = lesson;
+        let Lesson { opacity_only, sparse, compensate, packed, .. } = lesson;
         // What is frozen does not look at its colour.
         let degrees = if opacity_only { 0..=0 } else { 0..=model.sh_degree };
         let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
@@ -154,6 +161,7 @@ impl Learner {
                 opacity_only,
                 sparse: sparse && !accumulate,
                 accumulate,
+                packed,
                 sh_degree,
             };
             degrees.clone().map(|degree| project_backward::Stage::new(context, &spec(degree))).collect()
@@ -164,6 +172,7 @@ impl Learner {
                 has_lobes,
                 opacity_only,
                 sparse,
+                packed,
                 sh_degree,
             };
             adam::Stage::new(context, &spec)
@@ -178,7 +187,7 @@ impl Learner {
         };
         Ok(Learner {
             lesson,
-            moments: Beside::new(model, &lesson, 2, 0)?,
+            moments: Beside::new(model, &lesson, moments_of(packed), 0)?,
             fused: if accumulate { Vec::new() } else { backward(false)? },
             accumulated,
         })
@@ -273,6 +282,7 @@ impl Learner {
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
                     record_colours: &raster.records.record_colours,
+                    splat_colours: &raster.buffers.splat_colours,
                     geometry: part.geometry.page(k),
                     sh: part.sh.page(k),
                     lobes: part.lobes.page(k),
@@ -319,6 +329,7 @@ impl Learner {
             second_correction: other[1],
             lobe_first_correction: lobe[0],
             lobe_second_correction: lobe[1],
+            step,
         }
     }
 }

@@ -255,15 +255,16 @@ impl Backward {
     fn new(context: &Context, options: &RasterOptions, tile: TileShape) -> Result<(Self, Records), GpuError> {
         let workgroup_size = WORKGROUP;
         let TileShape { width: tile_width, height: tile_height, pixels } = tile;
+        let unrolled = unrolled(context.info());
         let deterministic = || {
-            let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels };
+            let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
             let records = Records::new(context, options)?;
             Ok((Backward::Deterministic(blend_backward::Stage::new(context, &spec)?), records))
         };
         let atomic = || {
             let GaussianRecords { record_centres, record_shapes, record_colours } =
                 GaussianRecords::new(context, options)?;
-            let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels };
+            let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
             let records = Records { record_centres, record_shapes, record_colours };
             Ok((Backward::Atomic(blend_backward_atomic::Stage::new(context, &spec)?), records))
         };
@@ -325,8 +326,9 @@ pub struct Raster {
     unused: Unused,
 }
 
-/// Whether blending takes a subgroup's splats in one piece of code. A CPU hands round a lane that is a constant by one
-/// instruction, and one that is not through memory; a GPU's code should be short. Of more lanes are the software's subgroups only.
+/// Whether blending and its backward pass take a subgroup's splats in one piece of code. A CPU hands round a lane that is a constant by
+/// one instruction, and one that is not through memory, and what a branch sets costs it more than what it computes; a GPU's code should
+/// be short. Of more lanes are the software's subgroups only.
 fn unrolled(info: &DeviceInfo) -> bool {
     info.is_cpu && info.subgroup_size <= 16
 }

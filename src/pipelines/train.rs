@@ -525,6 +525,7 @@ pub fn dense_trainer(
         sparse: false,
         bias_correction: true,
         compensate: session.policy.compensate,
+        packed: session.policy.packed,
     };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;

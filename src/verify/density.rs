@@ -46,8 +46,9 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     }
     place(bench, count)?;
     for (strategy, name) in STRATEGIES {
-        apply(bench, &page, strategy, name)?;
+        apply(bench, &page, strategy, 2, name)?;
     }
+    apply(bench, &page, BUDGET, 1, "budget, packed moments")?;
     moved(bench, &page)
 }
 
@@ -396,7 +397,8 @@ fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
     Ok(())
 }
 
-fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
+/// `planes`: of moments for each plane that learns.
+fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &str) -> Result<()> {
     let (context, count) = (bench.context, page.count);
     let numbers = PAGE_FIRST as usize + count;
     // What is not finite had no children; the last third are children.
@@ -411,8 +413,8 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
     let sources: Vec<u32> = (0..numbers as u32).collect();
     let stays = numbers as u32 * 2 / 3;
     let sh = sh_planes(1);
-    let moments: Vec<f32> = (0..(2 * GEOMETRY_PLANES * count) as u32).map(|i| 0.5 + unit(i)).collect();
-    let sh_moments: Vec<f32> = (0..(2 * sh * count) as u32).map(|i| 0.5 + unit(i)).collect();
+    let moments: Vec<f32> = (0..planes * (GEOMETRY_PLANES * count) as u32).map(|i| 0.5 + unit(i)).collect();
+    let sh_moments: Vec<f32> = (0..planes * (sh * count) as u32).map(|i| 0.5 + unit(i)).collect();
     let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
     let moments_there = Buffer::from_slice(context, "moments", &moments)?;
     let sh_there = Buffer::from_slice(context, "sh_moments", &sh_moments)?;
@@ -421,7 +423,8 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
     let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
     let sources_there = Buffer::from_slice(context, "sources", &sources)?;
     let copies_there = Buffer::from_slice(context, "copies", &copies)?;
-    let spec = density_apply::Spec { workgroup_size: page.workgroup_size, strategy, sh_planes: sh as u32 };
+    let spec =
+        density_apply::Spec { workgroup_size: page.workgroup_size, strategy, sh_planes: sh as u32, moments: planes };
     let stage = density_apply::Stage::new(context, &spec)?;
     let buffers = density_apply::Buffers {
         population: &page.population,
@@ -470,11 +473,12 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
     }
     let logits = got[OPACITY * count..][..count].iter().copied().zip(&want);
     row.numbers(logits.filter(|(_, (g, _))| g.logit.is_finite()).map(|(got, (g, _))| (got, g.logit)));
-    for (planes, got, before) in [(GEOMETRY_PLANES, &got_moments, &moments), (sh, &got_sh, &sh_moments)] {
-        for m in 0..2 * planes {
+    let of_each = planes as usize;
+    for (learn, got, before) in [(GEOMETRY_PLANES, &got_moments, &moments), (sh, &got_sh, &sh_moments)] {
+        for m in 0..of_each * learn {
             let kept = |i: usize| {
                 let begins = &want[i].1;
-                let opacity = planes == GEOMETRY_PLANES && m / 2 == OPACITY;
+                let opacity = learn == GEOMETRY_PLANES && m / of_each == OPACITY;
                 if begins.all || (opacity && begins.opacity) { 0.0 } else { before[m * count + i] }
             };
             let want: Vec<u32> = (0..count).map(|i| kept(i).to_bits()).collect();

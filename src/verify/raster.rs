@@ -217,7 +217,7 @@ fn case(
     compensate: bool,
 ) -> Result<()> {
     let chosen = tile == TileShape::for_subgroup(bench.context.info().subgroup_size);
-    let policy = Policy { reduction: Reduction::Deterministic, compensate, tile: None };
+    let policy = Policy { reduction: Reduction::Deterministic, compensate, ..Policy::default() };
     let ordered = Ordered::new(bench, scene, policy, tile)?;
     let variant = scene.variant(tile, compensate);
     let options = scene.options(tile, compensate);

@@ -15,7 +15,7 @@ use crate::{
     },
     reference::{
         self, Options, Params,
-        adam::{PlaneRate, adam},
+        adam::{PlaneRate, adam, dither_of, pack_moments, unpack_moments},
         blend::Margin,
         blend_backward::{Record, blend_backward_magnitudes},
         project_backward::{magnitudes, project_backward, sum_records},
@@ -78,9 +78,9 @@ pub(super) fn cases(
             row.work = part.work(scene, ordered, &lesson, false);
             bench.push(row);
             // A compensated step is the same step.
-            for sparse in [false, true] {
+            for (sparse, packed) in [(false, false), (true, false), (false, true)] {
                 if !options.compensate {
-                    let lesson = part.lesson(options, opacity_only, sparse);
+                    let lesson = Lesson { packed, ..part.lesson(options, opacity_only, sparse) };
                     step(bench, scene, ordered, part, lesson, &want.touched)?;
                 }
             }
@@ -145,7 +145,7 @@ type Columns = [Vec<Vec<f32>>; 3];
 impl Part {
     fn lesson(&self, options: &Options, opacity_only: bool, sparse: bool) -> Lesson {
         let compensate = options.compensate;
-        Lesson { segment: self.segment, opacity_only, sparse, bias_correction: true, compensate }
+        Lesson { segment: self.segment, opacity_only, sparse, bias_correction: true, compensate, packed: false }
     }
 
     fn seen<'a>(&self, scene: &'a Scene, ordered: &'a Ordered) -> Seen<'a> {
@@ -183,7 +183,11 @@ impl Part {
         let lobes = if self.segment == Segment::Supplement { LOBE_PLANES } else { 0 };
         let planes = if lesson.opacity_only { 1 } else { GEOMETRY_PLANES + layout::sh_planes(scene.degree) + lobes };
         // Parameter and both moments, read and written; or the gradient added to what there was.
-        let of_plane = if step { 6.0 } else { 3.0 };
+        let of_plane = match (step, lesson.packed) {
+            (true, false) => 6.0,
+            (true, true) => 4.0,
+            (false, _) => 3.0,
+        };
         Work { bytes: records * slots + count * 4.0 * (2.0 + of_plane * planes as f64), operations: 0.0 }
     }
 
@@ -252,10 +256,25 @@ fn step(
             let second = (0..count).map(|i| rms * rms * (unit(i) + 0.1)).collect();
             [first, second]
         };
-        let planes = beside_planes(&learners[0].1)[array] / 2;
+        let planes = beside_planes(&learners[0].1)[array] / if lesson.packed { 1 } else { 2 };
         own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
     };
-    let start: Columns = [moments(0), moments(1), moments(2)];
+    let mut start: Columns = [moments(0), moments(1), moments(2)];
+    let mut stored = start.clone();
+    if lesson.packed {
+        for (start, stored) in start.iter_mut().zip(&mut stored) {
+            let words = |pair: &mut [Vec<f32>]| -> Vec<f32> {
+                let [first, second] = pair else { return Vec::new() };
+                let word = |(m, v): (&mut f32, &mut f32)| {
+                    let word = pack_moments([f64::from(*m), f64::from(*v)], 0);
+                    [*m, *v] = unpack_moments(word).map(|moment| moment as f32);
+                    f32::from_bits(word)
+                };
+                first.iter_mut().zip(second).map(word).collect()
+            };
+            *stored = start.chunks_mut(2).map(words).collect();
+        }
+    }
     let name = match (lesson.opacity_only, lesson.sparse) {
         (true, true) => "step of opacity, sparse",
         (true, false) => "step of opacity",
@@ -266,7 +285,7 @@ fn step(
     for (stage, learner) in &learners {
         let prepare = || -> Result<()> {
             write(parameters, &before)?;
-            write(learner.moments.all(), &start)
+            write(learner.moments.all(), &stored)
         };
         let times = bench.time_after(prepare, |recorder| {
             if learner.gradients().is_some() {
@@ -278,9 +297,12 @@ fn step(
             }
         })?;
         let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
-        let mut row = bench.row(stage, format!("{}, {name}{}", part.name, scene.suffix(false)));
+        let packed = if lesson.packed { ", packed" } else { "" };
+        let mut row = bench.row(stage, format!("{}, {name}{packed}{}", part.name, scene.suffix(false)));
         // Training steps at once.
         row.chosen = learner.gradients().is_none();
+        let mut otherwise = 0;
+        let mut words = 0;
         for (group, rate) in part.groups(scene, lesson.opacity_only) {
             let array = group.array as usize;
             let planes = beside(&group, &own[array]);
@@ -291,20 +313,35 @@ fn step(
                 let touched = lesson.sparse.then_some(&touched[part.first..][..count]);
                 adam(&mut value, &gradients, &mut first, &mut second, count, count, &[rate], Some(STEP), touched);
                 // Each plane by itself: their magnitudes differ.
-                for (got, want) in [
-                    (&after[array][p], value),
-                    (&after_moments[array][2 * at], first),
-                    (&after_moments[array][2 * at + 1], second),
-                ] {
-                    row.numbers(got.iter().copied().zip(want));
+                row.numbers(after[array][p].iter().copied().zip(value));
+                if !lesson.packed {
+                    row.numbers(after_moments[array][2 * at].iter().copied().zip(first));
+                    row.numbers(after_moments[array][2 * at + 1].iter().copied().zip(second));
+                    continue;
+                }
+                words += count;
+                for (i, got) in after_moments[array][at].iter().enumerate().take(count) {
+                    let want = pack_moments([first[i], second[i]], dither_of(i as u32, p as u32, STEP - 1));
+                    otherwise += usize::from(got.to_bits() != want);
+                    row.unequal(u64::from(!are_neighbours(got.to_bits(), want)));
                 }
             }
+        }
+        if lesson.packed {
+            row.flips(otherwise, words);
         }
         row.time = times.of(stage);
         row.work = part.work(scene, ordered, &lesson, true);
         bench.push(row);
     }
     write(parameters, &original)
+}
+
+/// Whether two words of moments may be of the same numbers, rounded otherwise: the second moment by one step, the first, which is counted
+/// in roots of it, by one too and by half a step's share of itself.
+fn are_neighbours(got: u32, want: u32) -> bool {
+    let ([m, v], [want_m, want_v]) = (unpack_moments(got), unpack_moments(want));
+    (v - want_v).abs() <= want_v / 1023.0 && (m - want_m).abs() <= want_v.sqrt() * 1.01 / 1024.0 + want_m.abs() / 2000.0
 }
 
 /// Planes of the moments.

@@ -38,6 +38,7 @@ fn every_option_of_training_changes_the_scene() {
         "--holdout none",
         "--compensate",
         "--exposure",
+        "--precision half",
     ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
@@ -69,6 +70,13 @@ fn every_option_of_augmenting_changes_the_scene() {
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
     work.changes(
         "enhance data --base base.ply",
-        &["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--bias-correction"],
+        &[
+            "--seed 1",
+            "--ratio 0.3",
+            "--background white",
+            "--depth-threshold 0.8",
+            "--bias-correction",
+            "--precision half",
+        ],
     );
 }

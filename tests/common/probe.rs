@@ -104,7 +104,7 @@ impl<'a> Probe<'a> {
     pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
         let views = Views::upload(gpu, &[*largest], &[]).unwrap();
         let Setup { compensate, tile, reduction, degree, .. } = setup;
-        let policy = Policy { reduction, compensate, tile };
+        let policy = Policy { reduction, compensate, tile, packed: false };
         let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
         let needs = Needs { gaussians, supplement: true, degrees: vec![degree], half: false };
         Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
@@ -152,7 +152,8 @@ impl<'a> Probe<'a> {
         let learners: Vec<_> = segments
             .map(|segment| {
                 let Setup { opacity_only, compensate, .. } = self.setup;
-                let lesson = Lesson { segment, opacity_only, sparse: false, bias_correction: true, compensate };
+                let lesson =
+                    Lesson { segment, opacity_only, sparse: false, bias_correction: true, compensate, packed: false };
                 [true, false].map(|accumulate| Learner::new(&model, lesson, accumulate).unwrap())
             })
             .collect();

@@ -352,6 +352,7 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
             sparse: false,
             bias_correction: true,
             compensate: false,
+            packed: false,
         };
         let plan = move |step| options.plan(2.0, step);
         let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule.clone(), 1, plan).unwrap();

@@ -163,6 +163,7 @@ pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
     let count = count_of(h.population, segment, page_first, stride, h.workgroups.threads());
     let [small, most] = [small, most].map(f64::from);
     let apply = Apply { strategy: h.spec.strategy, small, most, step, seed };
+    let moments = h.spec.moments as usize;
     for place in 0..count {
         let number = page_first + place as u32;
         let copies = h.copies[h.sources[number as usize] as usize];
@@ -175,10 +176,10 @@ pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
             h.geometry[at(LOG_SCALE + c)] = new.log_scale[c] as f32;
         }
         h.geometry[at(OPACITY)] = new.logit as f32;
-        for m in (0..2 * GEOMETRY_PLANES).filter(|m| begins.all || (begins.opacity && m / 2 == OPACITY)) {
+        for m in (0..moments * GEOMETRY_PLANES).filter(|m| begins.all || (begins.opacity && m / moments == OPACITY)) {
             h.geometry_moments[at(m)] = 0.0;
         }
-        (0..2 * h.spec.sh_planes as usize).filter(|_| begins.all).for_each(|m| h.sh_moments[at(m)] = 0.0);
+        (0..moments * h.spec.sh_planes as usize).filter(|_| begins.all).for_each(|m| h.sh_moments[at(m)] = 0.0);
         (0..SCORES as usize).for_each(|p| h.scores[at(p)] = 0.0);
     }
     Ok(())

@@ -6,7 +6,7 @@ use super::{Outcome, failed, page, params, records_of, view, wide};
 use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
-        adam::{PlaneRate, adam_one, unit_before_step},
+        adam::{PlaneRate, adam_one, dither_of, pack_moments, unit_before_step, unpack_moments},
         blend_backward::Record,
         lobe,
         project_backward::{regularise, sum_records},
@@ -32,6 +32,8 @@ struct Planes<'a> {
     lobes: &'a mut [f32],
     beside: [&'a mut [f32]; 3],
     stride: usize,
+    page_first: u32,
+    packed: bool,
 }
 
 /// What moves.
@@ -92,7 +94,7 @@ impl Planes<'_> {
             [r.mean, r.log_scale, r.quat, r.opacity, r.dc, r.sh, r.direction, r.width, r.sharpness].map(f64::from);
         // The kernel multiplies by what the twin divides by.
         let correct = |corrections: [f32; 2]| corrections.map(|c| 1.0 / f64::from(c));
-        let stride = self.stride;
+        let Planes { stride, page_first, packed, .. } = *self;
         for (number, group) in moves.groups() {
             let rate = PlaneRate::of(&group, rates[number]);
             let correct = match group.array {
@@ -102,15 +104,23 @@ impl Planes<'_> {
             let grads = values(grads, group.array);
             let (params, moments) = self.array(group.array);
             for p in group.planes.clone() {
-                let first = 2 * moves.beside(p) * stride;
+                let first = if packed { 1 } else { 2 } * moves.beside(p) * stride;
                 for place in (0..steps.len()).filter(|&place| steps[place]) {
                     let at = p * stride + place;
-                    let [mut m, mut v] = [moments[first + place], moments[first + stride + place]].map(f64::from);
+                    let [mut m, mut v] = match packed {
+                        true => unpack_moments(moments[first + place].to_bits()),
+                        false => [moments[first + place], moments[first + stride + place]].map(f64::from),
+                    };
                     let mut param = f64::from(params[at]);
                     adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct);
                     params[at] = param as f32;
-                    moments[first + place] = m as f32;
-                    moments[first + stride + place] = v as f32;
+                    if packed {
+                        let dither = dither_of(page_first + place as u32, p as u32, r.step);
+                        moments[first + place] = f32::from_bits(pack_moments([m, v], dither));
+                    } else {
+                        moments[first + place] = m as f32;
+                        moments[first + stride + place] = v as f32;
+                    }
                 }
             }
         }
@@ -149,7 +159,7 @@ impl Planes<'_> {
 
 pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     let kernels::adam::Push { segment, page_first, stride, rates } = h.push;
-    let kernels::adam::Spec { has_lobes, opacity_only, sparse, sh_degree, .. } = h.spec;
+    let kernels::adam::Spec { has_lobes, opacity_only, sparse, packed, sh_degree, .. } = h.spec;
     if failed(h.status) {
         return Ok(());
     }
@@ -166,7 +176,7 @@ pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     let steps: Vec<bool> =
         (0..count).map(|place| (!sparse || blended(place)) && is_sound(&grads, moves, place)).collect();
     let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
-    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride };
+    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride, page_first, packed };
     // What is made a unit vector has the gradient of that vector: longer by the length.
     for place in (0..count).filter(|&place| steps[place] && !opacity_only) {
         scale(&mut grads.geometry, QUAT..QUAT + 4, stride, place, || {
@@ -209,8 +219,16 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         mean_opacity,
         mean_scale,
     } = h.push;
-    let kernels::project_backward::Spec { compensate, has_lobes, opacity_only, sparse, accumulate, sh_degree, .. } =
-        h.spec;
+    let kernels::project_backward::Spec {
+        compensate,
+        has_lobes,
+        opacity_only,
+        sparse,
+        accumulate,
+        packed,
+        sh_degree,
+        ..
+    } = h.spec;
     if failed(h.status) {
         return Ok(());
     }
@@ -245,7 +263,8 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     let blended: Vec<bool> = sums.iter().zip(&marks).map(is_blended).collect();
 
     let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
-    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride: stride as usize };
+    let [geometry, sh, lobes] = [h.geometry, h.sh, h.lobes];
+    let mut planes = Planes { geometry, sh, lobes, beside, stride: stride as usize, page_first, packed };
     let read =
         |planes: &Planes<'_>| params([planes.geometry, planes.sh, planes.lobes], count, stride, has_lobes, sh_degree);
     if !opacity_only && !accumulate {
