@@ -92,16 +92,7 @@ impl Progress {
     pub(super) fn new(label: &'static str, unit: &'static str, total: u64) -> Self {
         let bar = if is_quiet() { ProgressBar::hidden() } else { BARS.add(ProgressBar::new(total)) };
         bar.set_length(total);
-        let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-            let pace = Pace { done: state.pos(), total: state.len().unwrap_or(0), elapsed: state.elapsed() };
-            // A line that cannot be made is a line less.
-            let _ = write!(out, "{}{}", pace.rate(), pace.left_text());
-        };
-        let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{pace}}{{msg}}");
-        // A template that does not parse would leave indicatif's own bar.
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            bar.set_style(style.with_key("pace", rate).progress_chars("━╸─"));
-        }
+        set_style(&bar, label, unit, "");
         bar.tick();
         let ended = (BARS.is_hidden() && !is_quiet()).then(|| {
             let (ended, wait) = mpsc::channel();
@@ -130,9 +121,12 @@ impl Progress {
         self.set(done);
     }
 
-    /// What else is to be seen beside the rate.
+    /// What else is to be seen, in a line below the bar.
     pub(super) fn say(&self, text: impl Display) {
-        self.bar.set_message(format!(", {text}"));
+        if self.bar.message().is_empty() {
+            set_style(&self.bar, self.label, self.unit, "\n  {wide_msg}");
+        }
+        self.bar.set_message(text.to_string());
     }
 }
 
@@ -148,6 +142,20 @@ impl Drop for Progress {
     }
 }
 
+/// A bar, and `more` behind its line.
+fn set_style(bar: &ProgressBar, label: &str, unit: &str, more: &str) {
+    let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        let pace = Pace { done: state.pos(), total: state.len().unwrap_or(0), elapsed: state.elapsed() };
+        // A line that cannot be made is a line less.
+        let _ = write!(out, "{}{}", pace.rate(), pace.left_text());
+    };
+    let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{pace}}{more}");
+    // A template that does not parse would leave indicatif's own bar.
+    if let Ok(style) = ProgressStyle::with_template(&template) {
+        bar.set_style(style.with_key("pace", rate).progress_chars("━╸─"));
+    }
+}
+
 /// How a loop gets on: mean loss and PSNR of its last pass, Gaussians, and what the device holds.
 pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context: &Context) -> String {
     let quality = lately.map_or(String::new(), |[loss, psnr]| format!("loss {loss:.4}, {psnr:.2} dB, "));
@@ -159,7 +167,9 @@ pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context:
 fn heartbeat(label: &str, unit: &str, bar: &ProgressBar) -> String {
     let pace = Pace::of(bar);
     let Pace { done, total, .. } = pace;
-    format!("{label}: {done}/{total} {unit}, {}{}{}", pace.rate(), pace.left_text(), bar.message())
+    let said = bar.message();
+    let more = if said.is_empty() { said } else { format!(", {said}") };
+    format!("{label}: {done}/{total} {unit}, {}{}{more}", pace.rate(), pace.left_text())
 }
 
 /// Does `beat` at every interval until the other end of `wait` is gone.
