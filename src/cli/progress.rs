@@ -241,7 +241,7 @@ mod tests {
         let bar = ProgressBar::hidden();
         bar.set_length(8);
         bar.set_position(2);
-        bar.set_message(", loss 0.5");
+        bar.set_message("loss 0.5");
         let shown = bar.clone();
         let thread = thread::spawn(move || {
             every(Duration::from_millis(1), &wait, || drop(sender.send(heartbeat("joining", "steps", &shown))));
