@@ -109,8 +109,8 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
         ("project", "main", 10),
         ("screen_project", "main", 3),
         ("blend", "take", 4),
-        ("blend_backward", "tile_backward", 4),
-        ("blend_backward_atomic", "tile_backward", 4),
+        ("blend_backward", "take", 4),
+        ("blend_backward_atomic", "take", 4),
         ("project_backward", "main", 4),
     ] {
         let [_, kept] = found[&(kernel, function.to_owned())];
