@@ -12,8 +12,9 @@ use glint::{
     pipelines::{
         learn::{Learner, Lesson, Rates, Seen},
         model::{Model, Rearrange, Room, Segment, Sources},
+        raster::{Raster, RasterOptions},
         render::{Needs, RenderOptions, Renderer, Show},
-        session::Session,
+        session::{Policy, Session},
         train::{StepPlan, Trainer},
         views::Views,
     },
@@ -202,4 +203,46 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
     println!("160 photographs: {} bytes of buffers, {} of the whole process at most", gpu.memory().used, peak_memory());
     let page = views.same_page(0);
     assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
+}
+
+/// README's figures of what training holds for each Gaussian of degree 3 and for each intersection.
+#[test]
+fn a_gaussian_that_learns_takes_776_bytes_and_540_with_packed_moments() {
+    let gpu = Gpu::new();
+    let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
+    let held = |splats: u32, isects: u32| {
+        let options = RasterOptions {
+            splats,
+            pixels: 1,
+            tiles: 64,
+            isects,
+            batch: false,
+            background_image: false,
+            median: false,
+            occluded: false,
+            backward: true,
+            policy: Policy::default(),
+        };
+        Raster::plan(&options).bytes()
+    };
+    // Beside the words of each there are counts of blocks, some bits of a word.
+    let many = 1u32 << 20;
+    let [splat, isect] = [held(many, 1), held(1, many)].map(|bytes| (bytes - held(1, 1)) as usize / many as usize);
+    assert!((68..70).contains(&splat), "{splat} bytes of the raster for a Gaussian");
+    assert!((56..58).contains(&isect), "{isect} bytes for an intersection");
+    for (packed, want) in [(false, 776), (true, 540)] {
+        let lesson = Lesson {
+            segment: Segment::Base,
+            opacity_only: false,
+            sparse: false,
+            bias_correction: true,
+            compensate: false,
+            packed,
+        };
+        let learner = Learner::new(&model, lesson, false).unwrap();
+        let part = model.part(Segment::Base);
+        let planes: usize =
+            [&part.geometry, &part.sh].into_iter().chain(learner.moments.all()).map(|planes| planes.planes()).sum();
+        assert_eq!(4 * planes + 68, want);
+    }
 }

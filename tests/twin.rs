@@ -495,7 +495,10 @@ fn a_device_of_twins_is_its_twins() {
     let atomics = gpu.info().float_atomics;
     assert!(twins().iter().all(|t| stages.contains(t.stage) || (t.stage == "blend_backward_atomic" && !atomics)));
     for row in report.rows.iter().filter(|row| !row.stage.starts_with('(')) {
-        assert!(row.errors.flips.unwrap_or(0.0) == 0.0, "{row:?}");
+        // A packed moment is rounded in steps of a thousandth: gradients that are rounded to 6e-8 on their way here put one in some
+        // thousands of words on the other side.
+        let flips = if row.variant.contains(", packed") { 1e-3 } else { 0.0 };
+        assert!(row.errors.flips.unwrap_or(0.0) <= flips, "{row:?}");
         // One rounding is 6e-8; lifts go through several kernels' results and a cube root's worth of them.
         let bound = if row.stage == "lift_pca" { 2e-6 } else { 4e-7 };
         assert!(row.errors.max.unwrap_or(0.0) <= bound || row.stage == "fma_rate", "{row:?}");
