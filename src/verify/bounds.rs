@@ -137,7 +137,6 @@ pub const BOUNDS: [Bound; 59] = [
                  gradient is known to 1e-6 over how near to 0 a factor comes, such as the angle left to a lobe's end: the nearest but one \
                  in a thousand to 1e-3 of its range. A word of moments holds the second in steps of 1e-3 of itself and the first in some \
                  thousands: an error of 1.3e-5 puts one in thirty on the other side of the draw by which it is rounded.",
-        ..EXACT
     },
     Bound {
         stage: "adam",
