@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, SceneFile, SceneFormat, read_scene, write_scene_file},
+    data::{Dataset, SceneFile, SceneFormat, read_scene, write_scene_as},
     pipelines::{
         layers::{Layer, Layers},
         render::RenderOptions,
@@ -29,7 +29,7 @@ The ending of the output's name says what it becomes:
   .glb             glTF with KHR_gaussian_splatting: everything, as 32-bit floats; lobes in an extension of glint's
   .compressed.ply  PlayCanvas: positions of 11, 10 and 11 bits within chunks of 256 Gaussians
   .sog             PlayCanvas: positions of 16 bits, colours and sizes by codebooks, in lossless images
-  .spz             Niantic, version 4: positions of 24 bits, all else bytes or less
+  .spz             Niantic, version 4 unless --spz-version says otherwise: positions of 24 bits, all else bytes or less
   .splat           positions and sizes, colours and rotations as bytes; no colour that depends on the view
 
 Only .ply and .glb have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
@@ -38,6 +38,7 @@ SPZ since version 1, SOG also as a folder, and .gltf.
 
 Examples:
   glint convert base.ply base.spz
+  glint convert base.ply base.spz --spz-version 3        for viewers that know no version 4
   glint convert augmented.ply base.sog --base-only
   glint convert download.splat scene.ply --lenient
   glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
@@ -53,6 +54,10 @@ pub(super) struct Args {
     /// Leave out Gaussians with lobes
     #[arg(long)]
     base_only: bool,
+    /// Version of an SPZ file, for viewers that do not know 4: 3 holds the same in more bytes, 2 has coarser rotations, 1 positions of 16
+    /// bits besides
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
+    spz_version: Option<u8>,
     #[command(flatten)]
     lenient: SceneArgs,
     #[command(flatten)]
@@ -90,7 +95,13 @@ struct Report {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let (input, output) = (&self.input, &self.output);
-        let format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
+        let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
+        if let Some(version) = self.spz_version {
+            if !matches!(format, SceneFormat::Spz { .. }) {
+                return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())).into());
+            }
+            format = SceneFormat::Spz { version };
+        }
         let ending = output.extension().unwrap_or_default().to_string_lossy();
         let dataset = self.compare.as_ref().map(|path| self.photos.open(path)).transpose()?;
         let mut inputs = Inputs::default().scene(input);
@@ -111,7 +122,7 @@ impl Args {
                 format.greatest_sh_degree() + 1
             ));
         }
-        write_scene_file(output, &file)?;
+        write_scene_as(output, format, &file)?;
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),

@@ -72,12 +72,12 @@ pub use ply_write::{scene_bytes, write_augmented, write_scene};
 pub use reduce::Reduce;
 #[cfg(feature = "train")]
 pub use region::{Focus, NEAR};
-#[cfg(feature = "train")]
-pub use scene_file::write_scene_file;
 pub use scene_file::{
     SceneFile, SceneFormat, is_scene_folder, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
     read_scene_leniently,
 };
+#[cfg(feature = "train")]
+pub use scene_file::{write_scene_as, write_scene_file};
 pub use sound::Dropped;
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};

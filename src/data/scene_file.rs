@@ -55,8 +55,12 @@ pub enum SceneFormat {
     PackedPly,
     /// Binary glTF with `KHR_gaussian_splatting`: all there is, as float32.
     Gltf,
-    /// Niantic's: all in few bits, compressed; 8 for what is not a position.
-    Spz,
+    /// Niantic's: all in few bits, compressed; 8 for what is not a position. Version 3 holds what 4 does; 2 has coarser rotations, and
+    /// 1 positions of 16 bits besides.
+    Spz {
+        /// 1 to 4.
+        version: u8,
+    },
     /// PlayCanvas's: pixels of lossless images, numbers of codebooks.
     Sog,
     /// `.splat`: the constant harmonic alone, bytes for all but positions and scales.
@@ -71,7 +75,7 @@ impl SceneFormat {
         ("glb", SceneFormat::Gltf),
         ("sog", SceneFormat::Sog),
         ("splat", SceneFormat::Splat),
-        ("spz", SceneFormat::Spz),
+        ("spz", SceneFormat::Spz { version: 4 }),
     ];
 
     /// What `path` is called.
@@ -96,15 +100,25 @@ impl SceneFormat {
 /// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all.
 ///
 /// # Errors
-/// [`Error::Usage`] where the name has none of the endings, where the format has no room for the supplement that the scene has, and
-/// where a number is not finite.
+/// [`Error::Usage`] where the name has none of the endings, and as [`write_scene_as`].
 pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<()> {
     let path = path.as_ref();
-    let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
-    let Some(format) = SceneFormat::of(path) else {
+    let format = SceneFormat::of(path).ok_or_else(|| {
         let endings: Vec<&str> = SceneFormat::ALL.iter().map(|(ending, _)| *ending).collect();
-        return refuse(format!("no scene is written under this name, expected the ending {}", endings.join(", ")));
-    };
+        let (path, endings) = (path.display(), endings.join(", "));
+        Error::Usage(format!("{path}: no scene is written under this name, expected the ending {endings}"))
+    })?;
+    write_scene_as(path, format, file)
+}
+
+#[cfg(feature = "train")]
+/// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Usage`] where the format has no room for the supplement that the scene has or for a number, and where a number is not finite.
+pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<()> {
+    let path = path.as_ref();
+    let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
     let Scene { base, supplement } = &file.scene;
     if format == SceneFormat::Ply {
         return ply_write::write_augmented(path, file.shown.as_ref().unwrap_or(base), &file.scene);
@@ -129,7 +143,7 @@ fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()>
         SceneFormat::Gltf => formats::write_gltf(file, path)?,
         SceneFormat::Sog => formats::write_sog(base, file.antialiased, path)?,
         SceneFormat::Splat => formats::write_splat(base),
-        SceneFormat::Spz => formats::write_spz(base, file.antialiased, path)?,
+        SceneFormat::Spz { version } => formats::write_spz(base, file.antialiased, version, path)?,
     };
     write_whole(path, |out| out.write_all(&bytes))
 }

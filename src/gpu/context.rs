@@ -44,8 +44,8 @@ pub struct ContextOptions {
 }
 
 impl ContextOptions {
-    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS and GLINT_LOST_AFTER say;
-    /// the latter three are for tests.
+    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_MEMORY_BUDGET (bytes), GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS
+    /// and GLINT_LOST_AFTER say; the latter three are for tests.
     pub fn from_env() -> Self {
         let text = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
         ContextOptions {
@@ -55,7 +55,8 @@ impl ContextOptions {
             subgroup_size: text("GLINT_SUBGROUP_SIZE").map(|size| size.parse().unwrap_or(0)),
             #[cfg(feature = "software-subgroups")]
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
-            memory_budget: None,
+            // Nothing fits into a budget that is not a number, and the error says how large it is.
+            memory_budget: text("GLINT_MEMORY_BUDGET").map(|bytes| bytes.parse().unwrap_or(0)),
             twins: Vec::new(),
             lost_after: text("GLINT_LOST_AFTER").and_then(|count| count.parse().ok()),
         }

@@ -54,6 +54,12 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         assert_eq!(read_scene(work.path("from_folder.ply")).unwrap(), read_scene(work.path("a.sog")).unwrap());
     }
     work.ok("eval a.spz data");
+    for (version, psnr) in [(1, 20.0), (2, 20.0), (3, 30.0)] {
+        let convert = format!("convert base.ply v{version}.spz --spz-version {version} --compare data --json");
+        assert!(work.json(&convert)["psnr"].as_f64().unwrap() > psnr);
+    }
+    assert_eq!(read_scene(work.path("v3.spz")).unwrap(), read_scene(work.path("a.spz")).unwrap());
+    work.refused("convert base.ply v.sog --spz-version 3", &["v.sog", "--spz-version"]);
     let report = work.json("enhance data --base a.sog -o x.ply --method augs --preset quick --ratio 0.05 --json");
     assert_eq!(report["base_gaussians"], 200);
 }

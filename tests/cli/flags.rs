@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use super::{Work, run};
+use image::Rgba;
+
+use super::{NAMES, Work, run};
 
 impl Work {
     /// The scene that a command makes with some options. Without the validation layers, which would take a third of the time: other
@@ -79,4 +81,32 @@ fn every_option_of_augmenting_changes_the_scene() {
             "--precision half",
         ],
     );
+}
+
+/// Photos of which a part is transparent are learned from, and judged by, as if they had been taken before the background.
+#[test]
+fn what_is_transparent_in_a_photo_has_the_background() {
+    let work = Work::new();
+    // What a transparent pixel holds besides is nobody's business.
+    let fill = |work: &Work, hidden: Rgba<u8>| {
+        for name in NAMES {
+            let path = work.path("data/images").join(name);
+            let mut photo = image::open(&path).unwrap().into_rgba8();
+            photo.pixels_mut().step_by(3).for_each(|pixel| *pixel = hidden);
+            photo.save(&path).unwrap();
+        }
+    };
+    let (train, white) = ("train data --iterations 5 --sh-degree 0", "--background white");
+    let psnr =
+        |work: &Work, options: &str| work.json(&format!("eval base.ply data --json {options}"))["base"]["psnr"].clone();
+    work.ok(&format!("{train} -o base.ply"));
+    fill(&work, Rgba([9, 200, 90, 0]));
+    let transparent = (work.made(train, ""), work.made(train, white), psnr(&work, ""), psnr(&work, white));
+    fill(&work, Rgba([0, 0, 0, 255]));
+    assert!(work.made(train, "") == transparent.0);
+    assert_eq!(psnr(&work, ""), transparent.2);
+    fill(&work, Rgba([255; 4]));
+    assert!(work.made(train, white) == transparent.1);
+    assert_eq!(psnr(&work, white), transparent.3);
+    assert_ne!(transparent.2, transparent.3);
 }

@@ -252,6 +252,58 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     }
 }
 
+/// Whatever buffer does not fit, a command ends with an error that tells of memory, or finds a way with less; what it leaves is whole.
+#[test]
+fn memory_that_runs_out_anywhere_is_an_error() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 20 --sh-degree 1");
+    let before = work.listing();
+    let clean = || {
+        for (path, _) in work.listing().into_iter().filter(|(path, _)| !before.contains_key(path)) {
+            // What lay within is gone with the folder.
+            let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        }
+    };
+    for arguments in [
+        "train data --iterations 20 --sh-degree 1 --deterministic -o made.ply",
+        "enhance data --base base.ply -o made.ply",
+        "enhance data --base base.ply --method augs --preset quick -o made.ply",
+        "render base.ply data -o made",
+        "eval base.ply data --report made",
+    ] {
+        work.ok(arguments);
+        let whole = work.listing();
+        let fits = |budget: u64| {
+            clean();
+            let mut command = work.command(arguments);
+            // The layers look at the same commands elsewhere.
+            command.env("GLINT_MEMORY_BUDGET", budget.to_string()).env_remove("GLINT_VALIDATION");
+            let output = run::run(&mut command);
+            let (left, told) = (work.listing(), format!("glint {arguments} in {budget} bytes"));
+            if output.status.success() {
+                // Augmentation may choose otherwise where there is room for fewer candidates at once.
+                assert!(arguments.starts_with("enhance") || left == whole, "{told}");
+                return true;
+            }
+            let said = String::from_utf8(output.stderr).unwrap();
+            let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+            assert_eq!(output.status.code(), Some(1), "{told}: {said}");
+            assert!(matches!(errors[..], [line] if line.contains("memory")), "{told}: {said}");
+            assert!(left.iter().all(|(path, bytes)| whole.get(path) == Some(bytes)), "{told} leaves another thing");
+            assert!(!work.path("made.ply").exists(), "{told}");
+            false
+        };
+        // The least that is enough, from both sides, so that what fails is allocated ever later.
+        let (mut few, mut enough) = (0, 1 << 25);
+        assert!(fits(enough), "glint {arguments}");
+        while few == 0 || enough - few > enough / 8 {
+            let budget = if few == 0 { enough / 2 } else { u64::midpoint(few, enough) };
+            *if fits(budget) { &mut enough } else { &mut few } = budget;
+        }
+        clean();
+    }
+}
+
 /// A limit on the size of files stands for a disk that is full: writing fails in the middle either way.
 #[cfg(unix)]
 #[test]

@@ -1,6 +1,8 @@
 //! SPZ, all versions.
 
-use std::io::Write;
+use std::io::{Read, Write};
+
+use glint::data::{SceneFormat, write_scene_as};
 
 use super::*;
 
@@ -68,10 +70,9 @@ fn versions_1_to_3_are_read_as_described_and_turned_to_the_frame_of_ply() {
     }
 }
 
-#[test]
-fn version_4_is_written_as_described() {
-    let mut scene = sample(5, 1, 1);
-    scene.base = Gaussians {
+/// What [`legacy`] holds, in the frame of PLY.
+fn one() -> Scene {
+    let base = Gaussians {
         sh_degree: 1,
         means: vec![[1.5, 2.0, -0.25]],
         log_scales: vec![[0.0, 1.0, -10.0]],
@@ -79,7 +80,78 @@ fn version_4_is_written_as_described() {
         opacities: vec![-(4f32.ln())],
         sh: vec![[-0.5 / 0.15, 0.5 / 0.15, 0.0], [-0.5, 0.25, 1.0], [0.0; 3], [0.5, -0.5, 0.0]],
     };
-    let (_, bytes) = round_trip(&scene, "spz");
+    Scene { base, supplement: None }
+}
+
+fn written(scene: &Scene, version: u8) -> Result<Vec<u8>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.spz");
+    write_scene_as(&path, SceneFormat::Spz { version }, &scene.clone().into()).map_err(|error| error.to_string())?;
+    Ok(fs::read(path).unwrap())
+}
+
+#[test]
+fn versions_1_to_3_are_written_as_described() {
+    for version in 1..=3 {
+        let mut stream = Vec::new();
+        flate2::read::GzDecoder::new(&written(&one(), version).unwrap()[..]).read_to_end(&mut stream).unwrap();
+        let mut expected = legacy(version.into(), 1);
+        // As many bits after the point as there are, but in version 1.
+        expected[13] = stream[13];
+        let at = if version == 1 { 22 } else { 25 };
+        if version > 1 {
+            let one = 1 << stream[13];
+            let fixed = stream[16..25].chunks_exact(3).map(|b| i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8);
+            assert_eq!(fixed.collect::<Vec<i32>>(), [one + one / 2, -2 * one, one / 4]);
+            expected.splice(16..25, stream[16..25].iter().copied());
+        }
+        // 0.5 as a colour's byte, a turn about x alone, and a band of zeros, where the bytes of reading have other numbers.
+        let turn = if version < 3 { vec![255, 128, 128] } else { vec![0; 4] };
+        let harmonics = at + 7 + turn.len();
+        expected.splice(at + 7..harmonics, turn);
+        expected.splice(harmonics..harmonics + 9, [192, 96, 0, 128, 128, 128, 192, 64, 128]);
+        assert_eq!(stream, expected, "version {version}");
+    }
+    for version in [0, 5] {
+        assert!(written(&one(), version).unwrap_err().contains("expected 1 to 4"));
+    }
+}
+
+#[test]
+fn older_versions_come_back_within_half_a_step_and_3_as_4_does() {
+    let scene = sample(11, 400, 2);
+    let back = |version| read("old.spz", &written(&scene, version).unwrap()).unwrap().scene.base;
+    let [first, second, third, fourth] = [1, 2, 3, 4].map(back);
+    assert_eq!(third, fourth);
+    assert_eq!((&second.means, &second.opacities, &second.sh), (&fourth.means, &fourth.opacities, &fourth.sh));
+    assert_eq!((&first.quats, &first.sh), (&second.quats, &second.sh));
+    for (i, mean) in scene.base.means.iter().enumerate() {
+        for axis in 0..3 {
+            // 11 bits of float16, whose least number that is not denormal is 2⁻¹⁴.
+            let step = f64::from(mean[axis]).abs().max(2f64.powi(-14)) * 2f64.powi(-10);
+            assert!((f64::from(first.means[i][axis]) - f64::from(mean[axis])).abs() <= 0.5 * step + ROUNDING);
+        }
+        // Half a step of 1 / 127.5 in each of x, y and z; what follows for w is as far off where w is not small, and at most the root
+        // of what all three are off by where it is.
+        let [a, b] = [scene.base.quats[i], second.quats[i]].map(|quat| {
+            let length = quat.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+            quat.map(|v| f64::from(v) / length * f64::from(quat[0].signum()))
+        });
+        let off = (0..3).map(|axis| (a[axis + 1] - b[axis + 1]).abs()).fold(0.0, f64::max);
+        // A w that was lost makes the other three too long, by as much as it was.
+        let lost = if f64::from(second.quats[i][0]) == 0.0 { 0.5 * 3.0 / 127.5 } else { 0.0 };
+        assert!(off <= 0.5 / 127.5 + lost + ROUNDING, "{off}");
+        assert!((a[0] - b[0]).abs() <= (2.0 * 3f64.sqrt() / 127.5).sqrt(), "{a:?} {b:?}");
+    }
+    let mut far = sample(2, 3, 0);
+    far.base.means[0] = [70_000.0, 0.0, 0.0];
+    assert!(written(&far, 1).unwrap_err().contains("version 1 holds, ±65504"));
+    assert!(written(&far, 2).is_ok());
+}
+
+#[test]
+fn version_4_is_written_as_described() {
+    let (_, bytes) = round_trip(&one(), "spz");
     assert_eq!(bytes[..16], [b'N', b'G', b'S', b'P', 4, 0, 0, 0, 1, 0, 0, 0, 1, bytes[13], 0, 6]);
     assert_eq!(bytes[16..32], [32, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
     let mut at = 32 + 6 * 16;

@@ -1,8 +1,8 @@
-//! Decompression that trusts nobody: what comes out is bounded before there is room for it.
+//! Decompression that trusts nobody: what comes out is bounded before there is room for it. And gzip's other direction.
 
-use std::io::Read;
+use std::io::{self, Read, Write};
 
-use flate2::read::GzDecoder;
+use flate2::{Compression, read::GzDecoder, write::GzEncoder};
 
 /// What a scene may become when it is decompressed, for each byte of its file. Its positions and rotations hardly shrink, so real scenes
 /// become 2 to 8 times as large; gzip ends at 1,032 and zstd at 32,768.
@@ -29,11 +29,18 @@ pub(super) fn gzip(bytes: &[u8], limit: u64) -> Result<(Vec<u8>, bool), String> 
     Ok((out, more))
 }
 
+/// A gzip stream of all.
+pub(super) fn deflate(bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes)?;
+    encoder.finish()
+}
+
 /// All of a zstd stream, which must become `length` bytes; those have passed [`check_promise`].
 pub(super) fn zstd(bytes: &[u8], length: usize, what: &str) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     out.try_reserve_exact(length).map_err(|error| format!("{what}: {error}"))?;
-    let fail = |error: std::io::Error| format!("the stream of {what} is not sound: {error}");
+    let fail = |error: io::Error| format!("the stream of {what} is not sound: {error}");
     zstd::bulk::Decompressor::new().and_then(|mut zstd| zstd.decompress_to_buffer(bytes, &mut out)).map_err(fail)?;
     if out.len() != length {
         return Err(format!("the stream of {what} holds {} bytes, expected {length}", out.len()));

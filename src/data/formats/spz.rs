@@ -22,8 +22,8 @@ use crate::scene::Gaussians;
 use crate::{Error, Result};
 
 const MAGIC: [u8; 4] = *b"NGSP";
-/// The version that is written.
-const VERSION: u32 = 4;
+/// The newest.
+const VERSION: u8 = 4;
 /// Header of versions up to 3, and of 4.
 const LEGACY_HEADER: usize = 16;
 const HEADER: usize = 32;
@@ -259,25 +259,42 @@ fn pack_rotation([w, x, y, z]: [f32; 4]) -> u32 {
     })
 }
 
-/// The file's bytes, in version 4.
+/// x, y and z of versions 1 and 2, with the sign that makes w positive.
+fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
+    let [w, x, y, z] = quantise::unit(quat);
+    let sign = if w < 0.0 { -1.0 } else { 1.0 };
+    [x, y, z].map(|v| quantise::byte(127.5 * (sign * v + 1.0)))
+}
+
+/// The file's bytes in one of the versions 1 to 4.
 ///
 /// # Errors
-/// [`Error::Usage`] where a position is beyond what 24 bits hold.
-pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
+/// [`Error::Usage`] where there is no such version or a position is beyond what it holds.
+pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, version: u8, path: &Path) -> Result<Vec<u8>> {
+    let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
+    if !(1..=VERSION).contains(&version) {
+        return Err(refuse(format!("there is no SPZ version {version}, expected 1 to {VERSION}")));
+    }
+    let fraction_bits = fraction_bits(gaussians, version).map_err(refuse)?;
+    let count =
+        u32::try_from(gaussians.len()).map_err(|_| refuse(format!("SPZ holds no more than {} Gaussians", u32::MAX)))?;
     let mut turned = gaussians.clone();
     axes::flip(&mut turned, Y_UP_Z_BACK);
-    let fraction_bits = fraction_bits(gaussians).map_err(|what| Error::Usage(format!("{}: {what}", name(path))))?;
-    let count = u32::try_from(gaussians.len())
-        .map_err(|_| Error::Usage(format!("{}: SPZ holds no more than {} Gaussians", name(path), u32::MAX)))?;
-    let streams = encode(&turned, fraction_bits);
+    let streams = encode(&turned, fraction_bits, version);
     let streams: Vec<&[u8]> = streams.iter().map(Vec::as_slice).filter(|stream| !stream.is_empty()).collect();
     let fail = |error| Error::io(path, error);
+    let mut out = Vec::from(MAGIC);
+    out.extend([u32::from(version), count].into_iter().flat_map(u32::to_le_bytes));
+    let flags = if antialiased { ANTIALIASED } else { 0 };
+    out.extend([gaussians.sh_degree as u8, fraction_bits, flags]);
+    if version < 4 {
+        out.resize(LEGACY_HEADER, 0);
+        streams.iter().for_each(|stream| out.extend(*stream));
+        return inflate::deflate(&out).map_err(fail);
+    }
     let packed: Vec<Vec<u8>> =
         streams.iter().map(|stream| zstd::bulk::compress(stream, LEVEL)).collect::<Result<_, _>>().map_err(fail)?;
-    let mut out = Vec::from(MAGIC);
-    out.extend([VERSION, count].into_iter().flat_map(u32::to_le_bytes));
-    let flags = if antialiased { ANTIALIASED } else { 0 };
-    out.extend([gaussians.sh_degree as u8, fraction_bits, flags, streams.len() as u8]);
+    out.push(streams.len() as u8);
     out.extend((HEADER as u32).to_le_bytes());
     out.resize(HEADER, 0);
     for (stream, packed) in streams.iter().zip(&packed) {
@@ -287,30 +304,44 @@ pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Pa
     Ok(out)
 }
 
-/// As many bits after the point as leave room for the farthest position.
-fn fraction_bits(gaussians: &Gaussians) -> Result<u8, String> {
+/// As many bits after the point as leave room for the farthest position; version 1, whose positions are float16, does not look at them.
+fn fraction_bits(gaussians: &Gaussians, version: u8) -> Result<u8, String> {
     let farthest = gaussians.means.iter().flatten().fold(0.0f64, |most, &v| most.max(f64::from(v).abs()));
+    let beyond = |most: f64| {
+        Err(format!(
+            "a position of {farthest:e} is beyond what SPZ version {version} holds, ±{most}; .ply and .glb hold it"
+        ))
+    };
+    if version == 1 {
+        let most = f64::from(half::f16::MAX);
+        return if farthest > most { beyond(most) } else { Ok(0) };
+    }
     let fits = |bits: &u8| (farthest * f64::from(*bits).exp2()).round() <= *FIXED.end();
-    (0..=MOST_FRACTION_BITS).rev().find(fits).ok_or_else(|| {
-        format!("a position of {farthest:e} is beyond what SPZ holds, ±{}; .ply and .glb hold it", FIXED.end())
-    })
+    (0..=MOST_FRACTION_BITS).rev().find(fits).map_or_else(|| beyond(*FIXED.end()), Ok)
 }
 
-fn encode(gaussians: &Gaussians, fraction_bits: u8) -> [Vec<u8>; 6] {
+fn encode(gaussians: &Gaussians, fraction_bits: u8, version: u8) -> [Vec<u8>; 6] {
     let one = f64::from(fraction_bits).exp2();
     let fixed = |v: f32| {
         let [a, b, c, _] = ((f64::from(v) * one).round().clamp(*FIXED.start(), *FIXED.end()) as i32).to_le_bytes();
         [a, b, c]
     };
+    let positions = gaussians.means.iter().flatten();
     let k = gaussians.sh_coefficients();
     let constant = gaussians.sh.iter().step_by(k).flatten();
     let higher = gaussians.sh.iter().enumerate().filter(|(i, _)| i % k > 0);
     [
-        gaussians.means.iter().flatten().flat_map(|&v| fixed(v)).collect(),
+        match version {
+            1 => positions.flat_map(|&v| half::f16::from_f32(v).to_le_bytes()).collect(),
+            _ => positions.flat_map(|&v| fixed(v)).collect(),
+        },
         gaussians.opacities.iter().map(|&v| quantise::opacity_byte(v)).collect(),
         constant.map(|&v| quantise::byte(255.0 * (COLOUR * f64::from(v) + 0.5))).collect(),
         gaussians.log_scales.iter().flatten().map(|&v| quantise::byte(16.0 * (f64::from(v) + 10.0))).collect(),
-        gaussians.quats.iter().flat_map(|&q| pack_rotation(q).to_le_bytes()).collect(),
+        match version {
+            1 | 2 => gaussians.quats.iter().flat_map(|&q| rotation_bytes(q)).collect(),
+            _ => gaussians.quats.iter().flat_map(|&q| pack_rotation(q).to_le_bytes()).collect(),
+        },
         higher.flat_map(|(_, &rgb)| rgb.map(|v| quantise::byte(128.0 * f64::from(v) + 128.0))).collect(),
     ]
 }
