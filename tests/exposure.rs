@@ -231,14 +231,7 @@ fn steps_of_several_views_have_no_exposure_correction() {
     let setup = Setup::new(&gpu);
     let scene = Scene { base: setup.start.clone(), supplement: None };
     let model = Model::upload_around(&gpu, setup.views.origin, &scene, Room::default()).unwrap();
-    let lesson = Lesson {
-        segment: Segment::Base,
-        opacity_only: false,
-        sparse: false,
-        bias_correction: true,
-        compensate: false,
-        packed: false,
-    };
+    let lesson = Lesson::new(Segment::Base);
     let plan = |_| StepPlan { rates: Rates::default(), active_degree: 0 };
     let mut trainer = Trainer::new(&setup.session, &model, &setup.views, &[lesson], vec![0, 1, 2, 3], 2, plan).unwrap();
     let refused = trainer.correct_exposure(&setup.session, &setup.views).unwrap_err();

@@ -117,14 +117,7 @@ fn gradients_of_several_views_add_up() {
     let image_grad: Vec<f32> = (0..64 * 48).flat_map(ripple).map(|g| g as f32).collect();
     let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
     for segment in Segment::ALL {
-        let lesson = Lesson {
-            segment,
-            opacity_only: false,
-            sparse: false,
-            bias_correction: true,
-            compensate: false,
-            packed: false,
-        };
+        let lesson = Lesson::new(segment);
         let learner = Learner::new(&model, lesson, true).unwrap();
         let mut of = |seen: &[u32]| -> [Vec<f32>; 3] {
             for (k, &view) in seen.iter().enumerate() {
@@ -165,14 +158,7 @@ fn steps_of_several_views_learn() {
     let session = Session { background: BACKGROUND, ..session(&gpu) };
     for (views_per_step, steps) in [(1, 40), (2, 40), (4, 40)] {
         let model = Model::upload(&gpu, &scene, 0).unwrap();
-        let lesson = Lesson {
-            segment: Segment::Base,
-            opacity_only: false,
-            sparse: true,
-            bias_correction: true,
-            compensate: false,
-            packed: false,
-        };
+        let lesson = Lesson { sparse: true, ..Lesson::new(Segment::Base) };
         let schedule = (0..views_per_step * steps).map(|k| k % 2).collect();
         let plan = |_| StepPlan { rates: Rates { dc: 0.01, ..RATES }, active_degree: 1 };
         let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule, views_per_step, plan).unwrap();
@@ -231,14 +217,7 @@ fn a_gaussian_that_learns_takes_776_bytes_and_540_with_packed_moments() {
     assert!((68..70).contains(&splat), "{splat} bytes of the raster for a Gaussian");
     assert!((56..58).contains(&isect), "{isect} bytes for an intersection");
     for (packed, want) in [(false, 776), (true, 540)] {
-        let lesson = Lesson {
-            segment: Segment::Base,
-            opacity_only: false,
-            sparse: false,
-            bias_correction: true,
-            compensate: false,
-            packed,
-        };
+        let lesson = Lesson { packed, ..Lesson::new(Segment::Base) };
         let learner = Learner::new(&model, lesson, false).unwrap();
         let part = model.part(Segment::Base);
         let planes: usize =

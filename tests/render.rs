@@ -73,14 +73,7 @@ fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
     renderer.render_on_device(&model, &views, 0, &Show::all(&model, BACKGROUND)).unwrap();
     let raster = &renderer.raster;
     raster.buffers.image_grad.upload(0, &[1.0; 3 * 16 * 16]).unwrap();
-    let lesson = Lesson {
-        segment: Segment::Base,
-        opacity_only: true,
-        sparse: true,
-        bias_correction: false,
-        compensate: false,
-        packed: false,
-    };
+    let lesson = Lesson { opacity_only: true, sparse: true, bias_correction: false, ..Lesson::new(Segment::Base) };
     let learner = Learner::new(&model, lesson, false).unwrap();
     let (m, v) = (0.5f32, 0.25f32);
     learner.moments.geometry.page(0).upload(0, &[m, m, v, v]).unwrap();

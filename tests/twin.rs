@@ -304,14 +304,7 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposur
     let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
     let session = Session { background: BACKGROUND, ..session(gpu) };
     let model = Model::upload(gpu, &scene, 0).unwrap();
-    let lesson = |segment, opacity_only| Lesson {
-        segment,
-        opacity_only,
-        sparse,
-        bias_correction: true,
-        compensate: false,
-        packed: false,
-    };
+    let lesson = |segment, opacity_only| Lesson { opacity_only, sparse, ..Lesson::new(segment) };
     let lessons = match supplement {
         true => vec![lesson(Segment::Base, true), lesson(Segment::Supplement, false)],
         false => vec![lesson(Segment::Base, false)],

@@ -71,6 +71,13 @@ pub struct Lesson {
     pub packed: bool,
 }
 
+impl Lesson {
+    /// Everything learns in every step, with Adam's bias correction.
+    pub fn new(segment: Segment) -> Self {
+        Lesson { segment, opacity_only: false, sparse: false, bias_correction: true, compensate: false, packed: false }
+    }
+}
+
 /// Planes of moments for each plane that learns.
 pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }

@@ -519,14 +519,8 @@ pub fn dense_trainer(
     options: &BaseOptions,
     density: &DensityOptions,
 ) -> Result<Trainer> {
-    let lesson = Lesson {
-        segment: Segment::Base,
-        opacity_only: false,
-        sparse: false,
-        bias_correction: true,
-        compensate: session.policy.compensate,
-        packed: session.policy.packed,
-    };
+    let lesson =
+        Lesson { compensate: session.policy.compensate, packed: session.policy.packed, ..Lesson::new(Segment::Base) };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {

@@ -145,7 +145,7 @@ type Columns = [Vec<Vec<f32>>; 3];
 impl Part {
     fn lesson(&self, options: &Options, opacity_only: bool, sparse: bool) -> Lesson {
         let compensate = options.compensate;
-        Lesson { segment: self.segment, opacity_only, sparse, bias_correction: true, compensate, packed: false }
+        Lesson { opacity_only, sparse, compensate, ..Lesson::new(self.segment) }
     }
 
     fn seen<'a>(&self, scene: &'a Scene, ordered: &'a Ordered) -> Seen<'a> {

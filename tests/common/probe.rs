@@ -152,8 +152,7 @@ impl<'a> Probe<'a> {
         let learners: Vec<_> = segments
             .map(|segment| {
                 let Setup { opacity_only, compensate, .. } = self.setup;
-                let lesson =
-                    Lesson { segment, opacity_only, sparse: false, bias_correction: true, compensate, packed: false };
+                let lesson = Lesson { opacity_only, compensate, ..Lesson::new(segment) };
                 [true, false].map(|accumulate| Learner::new(&model, lesson, accumulate).unwrap())
             })
             .collect();

@@ -346,14 +346,7 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
         let model = Model::upload(gpu, &filling, 0).unwrap();
         let session = Session { background: BACKGROUND, extent: 2.0, ..session(gpu) };
         let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
-        let lesson = Lesson {
-            segment: Segment::Base,
-            opacity_only: false,
-            sparse: false,
-            bias_correction: true,
-            compensate: false,
-            packed: false,
-        };
+        let lesson = Lesson::new(Segment::Base);
         let plan = move |step| options.plan(2.0, step);
         let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule.clone(), 1, plan).unwrap();
         trainer.start(false).unwrap();
