@@ -582,7 +582,10 @@ pub(super) fn run_with_progress(
         if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
             // The old one goes first.
             bar = None;
-            bar = Some((label, Progress::new(label, "steps", total)));
+            let begun = Progress::new(label, "steps", total);
+            // A phase may go on where a placement or an earlier run left it.
+            begun.goes_on_from(done);
+            bar = Some((label, begun));
         }
         if let Some((_, bar)) = &bar {
             bar.set_of(done, total);

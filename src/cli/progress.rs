@@ -7,15 +7,15 @@ use std::{
     fmt::Display,
     io::{self, Write},
     sync::{
-        LazyLock,
-        atomic::{AtomicBool, Ordering},
+        Arc, LazyLock,
+        atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc::{self, RecvTimeoutError},
     },
     thread,
     time::{Duration, Instant},
 };
 
-use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::gpu::Context;
 
@@ -43,30 +43,33 @@ fn is_quiet() -> bool {
 /// How far a phase is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pace {
+    /// Done before `elapsed` began.
+    before: u64,
     done: u64,
     total: u64,
     elapsed: Duration,
 }
 
 impl Pace {
-    fn of(bar: &ProgressBar) -> Pace {
-        Pace { done: bar.position(), total: bar.length().unwrap_or(0), elapsed: bar.elapsed() }
+    /// What was done in `elapsed`.
+    fn new_done(&self) -> u64 {
+        self.done.saturating_sub(self.before)
     }
 
     /// "12.3/s", with three digits.
     fn rate(&self) -> String {
-        let rate = self.done as f64 / self.elapsed.as_secs_f64().max(1e-9);
+        let rate = self.new_done() as f64 / self.elapsed.as_secs_f64().max(1e-9);
         match rate {
-            _ if self.done == 0 => "–/s".into(),
+            _ if self.new_done() == 0 => "–/s".into(),
             ..10.0 => format!("{rate:.2}/s"),
             10.0..100.0 => format!("{rate:.1}/s"),
             _ => format!("{rate:.0}/s"),
         }
     }
 
-    /// From the mean rate since the phase began. `None` as long as that says little.
+    /// From the mean rate since the phase began or went on. `None` as long as that says little.
     fn left(&self) -> Option<Duration> {
-        let share = self.done as f64 / self.total.max(1) as f64;
+        let share = self.new_done() as f64 / self.total.saturating_sub(self.before).max(1) as f64;
         let known = share >= KNOWN_FROM.0 && self.elapsed >= KNOWN_FROM.1;
         known.then(|| self.elapsed.mul_f64((1.0 / share - 1.0).max(0.0)))
     }
@@ -85,22 +88,31 @@ pub(super) struct Progress {
     /// Ends the lines in a log file.
     ended: Option<mpsc::Sender<()>>,
     total: Cell<u64>,
+    /// What was done before this run or part of it.
+    before: Arc<AtomicU64>,
 }
 
 impl Progress {
     /// `label` says what is done, `unit` what is counted up to `total`.
     pub(super) fn new(label: &'static str, unit: &'static str, total: u64) -> Self {
-        let bar = if is_quiet() { ProgressBar::hidden() } else { BARS.add(ProgressBar::new(total)) };
-        bar.set_length(total);
-        set_style(&bar, label, unit, "");
+        let (bar, before) = (ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden()), Arc::default());
+        set_style(&bar, label, unit, "", &before);
+        let bar = if is_quiet() { bar } else { BARS.add(bar) };
         bar.tick();
         let ended = (BARS.is_hidden() && !is_quiet()).then(|| {
             let (ended, wait) = mpsc::channel();
-            let shown = bar.clone();
-            thread::spawn(move || every(LINE_EVERY, &wait, || line(heartbeat(label, unit, &shown))));
+            let (shown, before) = (bar.clone(), Arc::clone(&before));
+            thread::spawn(move || every(LINE_EVERY, &wait, || line(heartbeat(label, unit, &shown, &before))));
             ended
         });
-        Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total) }
+        Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total), before }
+    }
+
+    /// So many were done before; rate and time left are those of what comes from now on.
+    pub(super) fn goes_on_from(&self, done: u64) {
+        self.before.store(done, Ordering::Relaxed);
+        self.bar.reset_elapsed();
+        self.set(done);
     }
 
     /// So many are done.
@@ -124,7 +136,7 @@ impl Progress {
     /// What else is to be seen, in a line below the bar.
     pub(super) fn say(&self, text: impl Display) {
         if self.bar.message().is_empty() {
-            set_style(&self.bar, self.label, self.unit, "\n  {wide_msg}");
+            set_style(&self.bar, self.label, self.unit, "\n  {wide_msg}", &self.before);
         }
         self.bar.set_message(text.to_string());
     }
@@ -143,9 +155,11 @@ impl Drop for Progress {
 }
 
 /// A bar, and `more` behind its line.
-fn set_style(bar: &ProgressBar, label: &str, unit: &str, more: &str) {
-    let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-        let pace = Pace { done: state.pos(), total: state.len().unwrap_or(0), elapsed: state.elapsed() };
+fn set_style(bar: &ProgressBar, label: &str, unit: &str, more: &str, before: &Arc<AtomicU64>) {
+    let before = Arc::clone(before);
+    let rate = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        let (done, total) = (state.pos(), state.len().unwrap_or(0));
+        let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: state.elapsed() };
         // A line that cannot be made is a line less.
         let _ = write!(out, "{}{}", pace.rate(), pace.left_text());
     };
@@ -164,9 +178,9 @@ pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context:
 }
 
 /// A line of a log file.
-fn heartbeat(label: &str, unit: &str, bar: &ProgressBar) -> String {
-    let pace = Pace::of(bar);
-    let Pace { done, total, .. } = pace;
+fn heartbeat(label: &str, unit: &str, bar: &ProgressBar, before: &AtomicU64) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+    let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: bar.elapsed() };
     let said = bar.message();
     let more = if said.is_empty() { said } else { format!(", {said}") };
     format!("{label}: {done}/{total} {unit}, {}{}{more}", pace.rate(), pace.left_text())
@@ -210,7 +224,7 @@ mod tests {
     use super::*;
 
     fn pace(done: u64, total: u64, seconds: f64) -> Pace {
-        Pace { done, total, elapsed: Duration::from_secs_f64(seconds) }
+        Pace { before: 0, done, total, elapsed: Duration::from_secs_f64(seconds) }
     }
 
     /// "84,490/s, 0s left" was said of hours.
@@ -226,6 +240,22 @@ mod tests {
         assert_eq!(pace(1, 0, 10.0).left(), Some(Duration::ZERO));
         assert_eq!(pace(25, 100, 10.0).left_text(), ", 30 seconds left");
         assert_eq!(pace(0, 100, 9.0).left_text(), "");
+    }
+
+    /// "1112685/s" was said of a joint phase that went on after Gaussians had been placed.
+    #[test]
+    fn what_was_done_before_makes_nobody_faster() {
+        let pace = |done| Pace { before: 600, ..pace(done, 1000, 10.0) };
+        assert_eq!((pace(600).rate(), pace(600).left()), ("–/s".into(), None));
+        assert_eq!((pace(700).rate(), pace(700).left()), ("10.0/s".into(), Some(Duration::from_secs(30))));
+        let bar = Progress::new("joining", "steps", 1000);
+        bar.goes_on_from(600);
+        bar.set_of(601, 1000);
+        thread::sleep(Duration::from_millis(20));
+        let said = heartbeat("joining", "steps", &bar.bar, &bar.before);
+        let rate = said.strip_prefix("joining: 601/1000 steps, ").and_then(|said| said.strip_suffix("/s"));
+        // One in 20 ms or more.
+        assert!(rate.and_then(|rate| rate.parse::<f64>().ok()).is_some_and(|rate| rate <= 50.0), "{said}");
     }
 
     #[test]
@@ -244,7 +274,10 @@ mod tests {
         bar.set_message("loss 0.5");
         let shown = bar.clone();
         let thread = thread::spawn(move || {
-            every(Duration::from_millis(1), &wait, || drop(sender.send(heartbeat("joining", "steps", &shown))));
+            let before = AtomicU64::new(0);
+            every(Duration::from_millis(1), &wait, || {
+                drop(sender.send(heartbeat("joining", "steps", &shown, &before)))
+            });
         });
         for _ in 0..3 {
             let line = beats.recv_timeout(Duration::from_secs(60)).unwrap();

@@ -295,6 +295,7 @@ impl Args {
                 }
             };
             drop(found);
+            training.goes_on_from(resumed.into());
             let interrupt = Interrupt::default();
             interrupt.listen()?;
             let (mut gaussians, mut evaluating) = (0, Duration::ZERO);

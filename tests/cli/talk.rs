@@ -43,6 +43,45 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
     assert_eq!(stderr(&work, "train data -o z.ply --iterations 3"), "");
 }
 
+/// `script` makes a terminal for a command and prints what would be seen there.
+#[cfg(unix)]
+#[test]
+fn a_terminal_has_one_bar_for_each_stage() {
+    let work = Work::new();
+    let bars = |arguments: &str| {
+        let mut command = std::process::Command::new("script");
+        let line = format!("stty cols 100; {} {arguments}", env!("CARGO_BIN_EXE_glint"));
+        let command = command.current_dir(work.path(".")).args(["-qec", &line, "/dev/null"]).env("TERM", "xterm");
+        let output = super::run::run(command);
+        let seen = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success(), "glint {arguments}: {seen}");
+        // Bars are what has pieces of one; each is drawn anew again and again.
+        let mut names: Vec<String> = Vec::new();
+        for line in seen.split(['\r', '\n', '\x1b']).filter(|line| line.contains(['━', '─', '░', '█'])) {
+            // Behind a sequence of the terminal's, which ends with its first letter.
+            let text = match line.strip_prefix('[') {
+                Some(rest) => rest.split_once(|c: char| c.is_ascii_alphabetic()).map_or("", |(_, text)| text),
+                None => line,
+            };
+            let name = text.split_whitespace().next().unwrap_or_default();
+            if names.last().is_none_or(|last| last != name) {
+                names.push(name.to_owned());
+            }
+        }
+        names
+    };
+    // What is over at once may not be drawn at all, but nothing is drawn out of its turn.
+    let in_turn = |arguments: &str, stages: &[&str]| {
+        let (seen, mut left) = (bars(arguments), stages.iter());
+        assert!(seen.iter().all(|name| left.any(|stage| stage == name)), "glint {arguments}: {seen:?}");
+        assert!(seen.len() > stages.len() / 2, "glint {arguments}: {seen:?}");
+    };
+    in_turn("train data -o base.ply --iterations 30 --sh-degree 1", &["reading", "training"]);
+    let again = ["placing", "joining"].repeat(3);
+    let stages = [&["reading", "rendering", "weighing"], &again[..], &["comparing"]].concat();
+    in_turn("enhance data --base base.ply -o x.ply", &stages);
+}
+
 #[test]
 fn quiet_says_nothing_but_errors() {
     let work = Work::new();
