@@ -80,6 +80,8 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
         let want = bits(&scene);
         println!("{strategy:?}: {first} to {} of {limit}", scene.base.len());
         assert!(scene.base.len() as u32 <= limit && scene.base.len() as u32 != first, "{strategy:?}");
+        // What the last refinement left.
+        assert_eq!(trainer.gaussians(), Some(scene.base.len() as u32));
         if strategy != Strategy::Adc {
             // What dies late is not replaced by more than it was.
             assert!(scene.base.len() as u32 == limit, "{strategy:?}: {} of {limit}", scene.base.len());

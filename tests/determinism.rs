@@ -89,6 +89,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     };
     let (model, mut steps) = (paged(192), Vec::new());
     let mut trainer = join(&session, &model, &views, &options).unwrap();
+    assert_eq!(trainer.total(), options.steps_per_view * views.cameras.len() as u32);
     let whole = trainer.run(&model, &views, false, |done| steps.push(done)).unwrap();
     let want = bits(&model.download().unwrap());
     assert_eq!(steps.last(), Some(&80));

@@ -200,6 +200,15 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     let long = DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0);
     refused(0, &[transform(Transform { rotation: long, ..Transform::IDENTITY })], view, "unit length");
     refused(0, &[own], FrameView { near: 0.0, ..view }, "near plane");
+    for camera in [
+        Camera { width: 0, ..view.camera },
+        Camera { height: 0, ..view.camera },
+        Camera { fx: 0.0, ..view.camera },
+        Camera { fy: 0.0, ..view.camera },
+        Camera { cx: f64::NAN, ..view.camera },
+    ] {
+        refused(0, &[own], FrameView { camera, ..view }, "focal lengths");
+    }
     refused(0, &[own], FrameView { near: f64::INFINITY, ..view }, "finite");
     refused(0, &[own], FrameView { camera: Camera { fx: -1.0, ..camera }, ..view }, "focal");
     let target = float.target(Blend::Premultiplied);

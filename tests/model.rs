@@ -164,6 +164,14 @@ fn steps_of_several_views_learn() {
         let mut trainer = Trainer::new(&session, &model, &views, &[lesson], schedule, views_per_step, plan).unwrap();
         let losses = trainer.run(&model, &views, false, |_| ()).unwrap().losses;
         assert_eq!((losses.len() as u32, trainer.total()), (views_per_step * steps, steps));
+        for (after, views) in [(steps, 8), (10, 3)] {
+            let [loss, psnr] = trainer.lately(after, views).unwrap();
+            let last = &losses[..(after * views_per_step) as usize];
+            let mean = last[last.len() - views..].iter().map(|&l| f64::from(l)).sum::<f64>() / views as f64;
+            assert!((loss - mean).abs() < 1e-12, "{loss} {mean}");
+            assert!((5.0..60.0).contains(&psnr), "{psnr}");
+        }
+        assert_eq!((trainer.lately(0, 8), trainer.gaussians()), (None, None));
         assert!(
             losses[losses.len() - 1] < 0.8 * losses[0],
             "{views_per_step} views: {} to {}",
@@ -171,6 +179,21 @@ fn steps_of_several_views_learn() {
             losses[losses.len() - 1]
         );
     }
+}
+
+#[test]
+fn a_segment_has_no_more_gaussians_than_there_is_room_for() {
+    let gpu = Gpu::new();
+    let mut model = Model::upload(&gpu, &random_scene(1, 64, 0, 1), 0).unwrap();
+    for count in [10, 0, 64] {
+        model.set_count(Segment::Base, count).unwrap();
+        assert_eq!(model.learn_counts().unwrap(), [count, 0]);
+    }
+    let capacity = model.part(Segment::Base).capacity();
+    model.set_count(Segment::Base, capacity).unwrap();
+    let refused = model.set_count(Segment::Base, capacity + 1).unwrap_err().to_string();
+    assert!(refused.contains(&format!("room for {capacity}")), "{refused}");
+    assert_eq!(model.learn_counts().unwrap(), [capacity, 0]);
 }
 
 /// More than the 128 MiB that a device binds at least: in pages, of which each photograph is in one.

@@ -202,6 +202,7 @@ mod tests {
     #[test]
     fn a_path_goes_through_its_keys_and_is_smooth_there() {
         let path = path();
+        assert!(CameraPath::default().is_empty() && !path.is_empty());
         assert_eq!(path.frames(4), path.keys);
         assert_eq!(path.frames(1), path.keys[..1]);
         assert_eq!(CameraPath::default().frames(3), []);

@@ -439,6 +439,26 @@ mod tests {
     }
 
     #[test]
+    fn a_jpeg_is_whole_where_its_scan_ends() {
+        let of = |application: usize, end: &[u8]| {
+            let length = (application as u16 + 2).to_be_bytes();
+            let mut bytes = [&[0xff, 0xd8, 0xff, 0xe1][..], &length].concat();
+            // A thumbnail within, which ends.
+            bytes.resize(bytes.len() + application - 2, 7);
+            bytes.extend([0xff, 0xd9]);
+            bytes.extend([0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0, 4]);
+            bytes.extend(end);
+            bytes
+        };
+        for application in [2, 9, 300] {
+            assert!(!jpeg_is_cut(&of(application, &[0xff, 0xd9])), "{application}");
+            assert!(jpeg_is_cut(&of(application, &[0xff])), "{application}");
+        }
+        assert!(jpeg_is_cut(&of(9, &[])[..4]));
+        assert!(!jpeg_is_cut(b"no JPEG at all"));
+    }
+
+    #[test]
     fn a_reduced_pixel_counts_where_all_it_is_made_of_does() {
         let white = DynamicImage::ImageRgb8(RgbImage::from_pixel(6, 2, image::Rgb([255; 3])));
         let mut all = source(white, Alpha::Background, [0.0; 3]);

@@ -292,6 +292,17 @@ mod tests {
         distortion.apply(DVec3::new(u, v, 1.0), distortion.reach()).map(|to| (to.x, to.y))
     }
 
+    #[test]
+    fn a_ray_has_no_length() {
+        for distortion in lenses() {
+            for (u, v) in [(0.0, 0.0), (0.3, -0.2), (-0.1, 0.4)] {
+                let [once, twice] = [1.0, 2.5]
+                    .map(|length| distortion.apply(length * DVec3::new(u, v, 1.0), distortion.reach()).unwrap());
+                assert!(once.distance(twice) < 1e-12, "{distortion:?}: {once} {twice}");
+            }
+        }
+    }
+
     /// One of each model with coefficients as real lenses have them.
     fn lenses() -> Vec<Distortion> {
         let radial = [0.08, -0.03, 0.004, 0.0, 0.0, 0.0];

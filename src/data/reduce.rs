@@ -126,6 +126,17 @@ mod tests {
     }
 
     #[test]
+    fn weights_of_a_cell_add_up_to_one() {
+        for (from, to) in [(37, 36), (64, 9), (5, 2), (100, 1)] {
+            for (_, weights) in bicubic(from, to) {
+                let sums = weights.iter().fold([0.0; 2], |sums, w| [0, 1].map(|k| sums[k] + f64::from(w[k])));
+                assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-5), "{from} to {to}: {sums:?}");
+                assert!(weights.iter().all(|w| w[1] >= 0.0));
+            }
+        }
+    }
+
+    #[test]
     fn shrinking_keeps_the_mean_whatever_the_sizes() {
         let (width, height) = (37, 23);
         let pixels: Vec<[f32; 4]> =

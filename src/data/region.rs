@@ -317,6 +317,21 @@ mod tests {
     }
 
     #[test]
+    fn cameras_that_share_nothing_have_points_of_their_own_all_over_their_pictures() {
+        let axes = [DVec3::X, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Z];
+        let data = dataset(axes.into_iter().map(|axis| look(5.0 * axis, 9.0 * axis)).collect());
+        let cloud = data.random_points(400, 3);
+        for photo in &data.photos {
+            let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p.map(f64::from))));
+            let seen: Vec<f64> =
+                seen.filter(|&(x, y, z)| z > NEAR && x.min(y) > 0.0 && x < 40.0 && y < 30.0).map(|at| at.0).collect();
+            // A quarter of 400 each, and of those a quarter in the outer eighths of the picture.
+            assert!((60..140).contains(&seen.len()), "{}", seen.len());
+            assert!(seen.iter().filter(|&&x| !(5.0..35.0).contains(&x)).count() > 10);
+        }
+    }
+
+    #[test]
     fn points_are_carved_by_what_is_seen_through() {
         let folder = tempfile::tempdir().unwrap();
         let photographed = |name: &str, outside: u8| {

@@ -200,3 +200,19 @@ impl Steps {
         Ok(self.report())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_a_step() {
+        let stage = |name, milliseconds| StageTime { name, time: Duration::from_millis(milliseconds) };
+        let step = [stage("blend", 6), stage("sort", 1), stage("sort", 2), stage(step_done::Kernel::NAME, 1)];
+        let report = StepReport { grown: 0, stages: [step, step].concat() };
+        assert_eq!(report.milliseconds(), [("blend", 6.0), ("sort", 3.0), (step_done::Kernel::NAME, 1.0)]);
+        assert_eq!(StepReport::default().milliseconds(), []);
+    }
+}

@@ -139,11 +139,11 @@ mod tests {
         };
         // Toward the eye at a length other than 1, sideways, and half of the support away.
         let directions = vec![[0.0, 0.0, 3.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0]];
-        let lobes = Lobes { directions, widths: vec![0.4, 0.4, 0.5], sharpness: vec![2f32.ln(); 3] };
+        let lobes = Lobes { directions, widths: vec![0.4, 0.4, 0.5], sharpness: vec![2f32.ln(), 2f32.ln(), 0.0] };
         let mut all = Supplement { gaussians, lobes };
         let eyes = [DVec3::Z * 2.0, DVec3::NEG_Z];
-        // ψ/2 = (π/4)/0.5/2 = π/4, whose cosine to the power of 2 e^β = 4 is 1/4; of 3/4.
-        for (i, expected) in [0.75, 0.0, 0.1875].into_iter().enumerate() {
+        // ψ/2 = (π/4)/0.5/2 = π/4, whose cosine to the power of 2 e^β = 2 is 1/2; of 3/4.
+        for (i, expected) in [0.75, 0.0, 0.375].into_iter().enumerate() {
             assert!((all.greatest_opacity(i, &eyes) - expected).abs() < 1e-7, "{i}");
         }
         assert_eq!(all.greatest_opacity(0, &[]), 0.0);

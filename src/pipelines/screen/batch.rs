@@ -16,25 +16,31 @@ const BATCH_PIXELS: u64 = 1 << 24;
 
 /// Splits views into batches that the device holds at once: consecutive ones with photographs in one page, at least one each.
 pub fn batches(context: &Context, views: &Views) -> Vec<Range<usize>> {
-    // The largest buffer of a batch has 9 floats for each pixel, of whole tiles of the largest view.
-    let tile = u64::from(TILE);
+    // The largest buffer of a batch has 9 floats for each pixel.
     let limit = BATCH_PIXELS.min(context.info().max_storage_bytes / 36);
+    let sizes: Vec<[u32; 2]> = views.cameras.iter().map(|camera| [camera.width, camera.height]).collect();
+    split(&sizes, limit, |first| views.same_page(first))
+}
+
+/// Batches of views of these sizes: of at most `limit` pixels, counted in whole tiles and each view as the batch's largest. From a
+/// view `first` on, `same_page(first)` lie in one page.
+fn split(sizes: &[[u32; 2]], limit: u64, same_page: impl Fn(usize) -> usize) -> Vec<Range<usize>> {
     let mut list = Vec::new();
-    let (mut first, mut largest) = (0, 0u64);
-    for (v, camera) in views.cameras.iter().enumerate() {
-        let tiles = u64::from(camera.width).div_ceil(tile) * u64::from(camera.height).div_ceil(tile);
-        let padded = largest.max(tiles * tile * tile);
-        let full = (v + 1 - first) as u64 * padded > limit || v - first >= views.same_page(first);
+    let (mut first, mut largest) = (0, 0);
+    for (v, size) in sizes.iter().enumerate() {
+        let [across, down] = size.map(|side| u64::from(side.next_multiple_of(TILE)));
+        let padded = largest.max(across * down);
+        let full = (v + 1 - first) as u64 * padded > limit || v - first >= same_page(first);
         if v > first && full {
             list.push(first..v);
             first = v;
-            largest = tiles * tile * tile;
+            largest = across * down;
         } else {
             largest = padded;
         }
     }
-    if first < views.cameras.len() {
-        list.push(first..views.cameras.len());
+    if first < sizes.len() {
+        list.push(first..sizes.len());
     }
     list
 }
@@ -90,5 +96,27 @@ impl ScreenSizes {
             height: self.height.max(other.height),
             loss_tiles: self.loss_tiles.max(other.loss_tiles),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_are_as_large_as_the_device_holds_and_lie_in_one_page() {
+        // Of 33 × 31 pixels two tiles of 32 × 32 are touched.
+        let (small, large) = ([33, 31], [64, 96]);
+        let all = |_| usize::MAX;
+        let of = |sizes: &[[u32; 2]], limit| split(sizes, limit, all);
+        assert_eq!(of(&[small; 5], 4096), [0..2, 2..4, 4..5]);
+        assert_eq!(of(&[small; 5], 4095), [0..1, 1..2, 2..3, 3..4, 4..5]);
+        assert_eq!(of(&[small; 5], 1 << 24), [0..5]);
+        // Each counts as the largest of its batch, and one that is too large is a batch all the same.
+        assert_eq!(of(&[small, small, large, small, small], 3 * 2048), [0..2, 2..3, 3..5]);
+        assert_eq!(of(&[large; 2], 1), [0..1, 1..2]);
+        assert!(of(&[], 1).is_empty());
+        // Pages of three.
+        assert_eq!(split(&[small; 7], 1 << 24, |first| 3 - first % 3), [0..3, 3..6, 6..7]);
     }
 }
