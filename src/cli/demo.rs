@@ -104,9 +104,9 @@ struct Row {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
-    device: &'a str,
-    rows: &'a [Row],
+struct Report {
+    device: String,
+    rows: [Row; 3],
     /// dB of test PSNR over its base, and over the base with as many more plain Gaussians and steps.
     gain_over_base: f64,
     gain_over_plain: f64,
@@ -119,10 +119,11 @@ struct Report<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        self.run_for(&WHOLE)
+        let (report, times) = self.run_for(&WHOLE)?;
+        if self.json { Ok(print_json(&report)?) } else { Ok(print(self.summary(&report, &times))?) }
     }
 
-    fn run_for(&self, length: &Length) -> Outcome {
+    fn run_for(&self, length: &Length) -> Outcome<(Report, Times)> {
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
         let dataset = builtin_scene(2 * length.points).dataset();
         let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
@@ -132,7 +133,7 @@ impl Args {
         self.device.with(|context| Ok(self.run_on(context, &dataset, length)?))
     }
 
-    fn run_on(&self, context: &Context, dataset: &Dataset, length: &Length) -> Result<()> {
+    fn run_on(&self, context: &Context, dataset: &Dataset, length: &Length) -> Result<(Report, Times)> {
         let Length { points, iterations, joint } = *length;
         note(format!("device: {}", context.info().name));
         let train = photos_of(dataset, Some(Split::Train))?;
@@ -186,8 +187,7 @@ impl Args {
         self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;
         let report = Report {
-            device: &context.info().name,
-            rows: &rows,
+            device: context.info().name.clone(),
             gain_over_base: rows[2].psnr - rows[0].psnr,
             gain_over_plain: rows[2].psnr - rows[1].psnr,
             seconds_base_renders: times.base.as_secs_f64(),
@@ -195,8 +195,9 @@ impl Args {
             seconds_screen: times.screen.as_secs_f64(),
             seconds_lift: times.lift.as_secs_f64(),
             seconds_join: times.join.as_secs_f64(),
+            rows,
         };
-        if self.json { print_json(&report) } else { print(self.summary(&report, &times)) }
+        Ok((report, times))
     }
 
     /// Trains plain Gaussians on the first `points` surface points.
@@ -301,7 +302,7 @@ impl Args {
         Ok(())
     }
 
-    fn summary(&self, report: &Report<'_>, times: &Times) -> String {
+    fn summary(&self, report: &Report, times: &Times) -> String {
         let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
         let mut table = Table::new(vec![
             column("what", "held-out views", "", 0),
@@ -312,7 +313,7 @@ impl Args {
             column("psnr", "PSNR", "dB", 2),
             column("ssim", "SSIM", "", 4),
         ]);
-        for row in report.rows {
+        for row in &report.rows {
             table.row(vec![
                 row.what.into(),
                 Cell::Count(row.gaussians as u64),
@@ -369,7 +370,18 @@ mod tests {
         let output = folder.path().join("demo");
         let line = Line::try_parse_from(["demo", "--json", "-o", output.to_str().unwrap()]).unwrap();
         let length = Length { points: 600, iterations: 60, joint: Some(1) };
-        assert!(line.args.run_for(&length).is_ok());
+        let Ok((report, _)) = line.args.run_for(&length) else { panic!("the demo fails") };
+        let [base, plain, augmented] = &report.rows;
+        let added = augmented.gaussians + augmented.supplementary - base.gaussians;
+        assert!(added > 0 && augmented.supplementary > 0, "{added}");
+        assert_eq!((base.gaussians, base.supplementary, base.steps), (600, 0, 60));
+        // One joint step a view.
+        let steps = 60 + builtin_scene(10).dataset().split(Split::Train).count() as u32;
+        assert_eq!((plain.gaussians, plain.supplementary, plain.steps), (600 + added, 0, steps));
+        assert_eq!(augmented.steps, steps);
+        let times = [report.seconds_base_renders, report.seconds_place, report.seconds_join].into_iter().sum::<f64>();
+        assert!(base.seconds > 0.0 && augmented.seconds >= base.seconds + times);
+        assert_eq!(report.gain_over_plain, augmented.psnr - plain.psnr);
         let views = builtin_scene(10).dataset().split(Split::Test).count();
         let found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert!([BASE, AUGMENTED, PAGE, NUMBERS].iter().all(|name| found.iter().any(|file| file == name)), "{found:?}");

@@ -443,6 +443,14 @@ mod tests {
 
     use super::*;
 
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_the_process_held_at_most_is_in_bytes() {
+        let held = vec![1u8; 50_000_000];
+        let most = peak_memory().unwrap();
+        assert!((held.len() as u64..1 << 40).contains(&most), "{most}");
+    }
+
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();

@@ -9,12 +9,12 @@ use super::{NAMES, Work};
 
 impl Work {
     /// Replaces a file's text.
-    fn edit(&self, name: &str, change: impl Fn(&str) -> String) {
+    pub(super) fn edit(&self, name: &str, change: impl Fn(&str) -> String) {
         let text = fs::read_to_string(self.path(name)).unwrap();
         fs::write(self.path(name), change(&text)).unwrap();
     }
 
-    fn notes(&self, arguments: &str) -> String {
+    pub(super) fn notes(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         let text = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "glint {arguments}: {text}");

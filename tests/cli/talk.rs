@@ -102,6 +102,8 @@ fn an_augmentation_ends_with_what_it_gained() {
     work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
     let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2";
     let report = work.json(&format!("{enhance} -o a.ply --json"));
+    let [first, last] = ["joint_loss_first", "joint_loss_last"].map(|key| report[key].as_f64().unwrap());
+    assert!(0.0 < last && last < first && first < 0.5, "{first} {last}");
     let gain = &report["gain"];
     assert_eq!(keys(gain), set(["views", "before", "after", "base_alone"]));
     assert_eq!(gain["views"], 2);

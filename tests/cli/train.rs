@@ -109,6 +109,16 @@ fn training_begins_with_what_a_file_holds() {
     assert!(psnr("more.ply") > psnr("fresh.ply") + 1.0);
     work.ok(&format!("{more} -o grown.ply --gaussians 350"));
     assert_eq!(work.json("info grown.ply --json")["base"]["count"], 350);
+    work.ok(&format!("{more} -o same.ply --gaussians 300"));
+    // A folder with the files of a scene, and what is left out of an augmented one.
+    work.ok("convert first.ply first.sog");
+    let mut archive = zip::ZipArchive::new(fs::File::open(work.path("first.sog")).unwrap()).unwrap();
+    archive.extract(work.path("folder")).unwrap();
+    work.ok("train data --init folder -o begun.ply --iterations 2");
+    work.ok("enhance data --base first.ply -o augmented.ply --ratio 0.1");
+    let notes = |scene: &str| work.notes(&format!("train data --init {scene}.ply -o begun.ply --force --iterations 2"));
+    assert!(notes("augmented").contains("Gaussians with lobes are left out"), "{}", notes("augmented"));
+    assert!(!notes("first").contains("lobes"));
 
     // What was trained from another file is another run.
     let points = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -125,4 +135,24 @@ fn training_begins_with_what_a_file_holds() {
     work.refused(&format!("{more} -o x.ply --gaussians 5"), &["first.ply", "300 Gaussians", "--gaussians 5"]);
     work.refused("train data --init nowhere.ply -o x.ply", &["nowhere.ply"]);
     work.refused("train data --init first.ply -o first.ply --force", &["first.ply", "this command reads"]);
+}
+
+#[test]
+fn where_a_run_begins_is_said_where_one_would_not_expect_it() {
+    let work = Work::new();
+    let notes = |options: &str| work.notes(&format!("train data -o x.ply --force --iterations 2 {options}"));
+    assert!(notes("--points 100").contains("starting from 100 of 300 sparse points"));
+    assert!(notes("--points 301").contains("fewer than the 301"));
+    assert!(!notes("--points 300").contains("300"), "{}", notes("--points 300"));
+    assert!(!notes("").contains("one place"));
+    // All cameras where the first one stands.
+    work.edit("data/sparse/0/images.txt", |text| {
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(' ').collect()).collect();
+        let placed = lines.iter().map(|words| match &words[..] {
+            [id, .., camera, name] => format!("{id} {} {camera} {name}\n", lines[0][1..8].join(" ")),
+            _ => "\n".into(),
+        });
+        placed.collect()
+    });
+    assert!(notes("").contains("all training cameras stand at one place"), "{}", notes(""));
 }
