@@ -151,7 +151,7 @@ impl Args {
             let mut sum = 0.0;
             for camera in cameras() {
                 let color = |layers: &mut Layers| -> Result<Vec<f32>> {
-                    Ok(layers.render(Layer::Whole, camera, self.photos.background)?.color)
+                    Ok(layers.render(Layer::Whole, camera, dataset.background)?.color)
                 };
                 sum += psnr(&color(&mut before)?, &color(&mut after)?);
                 progress.advance();

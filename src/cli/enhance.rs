@@ -333,7 +333,7 @@ impl Args {
                 scene.base.sh_degree
             ));
         }
-        let background = self.photos.background;
+        let background = dataset.background;
         if let Some(folder) = &self.work {
             self.replace.make_folder(folder, &inputs)?;
         }

@@ -101,10 +101,10 @@ impl Args {
         let mut distances = Vec::new();
         let (found, parts) = self.device.with(|context| {
             let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
-            let parts = || evaluate_parts(context, &scene, &photos, options(), self.photos.background);
+            let parts = || evaluate_parts(context, &scene, &photos, options(), dataset.background);
             let parts = self.decomposition.then(parts).transpose()?;
             let progress = Progress::new("comparing", "views", photos.len() as u64);
-            let found = evaluate(context, &scene, &photos, options(), self.photos.background, |view| {
+            let found = evaluate(context, &scene, &photos, options(), dataset.background, |view| {
                 progress.advance();
                 if let Some(lpips) = &lpips {
                     distances.push(lpips.of_view(view)?);

@@ -124,7 +124,7 @@ impl Args {
             scenes.map(|((named, scene), bytes)| Shown { name: &named.name, scene, bytes }).collect();
         let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
         let compared =
-            self.device.with(|context| Ok(compare(context, &scenes, &photos, options, self.photos.background)?))?;
+            self.device.with(|context| Ok(compare(context, &scenes, &photos, options, dataset.background)?))?;
         compared.write(&self.output, &self.dataset.display().to_string(), &history, &plans)?;
         Ok(print(compared.table())?)
     }

@@ -225,11 +225,11 @@ impl Args {
             device: &self.device,
             dataset: &dataset,
             policy: self.draw.policy(),
-            background: self.photos.background,
+            background: dataset.background,
             output: &self.output,
         };
         self.watch.with(&run, |context, look_at| {
-            let background = self.photos.background;
+            let background = dataset.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let mut checksums = Vec::with_capacity(photos.len());
             let views = upload_photos(context, &photos, background, |done, words| {
