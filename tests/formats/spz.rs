@@ -126,10 +126,10 @@ fn older_versions_come_back_within_half_a_step_and_3_as_4_does() {
     assert_eq!((&second.means, &second.opacities, &second.sh), (&fourth.means, &fourth.opacities, &fourth.sh));
     assert_eq!((&first.quats, &first.sh), (&second.quats, &second.sh));
     for (i, mean) in scene.base.means.iter().enumerate() {
-        for axis in 0..3 {
+        for (&before, &after) in mean.iter().zip(&first.means[i]) {
             // 11 bits of float16, whose least number that is not denormal is 2⁻¹⁴.
-            let step = f64::from(mean[axis]).abs().max(2f64.powi(-14)) * 2f64.powi(-10);
-            assert!((f64::from(first.means[i][axis]) - f64::from(mean[axis])).abs() <= 0.5 * step + ROUNDING);
+            let step = f64::from(before).abs().max(2f64.powi(-14)) * 2f64.powi(-10);
+            assert!((f64::from(after) - f64::from(before)).abs() <= 0.5 * step + ROUNDING);
         }
         // Half a step of 1 / 127.5 in each of x, y and z; what follows for w is as far off where w is not small, and at most the root
         // of what all three are off by where it is.
