@@ -234,6 +234,9 @@ fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceO
     let plan = found.spending.clone().unwrap();
     // What was placed at first is what the plan says, and all that there is in the end is what it allows.
     assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
+    // No more than all of the error can go in the trial's pass over four views, and gains grow with the root of the steps.
+    let most = 10.0 / std::f64::consts::LN_10 * (f64::from(plan.steps) / 4.0).sqrt();
+    assert!(plan.training_on_db.is_none_or(|db| db < most), "{plan:?}");
     let plain = (found.scene.base.len() - wall_of(15).base.len()) as u32;
     assert!(found.lifted + plain <= plan.gaussians_allowed, "{} {plain} {plan:?}", found.lifted);
     let added = scene_bytes(plain.into(), found.lifted.into(), 0);

@@ -216,6 +216,8 @@ fn every_lens_is_taken_out() {
         let text = data.notes.join("; ");
         assert_eq!(text.contains("does not count"), data.outside > 0.01, "{model}: {text}");
         assert_eq!(text.contains("3 fisheye photos"), model.contains("FISHEYE"), "{model}: {text}");
+        let across = 2.0 * (0.5 * f64::from(WIDTH) / f.x).atan().to_degrees();
+        assert_eq!(text.contains(&format!(", {across:.0}° across")), model.contains("FISHEYE"), "{model}: {text}");
         assert_eq!(data.undistorted, !model.contains("PINHOLE"));
         // Reduced as well: what is left of a pixel is the mean of its part of the sky.
         let small = DatasetOptions { max_size: Some(WIDTH / 2), ..Default::default() };
