@@ -377,7 +377,15 @@ impl Args {
                 work.remove_joint()?;
             }
             // Whoever ends it early waits for nothing more.
-            let gain = if ended { None } else { gain(&session, &scene, &found, &dataset)? };
+            let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset) };
+            let gain = match judged {
+                // What was made is made, whether or not it can be judged.
+                Err(error @ Error::Input { .. }) => {
+                    note(format!("what was gained on the test photos is not known: {error}"));
+                    None
+                }
+                judged => judged?,
+            };
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
             let cap = (options.ratio * scene.base.len() as f64).ceil();
             let allowance = Allowance::new(&scene.base, options.ratio, options.bytes);

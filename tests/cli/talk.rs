@@ -96,6 +96,20 @@ fn quiet_says_nothing_but_errors() {
     assert!(work.ok("info data -q").contains("photos"));
 }
 
+/// Found by damaging files at random: the scene was written, and then it was said that the command had failed.
+#[test]
+fn a_damaged_test_photo_costs_the_gain_and_nothing_else() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 30 --sh-degree 1");
+    // The first of nine is for testing.
+    let photo = fs::read(work.path("data/images/a.png")).unwrap();
+    fs::write(work.path("data/images/a.png"), &photo[..photo.len() / 2]).unwrap();
+    let enhance = "enhance data --base base.ply --ratio 0.1 --force -o a.ply";
+    let said = stderr(&work, enhance);
+    assert!(said.contains("note: what was gained") && said.contains("a.png"), "{said}");
+    assert_eq!(work.json(&format!("{enhance} --json"))["gain"], Value::Null);
+}
+
 #[test]
 fn an_augmentation_ends_with_what_it_gained() {
     let work = Work::new();
