@@ -298,6 +298,7 @@ mod tests {
             for (u, v) in [(0.0, 0.0), (0.3, -0.2), (-0.1, 0.4)] {
                 let [once, twice] = [1.0, 2.5]
                     .map(|length| distortion.apply(length * DVec3::new(u, v, 1.0), distortion.reach()).unwrap());
+                // Some roundings of float64.
                 assert!(once.distance(twice) < 1e-12, "{distortion:?}: {once} {twice}");
             }
         }

@@ -130,7 +130,8 @@ mod tests {
         for (from, to) in [(37, 36), (64, 9), (5, 2), (100, 1)] {
             for (_, weights) in bicubic(from, to) {
                 let sums = weights.iter().fold([0.0; 2], |sums, w| [0, 1].map(|k| sums[k] + f64::from(w[k])));
-                assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-5), "{from} to {to}: {sums:?}");
+                // Up to 400 float32 weights, each off by 6e-8 of itself, and their magnitudes add up to 2 at most.
+                assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-6), "{from} to {to}: {sums:?}");
                 assert!(weights.iter().all(|w| w[1] >= 0.0));
             }
         }

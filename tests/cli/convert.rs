@@ -54,9 +54,10 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         assert_eq!(read_scene(work.path("from_folder.ply")).unwrap(), read_scene(work.path("a.sog")).unwrap());
     }
     work.ok("eval a.spz data");
-    for (version, psnr) in [(1, 20.0), (2, 20.0), (3, 30.0)] {
+    for version in 1..=3 {
+        // What is kept is looked at in tests/formats; this asks only that it is the same scene, as above.
         let convert = format!("convert base.ply v{version}.spz --spz-version {version} --compare data --json");
-        assert!(work.json(&convert)["psnr"].as_f64().unwrap() > psnr);
+        assert!(work.json(&convert)["psnr"].as_f64().unwrap() > 20.0);
     }
     assert_eq!(read_scene(work.path("v3.spz")).unwrap(), read_scene(work.path("a.spz")).unwrap());
     work.refused("convert base.ply v.sog --spz-version 3", &["v.sog", "--spz-version"]);

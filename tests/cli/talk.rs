@@ -44,7 +44,7 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
 }
 
 /// `script` makes a terminal for a command and prints what would be seen there.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn a_terminal_has_one_bar_for_each_stage() {
     let work = Work::new();

@@ -131,17 +131,17 @@ fn older_versions_come_back_within_half_a_step_and_3_as_4_does() {
             let step = f64::from(before).abs().max(2f64.powi(-14)) * 2f64.powi(-10);
             assert!((f64::from(after) - f64::from(before)).abs() <= 0.5 * step + ROUNDING);
         }
-        // Half a step of 1 / 127.5 in each of x, y and z; what follows for w is as far off where w is not small, and at most the root
-        // of what all three are off by where it is.
+        // Half a step of 1 / 127.5 in each of x, y and z, δ; w is off by no more than the root of what its square is, 2 |δ| + |δ|².
         let [a, b] = [scene.base.quats[i], second.quats[i]].map(|quat| {
             let length = quat.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
             quat.map(|v| f64::from(v) / length * f64::from(quat[0].signum()))
         });
         let off = (0..3).map(|axis| (a[axis + 1] - b[axis + 1]).abs()).fold(0.0, f64::max);
-        // A w that was lost makes the other three too long, by as much as it was.
-        let lost = if f64::from(second.quats[i][0]) == 0.0 { 0.5 * 3.0 / 127.5 } else { 0.0 };
+        let delta = 0.5 * 3f64.sqrt() / 127.5;
+        // Where w was lost the other three are together too long, by |δ| at most.
+        let lost = if second.quats[i][0] == 0.0 { delta } else { 0.0 };
         assert!(off <= 0.5 / 127.5 + lost + ROUNDING, "{off}");
-        assert!((a[0] - b[0]).abs() <= (2.0 * 3f64.sqrt() / 127.5).sqrt(), "{a:?} {b:?}");
+        assert!((a[0] - b[0]).abs() <= (2.0 * delta + delta * delta).sqrt() + ROUNDING, "{a:?} {b:?}");
     }
     let mut far = sample(2, 3, 0);
     far.base.means[0] = [70_000.0, 0.0, 0.0];
