@@ -18,7 +18,7 @@ use clap::Parser;
 use glint::{
     Error, Result,
     data::{
-        Dataset, DatasetOptions, Holdout, Photo, Split, builtin::builtin_scene, read_scene, scene_bytes, write_scene,
+        Dataset, DatasetOptions, Holdout, Photo, Split, builtin::builtin_scene, gaussian_bytes, read_scene, write_scene,
     },
     gpu::{Context, ContextOptions},
     pipelines::{
@@ -28,13 +28,13 @@ use glint::{
         pursuit::Kinds,
         render::RenderOptions,
         session::Session,
-        spend::{MOST_BY_GAIN, Weigh},
+        spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, train_base},
         views::Views,
     },
     report::{evaluate::evaluate, metrics::Quality},
-    scene::{Scene, from_points},
+    scene::{Scene, Supplement, from_points},
 };
 use serde_json::json;
 
@@ -62,6 +62,9 @@ struct Args {
     holdout: Option<Holdout>,
     #[arg(long, default_value_t = 0.1)]
     ratio: f64,
+    /// Limit by bytes in place of Gaussians: as many as this share of the base's
+    #[arg(long)]
+    byte_ratio: Option<f64>,
     /// Joint steps for each view
     #[arg(long, default_value_t = 30)]
     steps: u32,
@@ -71,7 +74,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
     /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
-    /// placements, worth, pace, decay
+    /// placements, worth, degree (of lobes), pace, decay
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -141,6 +144,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
+            "degree" => options.pursuit.lobe_degree = Some(value as u32),
             "worth" => options.pursuit.lobe_worth = value,
             _ => return Err(bad()),
         }
@@ -216,14 +220,18 @@ fn run(args: &Args) -> Result<()> {
         let mut found = Vec::new();
         for seed in 0..args.seeds {
             let (session, started) = (session(seed), Instant::now());
-            let (scene, lobes, plain, place) = match &options {
+            let (scene, lobes, plain, place) = match options {
                 None => {
                     let model = Model::upload_around(&context, views.origin, &base, Room::default())?;
                     join(&session, &model, &views, &join_all(args)?)?.run(&model, &views, false, |_| ())?;
                     (model.download()?, 0, 0, 0.0)
                 }
-                Some(options) => {
-                    let done = enhance(&session, &base, &views, options, |_| ())?;
+                Some(mut options) => {
+                    if let (Some(share), Method::Pursuit) = (args.byte_ratio, options.method) {
+                        let bytes = base.base.len() as u64 * gaussian_bytes(base.base.sh_degree, false);
+                        (options.ratio, options.bytes) = (MOST_BY_BYTES, Some((share * bytes as f64) as u64));
+                    }
+                    let done = enhance(&session, &base, &views, &options, |_| ())?;
                     let plain = done.placed.iter().map(|placed| placed.plain).sum();
                     let times = done.times;
                     let place = (times.base + times.place + times.screen + times.lift).as_secs_f64();
@@ -233,7 +241,10 @@ fn run(args: &Args) -> Result<()> {
             let seconds = started.elapsed().as_secs_f64();
             let after = quality(&session, &scene, &held)?;
             let supplement = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
-            let bytes = scene_bytes(scene.base.len() as u64, supplement as u64, base.base.sh_degree);
+            let degree = |s: &Supplement| s.gaussians.sh_degree;
+            let lobe_bytes = scene.supplement.as_ref().map_or(0, |s| gaussian_bytes(degree(s), true));
+            let bytes =
+                scene.base.len() as u64 * gaussian_bytes(base.base.sh_degree, false) + supplement as u64 * lobe_bytes;
             if args.json {
                 println!(
                     "{}",

@@ -134,10 +134,9 @@ fn run(args: &Args) -> Result<()> {
     let [width, height] = args.size;
     let limits = Limits {
         texel: Texel::Rgba32F,
-        degrees: vec![degree],
         in_flight: SLOTS,
         timings: true,
-        ..Limits::of(&model, width, height)
+        ..Limits::for_needs(Needs::at(&model, [degree]), width, height)
     };
     let started = Instant::now();
     let mut frames = Frames::new(&context, limits)?;

@@ -188,7 +188,12 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[own], sized(0, 24), "above 0");
     refused(2, &[own], view, "3 slots, made for 2");
     refused(0, &[own, own], view, "2 instances");
-    refused(0, &[Instance { degree: 2, ..own }], view, "degrees [1]");
+    refused(0, &[Instance { degree: 0, ..own }], view, "degrees [1]");
+    refused(0, &[Instance { degree: 2, ..own }], view, "degree 2 of a model of 1");
+    let mut constant = random_scene(7, 50, 20, 1);
+    constant.supplement = constant.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(0), ..s });
+    let constant = Model::upload(&gpu, &constant, 0).unwrap();
+    refused(0, &[Instance::of(&constant)], view, "supplements of degrees [1]");
     let large = Model::upload(&gpu, &random_scene(7, 400, 0, 1), 0).unwrap();
     refused(0, &[Instance::of(&large)], view, "400 Gaussians, made for 120");
     let half = model::Room { half: true, ..Default::default() };
@@ -574,6 +579,46 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
     }
 }
 
+/// Base and supplement have degrees of their own, and pipelines, bytes and images are those of each.
+#[test]
+fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
+    let gpu = Gpu::new();
+    let camera = random_camera(61, 47);
+    let view = View::from_camera(&camera).rounded();
+    for ([base, lobed], half) in [([3, 0], false), ([3, 0], true), ([0, 2], false), ([1, 3], true)] {
+        let mut scene = random_scene(5, 400, 300, 3);
+        scene.base = scene.base.with_degree(base);
+        scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
+        let model =
+            Model::upload_around(&gpu, DVec3::ZERO, &scene, model::Room { half, ..Default::default() }).unwrap();
+        let words = |degree: usize| if half { (3 * (degree + 1).pow(2)).div_ceil(2) } else { 3 * (degree + 1).pow(2) };
+        let planes = model::Segment::ALL.map(|segment| model.part(segment).sh.planes());
+        assert_eq!(planes, [base, lobed].map(|degree| words(degree as usize)));
+        // What the device was given, halves too.
+        let params = Params::from_scene(&model.download().unwrap()).unwrap();
+        for degree in [model.sh_degree, 1] {
+            let options = Options { active_degree: degree, ..Default::default() };
+            let projected = project(&params, &view, &options);
+            let isects = Intersections::new(&projected, Tiling::new(61, 47, &options));
+            let want = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |_| f64::INFINITY);
+            let mut frames = Frames::new(&gpu, wide(Limits::for_needs(Needs::at(&model, [degree]), 61, 47))).unwrap();
+            let (engine, float) = (Engine::new(&gpu, 1), Float::new(&gpu, camera.pixels()));
+            let seen = FrameView { color: Some(float.target(Blend::Premultiplied)), ..FrameView::new(camera) };
+            let instances = [Instance { degree, ..Instance::of(&model) }];
+            let frame = Frame { slot: 0, instances: &instances, views: &[seen] };
+            engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+            let mut compared = 0;
+            for ((got, want), margin) in float.pixels().iter().zip(&want.image).zip(&want.margins) {
+                if margin.image() > NEAR {
+                    compared += 1;
+                    (0..3).for_each(|c| assert!((f64::from(got[c]) - want[c]).abs() < 1e-4, "{got:?} {want:?}"));
+                }
+            }
+            assert!(compared > 2500, "{compared}");
+        }
+    }
+}
+
 #[test]
 fn a_model_of_half_width_takes_140_bytes_and_looks_the_same() {
     let gpu = Gpu::new();
@@ -826,7 +871,7 @@ fn a_second_renderer_makes_no_pipelines() {
     let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
     assert_eq!(gpu.counters().pipelines, made);
     // Of other degrees there is one more for each segment.
-    let _third = Frames::new(&gpu, Limits { degrees: vec![0], ..limits.clone() }).unwrap();
+    let _third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
     assert_eq!(gpu.counters().pipelines, made + 2);
     drop((first, second));
 }

@@ -11,9 +11,9 @@ use glint::{
         density,
         enhance::EnhanceOptions,
         exposure,
-        join::join,
+        join::{JoinOptions, join},
         model::{Model, Segment},
-        session::Session,
+        session::{Policy, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN},
         train::{BaseOptions, train_base},
         views::Views,
@@ -32,7 +32,7 @@ use glint::{
         screen_prune::{OPACITY_MIN, covered_min},
         ssim_forward::SSIM_WEIGHT,
     },
-    scene::{Scene, from_points},
+    scene::{Scene, Supplement, from_points},
 };
 
 /// What the code has, by the table's names.
@@ -229,6 +229,42 @@ fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
         ("sharpnesses", longest(&after.lobes.sharpness, &before.lobes.sharpness), 2e-3),
     ] {
         assert!((moved / rate - 1.0).abs() < 0.01, "{what} moved by {moved}, their rate is {rate}");
+    }
+}
+
+/// Of bands that are not there a first step is as if they were 0, to the bit: what they add to colours and gradients is 0.
+#[test]
+fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
+    let gpu = Gpu::new();
+    let built = builtin_scene(300);
+    let photo = &built.photos[0];
+    let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
+    let mut scene = random_scene(3, 200, 300, 2);
+    let constant = scene.supplement.take().unwrap();
+    let mut constant = Supplement { gaussians: constant.gaussians.with_degree(0), ..constant };
+    for part in [&mut scene.base, &mut constant.gaussians] {
+        for (k, mean) in part.means.iter_mut().enumerate() {
+            let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);
+            *mean = photo.camera.unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+        }
+    }
+    let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
+    let learned = |degree, packed| {
+        let gaussians = constant.gaussians.clone().with_degree(degree);
+        let before = Scene { supplement: Some(Supplement { gaussians, ..constant.clone() }), ..scene.clone() };
+        let model = Model::upload(&gpu, &before, 0).unwrap();
+        let options = JoinOptions { steps_per_view: 1, ..EnhanceOptions::pursuit().join };
+        let policy = Policy { packed, ..session.policy };
+        let session = Session { policy, ..session.clone() };
+        join(&session, &model, &views, &options).unwrap().run(&model, &views, false, |_| ()).unwrap();
+        let after = model.download().unwrap();
+        let supplement = after.supplement.unwrap();
+        assert_eq!((after.base.sh_degree, supplement.gaussians.sh_degree), (2, degree));
+        assert_ne!(supplement.gaussians.opacities, constant.gaussians.opacities);
+        (after.base, Supplement { gaussians: supplement.gaussians.with_degree(0), ..supplement })
+    };
+    for packed in [false, true] {
+        assert_eq!(learned(0, packed), learned(2, packed));
     }
 }
 

@@ -5,7 +5,7 @@ mod common;
 use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
-    data::scene_bytes,
+    data::gaussian_bytes,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event, enhance},
         model::{Model, Room, Segment},
@@ -79,7 +79,7 @@ fn place(
 ) -> Outcome {
     let views = Views::without_photographs(gpu, DVec3::ZERO, cameras, true).unwrap();
     photos.iter().enumerate().for_each(|(v, photo)| views.upload_photograph(v, photo).unwrap());
-    let room = Room { base: most, supplement: most, page: None, half: false };
+    let room = Room { base: most, supplement: most, ..Room::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, scene, room).unwrap();
     let render = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, render).unwrap();
@@ -239,7 +239,7 @@ fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceO
     assert!(plan.training_on_db.is_none_or(|db| db < most), "{plan:?}");
     let plain = (found.scene.base.len() - wall_of(15).base.len()) as u32;
     assert!(found.lifted + plain <= plan.gaussians_allowed, "{} {plain} {plan:?}", found.lifted);
-    let added = scene_bytes(plain.into(), found.lifted.into(), 0);
+    let added = u64::from(plain) * gaussian_bytes(0, false) + u64::from(found.lifted) * gaussian_bytes(0, true);
     assert!(options.bytes.is_none_or(|bytes| added <= bytes), "{added} {plan:?}");
     (found, plan)
 }
@@ -292,9 +292,39 @@ fn bytes_and_gaussians_are_never_more_than_asked_for() {
     for bytes in [0, 80, 1_000, u64::MAX] {
         let options = EnhanceOptions { bytes: Some(bytes), ..short(Weigh::Not) };
         let (_, plan) = weighed(&gpu, lit(true, true), options);
-        assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / scene_bytes(0, 1, 0)));
+        assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / gaussian_bytes(0, false)));
         assert!(plan.training_on_db.is_none() && (plan.placed() > 0) == (bytes >= 1_000), "{plan:?}");
     }
+}
+
+/// Where bytes are what is limited, lobes have no bands above the constant one, so there are more; else as many as the base.
+#[test]
+fn bands_of_lobes_are_left_out_where_bytes_are_limited() {
+    let gpu = Gpu::new();
+    let photos: Vec<Vec<u8>> =
+        (0..4).map(|v| (0..SIZE.0 * SIZE.1).flat_map(|p| lit(true, true)(v, p)).collect()).collect();
+    let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
+    let views = Views::upload(&gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
+    let scene = Scene { base: wall_of(15).base.with_degree(2), supplement: None };
+    let run = |bytes, lobe_degree| {
+        let mut options = EnhanceOptions { bytes, ratio: 1.0, ..short(Weigh::Not) };
+        (options.pursuit.lobe_degree, options.pursuit.kinds) = (lobe_degree, Kinds::Lobes);
+        let found = enhance(&session(&gpu), &scene, &views, &options, |_| ()).unwrap();
+        let plan = found.spending.clone().unwrap();
+        assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
+        assert_eq!(found.scene.base.sh_degree, 2);
+        let supplement = found.scene.supplement.unwrap().gaussians;
+        assert_eq!(supplement.sh.len(), supplement.len() * supplement.sh_coefficients());
+        let plain = (found.scene.base.len() - scene.base.len()) as u64;
+        let bytes =
+            plain * gaussian_bytes(2, false) + supplement.len() as u64 * gaussian_bytes(supplement.sh_degree, true);
+        (supplement.sh_degree, supplement.len(), bytes)
+    };
+    let limit = 20 * gaussian_bytes(2, true);
+    let (whole, few, whole_bytes) = run(Some(limit), Some(2));
+    let (none, many, bytes) = run(Some(limit), None);
+    assert_eq!([whole, none, run(None, None).0, run(None, Some(7)).0, run(None, Some(1)).0], [2, 0, 2, 2, 1]);
+    assert!(whole_bytes <= limit && bytes <= limit && few <= 20 && many > 24, "{few} {whole_bytes} {many} {bytes}");
 }
 
 /// A joint phase that is planned anew ends when the last plan says, and places all that it would have placed.

@@ -16,6 +16,7 @@ use glint::{
         views::Views,
     },
     scene::{Camera, Gaussians, Scene},
+    stages::types::Lift,
 };
 
 const WIDTH: u32 = 60;
@@ -86,12 +87,24 @@ fn pursue_in(
     [made_for, most]: [u32; 2],
     options: PursuitOptions,
 ) -> Found {
+    pursue_with(session, base, seen, [made_for, most], options, |pursuit| pursuit.start(most))
+}
+
+/// The same, begun by `start`.
+fn pursue_with(
+    session: &Session,
+    base: &Gaussians,
+    seen: &[(Camera, Vec<u32>)],
+    [made_for, most]: [u32; 2],
+    options: PursuitOptions,
+    start: impl FnOnce(&mut Pursuit) -> glint::Result<()>,
+) -> Found {
     let gpu = &session.context;
     let cameras: Vec<Camera> = seen.iter().map(|(camera, _)| *camera).collect();
     let views = Views::without_photographs(gpu, DVec3::ZERO, &cameras, true).unwrap();
     seen.iter().enumerate().for_each(|(v, (_, photo))| views.upload_photograph(v, photo).unwrap());
     let scene = Scene { base: base.clone(), supplement: None };
-    let room = Room { supplement: made_for, base: made_for, page: None, half: false };
+    let room = Room { supplement: made_for, base: made_for, ..Room::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let shown = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, shown).unwrap();
@@ -109,7 +122,7 @@ fn pursue_in(
     };
     let before = squared(&mut renderer, &model);
     let mut pursuit = Pursuit::new(session, &views, made_for, options).unwrap();
-    pursuit.start(most).unwrap();
+    start(&mut pursuit).unwrap();
     while pursuit.advance(&mut renderer, &model, &views).unwrap().is_some() {}
     let placed = pursuit.placed().unwrap();
     model.learn_counts().unwrap();
@@ -191,6 +204,37 @@ fn budgets_are_kept() {
     }
     // More than it was made for is not placed.
     assert_eq!(run(20, 40, 12), all);
+}
+
+/// Bytes end a placement where the next Gaussian would take more than are left, whatever its kind.
+#[test]
+fn bytes_are_spent_in_the_order_of_gain() {
+    let gpu = Gpu::new();
+    let run = |prices: [u64; 2], bytes| {
+        let options = PursuitOptions { rounds: 8, lobe_worth: 0.5, ..Default::default() };
+        let start = |pursuit: &mut Pursuit| {
+            pursuit.charge(prices);
+            pursuit.start_within(20, bytes)
+        };
+        pursue_with(&session(&gpu), &wall(), &three(), [20, 20], options, start).placed
+    };
+    // At half the price and half the worth ties give both kinds.
+    let prices = [124, 248];
+    let all = run(prices, None);
+    assert!(all.lobes > 0 && all.plain > 0 && all.count() == 20, "{all:?}");
+    let price = |lift: &Lift| if lift.lobe_width > 0.0 { prices[0] } else { prices[1] };
+    for bytes in [0, 123, 124, 247, 248, 1000, 1003, 2004, 20 * 124, 20 * 248, u64::MAX] {
+        let mut taken = 0;
+        let fit = all.lifts.iter().take_while(|lift| {
+            taken += price(lift);
+            taken <= bytes
+        });
+        let (fit, some) = (fit.count(), run(prices, Some(bytes)));
+        assert_eq!((&some.lifts[..], &some.gains[..]), (&all.lifts[..fit], &all.gains[..fit]), "{bytes}");
+    }
+    // What is cheaper still is chosen more often.
+    let cheap = run([76, 248], Some(20 * 76));
+    assert!(cheap.lobes > all.lobes && cheap.plain < all.plain, "{cheap:?}");
 }
 
 /// Of one kind, and worth what is asked for.

@@ -454,7 +454,7 @@ fn pursue(gpu: &Gpu) -> Outcome {
     };
     let views = Views::upload(gpu, &[0, 1, 2].map(camera), &[&photo(0)[..], &photo(1), &photo(2)]).unwrap();
     let scene = Scene { base: wall(), supplement: None };
-    let room = Room { supplement: 20, base: 20, page: Some(25), half: false };
+    let room = Room { supplement: 20, base: 20, page: Some(25), ..Room::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, options).unwrap();

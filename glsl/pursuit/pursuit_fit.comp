@@ -1,9 +1,10 @@
 #version 460
 // The size, lobe width, opacity and colour of each candidate that gain most over all views.
 //
-// One thread takes one candidate. sums, candidates -> fits. The gain (see pursuit_score) is concave in the colour and in the opacity
+// One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave in the colour and in the opacity
 // alone, so each is set in turn to its best: colour (A / o + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within
 // OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth: gain over bytes.
+// prices: what each would take of a budget.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -13,11 +14,13 @@ layout(push_constant, scalar) uniform Push {
     uint sizes;
     float first_size, size_ratio;
     float lobe_worth, plain_worth; // what a gain counts with a lobe and without; 0: not to be tried
+    uint lobe_price, plain_price;
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Candidates { Candidate candidates[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Sums { float sums[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Fits { Fit fits[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer Prices { uint prices[]; };
 
 const float OPACITY_FIRST = 0.6, OPACITY_MIN = 0.1, OPACITY_MAX = 0.95;
 const uint ROUNDS = 3;
@@ -56,4 +59,5 @@ void main() {
         }
     }
     fits[i] = best;
+    prices[i] = best.width > 0.0 ? push.lobe_price : push.plain_price;
 }

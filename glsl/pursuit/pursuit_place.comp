@@ -2,15 +2,18 @@
 // The candidates that were chosen, the greatest gain first, as Gaussians: those with a lobe for the supplement, the others for the base.
 //
 // One thread takes one rank. order (candidates by falling gain; kept[kept_index] of them), candidates, fits, gain_keys -> lifts and flags of each kind; an
-// entry that is none has flag 0. Ends at `most` Gaussians and at gains below `least_gain`.
+// entry that is none has flag 0. Ends at `most` Gaussians, at gains below `least_gain`, and where what is before (spent, by rank) and the
+// candidate's own price are more than `budget`.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
 #include "../shared/lift.glsl"
+#include "../shared/saturate.glsl"
 
 layout(push_constant, scalar) uniform Push {
     uint count; // of ranks
     uint most;  // of Gaussians
+    uint budget; // NONE: any
     uint kept_index;
     float least_gain;
 } push;
@@ -23,6 +26,8 @@ layout(set = 0, binding = 4, scalar) readonly buffer GainKeys { uint gain_keys[]
 layout(set = 0, binding = 5, scalar) writeonly buffer Lifts { Lift lifts[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer LiftFlags { uint lift_flags[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer PlainFlags { uint plain_flags[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer Prices { uint prices[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Spent { uint spent[]; };
 
 void main() {
     uint rank = thread_index();
@@ -34,6 +39,7 @@ void main() {
         Candidate c = candidates[i];
         Fit fit = fits[i];
         some = uintBitsToFloat(~gain_keys[i]) >= push.least_gain;
+        if (push.budget != NONE) some = some && saturating_add(spent[rank], prices[i]) <= push.budget;
         if (some) {
             lift = Lift(c.mean, vec3(log(fit.sigma)), vec4(1.0, 0.0, 0.0, 0.0), (fit.colour - 0.5) / SH_C0,
                         log(fit.opacity / (1.0 - fit.opacity)), c.toward, fit.width, c.theta_bar, 1u);

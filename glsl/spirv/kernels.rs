@@ -2721,6 +2721,8 @@ pub struct Push {
     pub size_ratio: f32,
     pub lobe_worth: f32,
     pub plain_worth: f32,
+    pub lobe_price: u32,
+    pub plain_price: u32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -2734,6 +2736,8 @@ pub struct Buffers<'a> {
     pub sums: &'a crate::gpu::Buffer<f32>,
     /// WriteOnly
     pub fits: &'a crate::gpu::Buffer<Fit>,
+    /// WriteOnly
+    pub prices: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2746,12 +2750,14 @@ pub struct Host<'a> {
     pub sums: &'a [f32],
     /// WriteOnly
     pub fits: &'a mut [Fit],
+    /// WriteOnly
+    pub prices: &'a mut [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, candidates: crate::gpu::next_binding(&mut bindings), sums: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, candidates: crate::gpu::next_binding(&mut bindings), sums: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), prices: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2764,6 +2770,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
         crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Write, element_bytes: size_of::<Fit>() as u32 },
+        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2775,7 +2782,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.candidates.raw(), b.sums.raw(), b.fits.raw()])
+        with(&[b.candidates.raw(), b.sums.raw(), b.fits.raw(), b.prices.raw()])
     }
 }
 }
@@ -2884,6 +2891,7 @@ pub mod pursuit_place {
 pub struct Push {
     pub count: u32,
     pub most: u32,
+    pub budget: u32,
     pub kept_index: u32,
     pub least_gain: f32,
 }
@@ -2909,6 +2917,10 @@ pub struct Buffers<'a> {
     pub lift_flags: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
     pub plain_flags: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub prices: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub spent: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2931,12 +2943,16 @@ pub struct Host<'a> {
     pub lift_flags: &'a mut [u32],
     /// WriteOnly
     pub plain_flags: &'a mut [u32],
+    /// ReadOnly
+    pub prices: &'a [u32],
+    /// ReadOnly
+    pub spent: &'a [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, kept: crate::gpu::next_binding(&mut bindings), order: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), lifts: crate::gpu::next_binding(&mut bindings), lift_flags: crate::gpu::next_binding(&mut bindings), plain_flags: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, kept: crate::gpu::next_binding(&mut bindings), order: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), lifts: crate::gpu::next_binding(&mut bindings), lift_flags: crate::gpu::next_binding(&mut bindings), plain_flags: crate::gpu::next_binding(&mut bindings), prices: crate::gpu::next_binding(&mut bindings), spent: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2954,6 +2970,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32 },
         crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"plain_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"spent", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2965,7 +2983,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.kept.raw(), b.order.raw(), b.candidates.raw(), b.fits.raw(), b.gain_keys.raw(), b.lifts.raw(), b.lift_flags.raw(), b.plain_flags.raw()])
+        with(&[b.kept.raw(), b.order.raw(), b.candidates.raw(), b.fits.raw(), b.gain_keys.raw(), b.lifts.raw(), b.lift_flags.raw(), b.plain_flags.raw(), b.prices.raw(), b.spent.raw()])
     }
 }
 }

@@ -154,10 +154,10 @@ pub struct glint_limits {
     pub intersections: u32,
     /// The widest `glint_texel` of any target.
     pub texel: u32,
-    /// 1: some models have supplements.
-    pub supplement: u32,
     /// Bits: degree d of harmonics is asked for.
     pub degrees: u32,
+    /// Bits: some supplements have or show degree d; 0: no model has one.
+    pub lobe_degrees: u32,
     /// 1: models have harmonics of half width.
     pub half: u32,
     /// 1: depths hide Gaussians.
@@ -184,8 +184,8 @@ impl From<&Limits> for glint_limits {
             in_flight: limits.in_flight,
             intersections: 0,
             texel: limits.texel as u32,
-            supplement: limits.supplement.into(),
-            degrees: limits.degrees.iter().map(|d| 1 << d).sum(),
+            degrees: bits(&limits.degrees),
+            lobe_degrees: bits(&limits.lobe_degrees),
             half: limits.half.into(),
             depth_in: 0,
             depth_out: 0,
@@ -211,8 +211,8 @@ impl glint_limits {
                 (count, _) => Room::Intersections(count),
             },
             texel: texel(self.texel)?,
-            supplement: self.supplement != 0,
-            degrees: (0..4).filter(|d| self.degrees >> d & 1 != 0).collect(),
+            degrees: numbers(self.degrees),
+            lobe_degrees: numbers(self.lobe_degrees),
             half: self.half != 0,
             depth_in: self.depth_in != 0,
             depth_out: self.depth_out != 0,
@@ -220,6 +220,14 @@ impl glint_limits {
             policy: Policy { compensate: self.compensate != 0, ..Default::default() },
         })
     }
+}
+
+fn bits(degrees: &[u32]) -> u32 {
+    degrees.iter().fold(0, |bits, degree| bits | 1 << degree)
+}
+
+fn numbers(bits: u32) -> Vec<u32> {
+    (0..4).filter(|degree| bits >> degree & 1 != 0).collect()
 }
 
 fn texel(number: u32) -> Result<Texel> {

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, scene_bytes, write_augmented},
+    data::{Dataset, Photo, Split, write_augmented},
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
         join::JoinOptions,
@@ -28,7 +28,7 @@ use crate::{
         render::RenderOptions,
         screen::{self, Schedule},
         session::{Policy, Reduction, Session},
-        spend::{Allowance, MOST_BY_BYTES, MOST_BY_GAIN, Spending, Weigh},
+        spend::{MOST_BY_BYTES, MOST_BY_GAIN, Spending, Weigh},
         start::{photos_of, upload_photos},
         views::Views,
         work::WorkDir,
@@ -319,12 +319,13 @@ impl Args {
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
         self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
-        let (gaussians, sh_degree) = (scene.base.len() as u64, scene.base.sh_degree);
         // Each view may round its share up.
         let options = self.options()?;
-        let allowed = Allowance::new(&scene.base, options.ratio, options.bytes).left(0, 0);
-        let added = u64::from(allowed) + photos.len() as u64;
-        check_room(&self.output, scene_bytes(gaussians, added, sh_degree))?;
+        let allowance = options.allowance(&scene.base);
+        let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
+        let [lobe_bytes, plain_bytes] = allowance.prices();
+        let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
+        check_room(&self.output, base + added)?;
         check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
@@ -388,9 +389,8 @@ impl Args {
             };
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
             let cap = (options.ratio * scene.base.len() as f64).ceil();
-            let allowance = Allowance::new(&scene.base, options.ratio, options.bytes);
             let budget = match options.method {
-                Method::Pursuit => allowance.left(0, 0),
+                Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
                 Method::Augs => found.budgets.iter().sum(),
             };
             if f64::from(budget) > 1.1 * cap {

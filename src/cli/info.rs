@@ -127,13 +127,17 @@ fn spread(spread: &Option<Spread>) -> String {
 fn scene_text(scene: &SceneSummary) -> String {
     let mut lines = Lines(String::new());
     match &scene.supplement {
-        Some(supplement) => lines.add(
-            "scene",
-            format_args!(
-                "{} base and {} supplementary Gaussians, SH degree {}",
-                scene.base.count, supplement.gaussians.count, scene.sh_degree
-            ),
-        ),
+        Some(supplement) => {
+            let (base, lobed) = (scene.sh_degree, supplement.sh_degree);
+            let degrees = if lobed == base { base.to_string() } else { format!("{base} and {lobed}") };
+            lines.add(
+                "scene",
+                format_args!(
+                    "{} base and {} supplementary Gaussians, SH degree {degrees}",
+                    scene.base.count, supplement.gaussians.count
+                ),
+            )
+        }
         None => lines
             .add("scene", format_args!("{} Gaussians, SH degree {}, no supplement", scene.base.count, scene.sh_degree)),
     }

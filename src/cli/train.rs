@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, is_point_cloud, read_points, scene_bytes, write_scene},
+    data::{Dataset, Photo, Split, gaussian_bytes, is_point_cloud, read_points, write_scene},
     pipelines::{
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
@@ -210,7 +210,7 @@ impl Args {
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let (count, begins) = (first.gaussians.len(), first.begins);
         let density = |iterations| self.density([count, first.most], iterations);
-        check_room(&self.output, scene_bytes(density(self.iterations).limit.into(), 0, self.sh_degree))?;
+        check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(self.sh_degree, false))?;
         check_sight(&dataset, &first.gaussians.means)?;
         first.notes.into_iter().for_each(note);
         if self.sh_degree < 3 {
@@ -244,7 +244,7 @@ impl Args {
             let control = density(iterations);
             // Adam has two moments of everything.
             let most = control.limit.max(count as u32);
-            let scene = self.learn.words() * scene_bytes(most.into(), 0, self.sh_degree);
+            let scene = self.learn.words() * u64::from(most) * gaussian_bytes(self.sh_degree, false);
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);
@@ -308,7 +308,7 @@ impl Args {
                     let (seconds, began) = ((started.elapsed() - evaluating).as_secs_f64(), Instant::now());
                     let losses = trainer.losses(step);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
-                    let bytes = scene_bytes(scene.base.len() as u64, 0, sh_degree);
+                    let bytes = scene.base.len() as u64 * gaussian_bytes(sh_degree, false);
                     let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
                     history.add(scene, Moment { step, seconds, bytes, loss }, options)?;
                     evaluating += began.elapsed();

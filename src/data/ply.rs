@@ -260,14 +260,12 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let extra_columns =
         ply.element(SUPPLEMENT).map(|element| Columns::find(element, true)).transpose().map_err(fail)?;
     let sh_degree = base_columns.sh_degree();
-    if let Some(other) = extra_columns.as_ref().map(Columns::sh_degree).filter(|&other| other != sh_degree) {
-        return Err(fail(format!("`{SUPPLEMENT}` has SH degree {other}, but `{BASE}` has {sh_degree}")));
-    }
     let learned_columns = ply.element(LEARNED).map(|element| LearnedColumns::find(element, sh_degree));
     let learned_columns = learned_columns.transpose().map_err(fail)?;
 
     let mut base = Gaussians { sh_degree, ..Default::default() };
-    let mut extra = Gaussians { sh_degree, ..Default::default() };
+    let extra_degree = extra_columns.as_ref().map_or(sh_degree, Columns::sh_degree);
+    let mut extra = Gaussians { sh_degree: extra_degree, ..Default::default() };
     let mut lobes = Lobes::default();
     let mut learned = Vec::new();
     ply.for_each_row(|element, _, values| {
@@ -351,8 +349,9 @@ mod tests {
         assert_eq!(&read_scene(&path).unwrap(), scene);
         let bytes = fs::read(&path).unwrap();
         let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-        let extra = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
-        let expected = scene_bytes(scene.base.len() as u64, extra as u64, scene.base.sh_degree);
+        let bytes_of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
+        let extra = scene.supplement.as_ref().map_or(0, |s| bytes_of(&s.gaussians, true));
+        let expected = bytes_of(&scene.base, false) + extra;
         assert_eq!((bytes.len() - header) as u64, expected);
         bytes
     }
@@ -519,7 +518,7 @@ mod tests {
         let bytes = written(&whole);
         let declared = header_with(&bytes, "comment glint ", "");
         assert_eq!(parse_ply(&declared, path).unwrap(), whole);
-        let gone = &bytes[..bytes.len() - scene_bytes(0, 2, 1) as usize];
+        let gone = &bytes[..bytes.len() - 2 * gaussian_bytes(1, true) as usize];
         assert_eq!(parse_ply(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
         // A tool has put the comments first.
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
@@ -631,8 +630,14 @@ mod tests {
         );
         expect(&replaced(&scene(1, false), "float f_rest_8", "float f_rest_9"), &["`f_rest_8`"]);
         expect(&replaced(&scene(0, true), "lobe_width", "width"), &["`augmented`", "`lobe_width`"]);
-        let degrees = Scene { base: gaussians(1, 1, 0.0), supplement: scene(0, true).supplement };
-        assert!(write_scene("never.ply", &degrees).unwrap_err().to_string().contains("SH degree"));
+    }
+
+    #[test]
+    fn base_and_supplement_have_degrees_of_their_own() {
+        for (base, supplement) in [(3, 0), (0, 2), (1, 1)] {
+            let mixed = Scene { base: gaussians(3, base, 0.5), supplement: scene(supplement, true).supplement };
+            assert_eq!(parse_ply(&written(&mixed), Path::new("a.ply")).unwrap(), mixed);
+        }
     }
 
     #[test]
@@ -676,10 +681,8 @@ mod tests {
             edit(&mut edited);
             assert!(write_scene("never.ply", &edited).is_err());
             let mut bytes = written(&sound);
-            let (n, k) = (3, 9);
-            let row = (17 + 3 * (k - 1)) * 4;
-            let extra = row + 20;
-            let base_at = bytes.len() - 2 * extra - n * row;
+            let rows_bytes = 3 * gaussian_bytes(2, false) + 2 * gaussian_bytes(2, true);
+            let base_at = bytes.len() - rows_bytes as usize;
             let mut rows = Vec::new();
             Rows::whole(&edited.base, None).write(&mut rows).unwrap();
             let supplement = edited.supplement.unwrap();
@@ -718,7 +721,7 @@ mod tests {
             let mut edited = sound.clone();
             edit(&mut edited);
             let mut bytes = written(&sound);
-            let rows = scene_bytes(3, 2, 1) as usize;
+            let rows = (3 * gaussian_bytes(1, false) + 2 * gaussian_bytes(1, true)) as usize;
             bytes.truncate(bytes.len() - rows);
             Rows::whole(&edited.base, None).write(&mut bytes).unwrap();
             let supplement = edited.supplement.unwrap();

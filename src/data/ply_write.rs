@@ -23,9 +23,6 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
     let path = path.as_ref();
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
     sound::check(scene).map_err(refuse)?;
-    if scene.supplement.as_ref().is_some_and(|s| s.gaussians.sh_degree != scene.base.sh_degree) {
-        return Err(refuse("the supplement has another SH degree than the base".into()));
-    }
     if original.len() > scene.base.len() || original.sh_degree != scene.base.sh_degree {
         return Err(refuse("it does not begin with the Gaussians of the original".into()));
     }
@@ -44,11 +41,11 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
     })
 }
 
-/// Bytes of the file that [`write_scene`] makes of so many base and supplementary Gaussians, but for its header of 2 KB.
-pub fn scene_bytes(base: u64, supplementary: u64, sh_degree: u32) -> u64 {
-    // Normals are written too; the constant band is among the fixed.
-    let row = FIXED.len() as u64 + 3 + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1);
-    4 * (base * row + supplementary * (row + LOBE.len() as u64))
+/// Bytes that a Gaussian of the base or, `lobed`, of the supplement has in the file that [`write_scene`] makes; its header has 2 KB.
+pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
+    // The constant band is among the fixed; a base has normals too.
+    let beside = if lobed { LOBE.len() as u64 } else { 3 };
+    4 * (FIXED.len() as u64 + beside + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1))
 }
 
 /// An element that is to be written.
@@ -59,13 +56,13 @@ pub(super) struct Rows<'a> {
     fixed: Vec<usize>,
     /// f_rest_*, channel-major.
     rest: bool,
-    /// nx ny nz, all 0, as the reference trainer writes them.
+    /// nx ny nz, all 0, as the reference trainer writes them and some readers want them.
     normals: bool,
 }
 
 impl<'a> Rows<'a> {
     pub(super) fn whole(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>) -> Self {
-        Rows { gaussians, lobes, fixed: (0..FIXED.len()).collect(), rest: true, normals: true }
+        Rows { gaussians, lobes, fixed: (0..FIXED.len()).collect(), rest: true, normals: lobes.is_none() }
     }
 
     /// What `now` has that `before` has not; `None` where they are the same.

@@ -89,6 +89,22 @@ impl EnhanceOptions {
         }
     }
 
+    /// What may be added to `base`, and what it takes.
+    pub fn allowance(&self, base: &Gaussians) -> Allowance {
+        Allowance::new(base, self.lobe_degree(base), self.ratio, self.bytes)
+    }
+
+    /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's.
+    pub fn lobe_degree(&self, base: &Gaussians) -> u32 {
+        match self.method {
+            Method::Pursuit => {
+                let unasked = if self.bytes.is_some() { 0 } else { base.sh_degree };
+                self.pursuit.lobe_degree.unwrap_or(unasked).min(base.sh_degree)
+            }
+            Method::Augs => base.sh_degree,
+        }
+    }
+
     /// The same stages with shorter rounds.
     pub fn quick() -> Self {
         EnhanceOptions { schedule: Schedule::QUICK, ..Self::paper() }
@@ -235,12 +251,13 @@ impl Enhancer {
             backward: false,
             policy: session.policy,
         };
-        let allowance = Allowance::new(&scene.base, options.ratio, options.bytes);
+        let allowance = options.allowance(&scene.base);
         let room = match options.method {
             Method::Pursuit => {
-                let most = allowance.left(0, 0);
+                let [supplement, base] = allowance.most();
+                let supplement_degree = Some(options.lobe_degree(&scene.base));
                 // Supplementary Gaussians that fade stay there until the end.
-                Room { base: most, supplement: most.saturating_mul(2), page: None, half: false }
+                Room { base, supplement: supplement.saturating_mul(2), supplement_degree, ..Default::default() }
             }
             Method::Augs => Room::default(),
         };
@@ -284,10 +301,15 @@ impl Enhancer {
             match &mut self.next {
                 Next::Base if self.options.method == Method::Pursuit => {
                     self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
-                    let most = self.allowance.left(0, 0);
+                    let [lobes, plain] = self.allowance.most();
+                    let most = lobes.max(plain);
                     let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
+                    if self.allowance.bytes.is_some() {
+                        pursuit.charge(self.allowance.prices());
+                    }
                     self.next = if self.options.weigh == Weigh::Not || most == 0 {
-                        pursuit.start(allowed(most, 0, self.options.pursuit.placements))?;
+                        let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
+                        pursuit.start_within(gaussians, bytes)?;
                         Next::Place(None)
                     } else {
                         Next::Weigh(Box::new(self.pilot(views)?))
@@ -305,7 +327,8 @@ impl Enhancer {
                     let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
                     // What it was is known once it has been looked at.
                     self.training_on = Some(TrainingOn { before: f64::NAN, after, steps });
-                    pursuit.start(allowed(self.allowance.left(0, 0), 0, self.options.pursuit.placements))?;
+                    let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
+                    pursuit.start_within(gaussians, bytes)?;
                     self.next = Next::Place(None);
                     self.times.weigh += started.elapsed();
                     return Ok(Some(Event::Weighed));
@@ -331,10 +354,9 @@ impl Enhancer {
                     self.model.learn_counts()?;
                     let Some(trainer) = joining else {
                         let placements = self.options.pursuit.placements.max(1);
-                        let first = allowed(self.allowance.left(0, 0), 0, placements);
                         self.spending = Some(Spending::new(
                             &self.allowance,
-                            [first, placements, self.steps],
+                            [placements, self.steps],
                             &pursuit.choice()?,
                             pursuit.least_gain(),
                             self.training_on.as_ref(),
@@ -406,14 +428,13 @@ impl Enhancer {
                     }
                     let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
                     if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
-                        let most = self.allowance.left(0, 0);
                         // What has faded goes in the end, so that others may take its place.
                         let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
                         let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
                         let lobes = self.model.count_of(Segment::Supplement);
-                        let room = most.saturating_mul(2).saturating_sub(lobes);
-                        let lacking = allowed(most, done, placements).saturating_sub(plain + lobes - faded);
-                        pursuit.start(lacking.min(room).min(self.allowance.left(plain, lobes - faded)))?;
+                        let room = self.model.part(Segment::Supplement).capacity().saturating_sub(lobes);
+                        let (gaussians, bytes) = self.allowance.left([done, placements], plain, lobes - faded);
+                        pursuit.start_within(gaussians.min(room), bytes)?;
                         let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
                             return Ok(None);
                         };
@@ -534,7 +555,7 @@ impl Enhancer {
         let lifted = self.model.count_of(Segment::Supplement);
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
             let plain = (scene.base.len() - self.original.len()) as u32;
-            let room = self.allowance.left(plain, 0) as usize;
+            let room = self.allowance.lobes_beside(plain) as usize;
             let opacities = greatest_opacities(supplement, views);
             // Some may have come back that others had taken the place of.
             let mut order: Vec<usize> = (0..opacities.len()).collect();
@@ -618,14 +639,6 @@ fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
 /// Name of the number of placements in a checkpoint.
 const PLACEMENTS: &str = "placements";
 
-/// Of `most` Gaussians those that may be there after placement `index` of `placements`: half after the first.
-fn allowed(most: u32, index: u32, placements: u32) -> u32 {
-    match placements {
-        0 | 1 => most,
-        _ => most.div_ceil(2) + (u64::from(most / 2) * u64::from(index) / u64::from(placements - 1)) as u32,
-    }
-}
-
 /// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
 fn pause(steps: u32, done: u32, placements: u32) -> u32 {
     if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
@@ -656,16 +669,6 @@ mod tests {
 
     #[test]
     fn placements_end_with_all_and_lie_in_the_first_part() {
-        for most in [0, 1, 2, 7, 400] {
-            assert_eq!(allowed(most, 0, 1), most);
-            for placements in 2..5 {
-                let all: Vec<u32> = (0..placements).map(|k| allowed(most, k, placements)).collect();
-                assert!(
-                    all.is_sorted() && all[0] == most.div_ceil(2) && all[placements as usize - 1] == most,
-                    "{all:?}"
-                );
-            }
-        }
         assert_eq!([0, 1, 2, 3].map(|done| pause(600, done, 3)), [0, 100, 200, 600]);
         assert_eq!([0, 1].map(|done| pause(600, done, 1)), [0, 600]);
     }

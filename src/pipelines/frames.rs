@@ -89,10 +89,10 @@ pub struct Limits {
     pub intersections: Room,
     /// The widest texels of any target.
     pub texel: Texel,
-    /// Some models have supplements.
-    pub supplement: bool,
-    /// Bands of harmonics that models are rendered with, a pipeline for each number; 0 to 3.
+    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3.
     pub degrees: Vec<u32>,
+    /// The same of supplements; empty where no model has one.
+    pub lobe_degrees: Vec<u32>,
     /// Models have harmonics of half width, see [`model::Room::half`](super::model::Room::half).
     pub half: bool,
     /// Views have depths that hide Gaussians.
@@ -113,7 +113,7 @@ impl Limits {
 
     /// The same, before there is a model.
     pub fn for_needs(needs: Needs, width: u32, height: u32) -> Self {
-        let Needs { gaussians, supplement, degrees, half } = needs;
+        let Needs { gaussians, degrees, lobe_degrees, half } = needs;
         Limits {
             width,
             height,
@@ -123,8 +123,8 @@ impl Limits {
             in_flight: 2,
             intersections: Room::Usual,
             texel: Texel::Rgba16F,
-            supplement,
             degrees,
+            lobe_degrees,
             half,
             depth_in: false,
             depth_out: false,
@@ -460,8 +460,8 @@ impl Frames {
         }
         let needs = Needs {
             gaussians: limits.gaussians,
-            supplement: limits.supplement,
             degrees: limits.degrees.clone(),
+            lobe_degrees: limits.lobe_degrees.clone(),
             half: limits.half,
         };
         let options = RenderOptions { depth: limits.depth_out, policy: limits.policy, ..Default::default() };

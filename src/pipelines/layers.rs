@@ -46,7 +46,8 @@ impl Layers {
         let model = Model::upload_around(context, origin, scene, Room::default())?;
         let views = Views::upload_around(context, origin, &sizes, &[])?;
         let mut needs = Needs::of(&model);
-        if model.sh_degree > 0 {
+        // The base's, for what is the same from everywhere.
+        if !needs.degrees.contains(&0) {
             needs.degrees.push(0);
         }
         let renderer = Renderer::new(context, needs, &views, options)?;

@@ -87,7 +87,7 @@ pub(super) fn moments_of(packed: bool) -> usize {
 pub struct Beside {
     /// Beside the planes of [`layout`](crate::scene::layout)'s geometry.
     pub geometry: Planes,
-    /// Beside those of harmonics, as far as the scene's degree goes.
+    /// Beside those of harmonics, as far as the segment's degree goes.
     pub sh: Planes,
     /// Beside those of lobes; none of a base.
     pub lobes: Planes,
@@ -95,13 +95,14 @@ pub struct Beside {
 
 impl Beside {
     fn new(model: &Model, lesson: &Lesson, times: usize, views: usize) -> Result<Self, GpuError> {
+        let part = model.part(lesson.segment);
         // What is frozen has none.
         let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
             (true, _) => (1, 0, 0),
-            (false, Segment::Base) => (GEOMETRY_PLANES, sh_planes(model.sh_degree), 0),
-            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh_planes(model.sh_degree), LOBE_PLANES),
+            (false, Segment::Base) => (GEOMETRY_PLANES, sh_planes(part.sh_degree), 0),
+            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh_planes(part.sh_degree), LOBE_PLANES),
         };
-        let pages = &model.part(lesson.segment).pages;
+        let pages = &part.pages;
         let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, pages);
         Ok(Beside {
             geometry: zeroed("geometry_beside", times * geometry + views)?,
@@ -159,7 +160,7 @@ impl Learner {
         let has_lobes = lesson.segment == Segment::Supplement;
         let Lesson { opacity_only, sparse, compensate, packed, .. } = lesson;
         // What is frozen does not look at its colour.
-        let degrees = if opacity_only { 0..=0 } else { 0..=model.sh_degree };
+        let degrees = if opacity_only { 0..=0 } else { 0..=model.part(lesson.segment).sh_degree };
         let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),
@@ -314,7 +315,7 @@ impl Learner {
     }
 
     fn by_degree<'a, S>(&self, stages: &'a [S], model: &Model, degree: u32) -> Option<&'a S> {
-        let degree = if self.lesson.opacity_only { 0 } else { degree.min(model.sh_degree) };
+        let degree = if self.lesson.opacity_only { 0 } else { model.degree_of(self.lesson.segment, degree) };
         stages.get(degree as usize)
     }
 

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Recorder},
-    scene::Camera,
+    scene::{Camera, layout::coefficients},
     stages::{
         WORKGROUP,
         blocks::{block_sums_len, items_per_group},
@@ -185,7 +185,7 @@ impl Append {
                     segment: segment.index(),
                     page_first: page.first,
                     stride: page.capacity,
-                    sh_coefficients: model.coefficients(),
+                    sh_coefficients: coefficients(part.sh_degree) as u32,
                 },
                 count,
             );

@@ -142,6 +142,8 @@ pub struct Part {
     pub sh: Planes,
     /// None for the base.
     pub lobes: Planes,
+    /// Of its harmonics, 0 to 3.
+    pub sh_degree: u32,
     /// Planes of `sh` are words of two halves.
     half: bool,
 }
@@ -162,6 +164,8 @@ pub struct Room {
     pub supplement: u32,
     /// Gaussians of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
+    /// Degree of the harmonics of a supplement that the scene does not have yet; `None` for the base's.
+    pub supplement_degree: Option<u32>,
     /// Harmonics at half width: 140 bytes for a Gaussian of degree 3 instead of 236. For rendering alone; nothing can learn.
     pub half: bool,
 }
@@ -178,6 +182,13 @@ impl Room {
         let sh = layout::sh_planes(sh_degree);
         let lobes = if segment == Segment::Base { 0 } else { LOBE_PLANES };
         [GEOMETRY_PLANES, if self.half { sh.div_ceil(2) } else { sh }, lobes]
+    }
+
+    /// Degrees of the harmonics of each segment.
+    fn degrees(&self, scene: &Scene) -> [u32; 2] {
+        let base = scene.base.sh_degree;
+        let of = |supplement: &Supplement| supplement.gaussians.sh_degree;
+        [base, scene.supplement.as_ref().map(of).or(self.supplement_degree).unwrap_or(base)]
     }
 
     /// Gaussians of a page.
@@ -197,7 +208,7 @@ const NAMES: [[&str; 3]; 2] =
 pub struct Model {
     context: Context,
     parts: [Part; 2],
-    /// Of both segments, 0 to 3.
+    /// The greatest of both segments, 0 to 3.
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,
@@ -226,15 +237,15 @@ impl Model {
 
     /// What a model of `scene` will hold on the device.
     pub fn plan(context: &Context, scene: &Scene, room: Room) -> Plan {
-        let sh_degree = scene.base.sh_degree;
+        let degrees = room.degrees(scene);
         let capacities = room.capacities(counts_of(scene));
-        let limit = room.page_limit(context, sh_degree);
+        let limit = room.page_limit(context, degrees[0].max(degrees[1]));
         let page_count: usize = capacities.iter().map(|capacity| capacity.div_ceil(limit) as usize).sum();
         let planned = |name, elements: u64, element_bytes| Planned { name, elements, element_bytes };
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
             let names = NAMES[segment as usize];
-            let rows = names.into_iter().zip(room.planes(segment, sh_degree));
+            let rows = names.into_iter().zip(room.planes(segment, degrees[segment as usize]));
             let bytes = size_of::<f32>() as u64;
             let rows = rows.map(|(name, planes)| planned(name, u64::from(capacity), planes as u64 * bytes));
             plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
@@ -265,16 +276,19 @@ impl Model {
 
     /// All that a scene needs on the device, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
-        let sh_degree = scene.base.sh_degree;
+        let degrees = room.degrees(scene);
+        let sh_degree = degrees[0].max(degrees[1]);
         let counts = counts_of(scene);
         let page_limit = room.page_limit(context, sh_degree);
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
+            let sh_degree = degrees[segment as usize];
             let [geometry, sh, lobes] = room.planes(segment, sh_degree);
             let mut part = Part {
                 pages: Vec::new(),
                 geometry: Planes::new(context, "geometry", geometry, &[])?,
                 sh: Planes::new(context, "sh", sh, &[])?,
                 lobes: Planes::new(context, "lobes", lobes, &[])?,
+                sh_degree,
                 half: room.half,
             };
             part.reserve(context, segment, capacity, page_limit)?;
@@ -443,9 +457,9 @@ impl Model {
         self.parts[1].capacity() > 0
     }
 
-    /// SH coefficients that are stored for each Gaussian.
-    pub fn coefficients(&self) -> u32 {
-        layout::coefficients(self.sh_degree) as u32
+    /// Bands of harmonics that the Gaussians of a segment have where `degree` are shown.
+    pub fn degree_of(&self, segment: Segment, degree: u32) -> u32 {
+        degree.min(self.part(segment).sh_degree)
     }
 
     /// Harmonics are of half width, see [`Room::half`].
@@ -467,7 +481,7 @@ impl Model {
     /// Copies the scene back to the host, as the device has it by now. Waits.
     pub fn download(&self) -> Result<Scene> {
         let counts = self.segment_counts.download()?;
-        let (base, _) = self.parts[0].download(counts[0] as usize, self.sh_degree, self.origin)?;
+        let (base, _) = self.parts[0].download(counts[0] as usize, self.origin)?;
         Ok(Scene { base, supplement: self.supplement()? })
     }
 
@@ -476,7 +490,7 @@ impl Model {
         match self.segment_counts.download()?[1] {
             0 => Ok(None),
             m => {
-                let (gaussians, lobes) = self.parts[1].download(m as usize, self.sh_degree, self.origin)?;
+                let (gaussians, lobes) = self.parts[1].download(m as usize, self.origin)?;
                 Ok(Some(Supplement { gaussians, lobes }))
             }
         }
@@ -546,9 +560,9 @@ impl Part {
         [(self.geometry.page(k), geometry), (self.sh.page(k), sh)].into_iter().chain(lobes).filter(move |_| filled)
     }
 
-    fn download(&self, count: usize, sh_degree: u32, origin: DVec3) -> Result<(Gaussians, Lobes), GpuError> {
+    fn download(&self, count: usize, origin: DVec3) -> Result<(Gaussians, Lobes), GpuError> {
         let (geometry, sh, lobes) = (self.geometry.download()?, self.sh.download()?, self.lobes.download()?);
-        let mut gaussians = Gaussians { sh_degree, ..Default::default() };
+        let mut gaussians = Gaussians { sh_degree: self.sh_degree, ..Default::default() };
         let mut out = Lobes::default();
         for i in 0..count {
             let value = |p: usize| match p {

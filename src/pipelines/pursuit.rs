@@ -69,6 +69,9 @@ pub struct PursuitOptions {
     pub caution: f32,
     /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
     pub least_opacity: f32,
+    /// Degree of the harmonics of Gaussians with lobes, at most the base's; `None`: 0 where bytes are limited, since their lobes are
+    /// what depends on the view and bytes gain more as more of them, else the base's.
+    pub lobe_degree: Option<u32>,
     /// Texels of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
 }
@@ -87,6 +90,7 @@ impl Default for PursuitOptions {
             least_gain: 0.0,
             caution: 1.0,
             least_opacity: 0.1,
+            lobe_degree: None,
             page: None,
         }
     }
@@ -119,10 +123,13 @@ const CANDIDATES: u32 = 2;
 pub(crate) const KEPT: u32 = 3;
 const PLACES: u32 = 4;
 const PLACED: u32 = 5;
-const COUNTS: usize = 6;
+const SPENT: u32 = 6;
+const COUNTS: usize = 7;
 
 /// Steps in one submission.
 const STEPS_PER_SUBMISSION: u32 = 8;
+/// Bytes of a word, in which budgets are counted.
+const WORD: u64 = 4;
 /// Bytes of sums that a chunk of candidates may take.
 const CHUNK_BYTES: u64 = 128 << 20;
 
@@ -157,9 +164,12 @@ buffers! {
         pub(crate) squares: f32 = o.blocks,
         pub(crate) quanta: u32 = o.blocks,
         pub(crate) quanta_firsts: u32 = o.blocks,
-        pub(crate) block_sums: u32 = block_sums_len(o.blocks.max(o.most)),
+        pub(crate) block_sums: u32 = block_sums_len(o.blocks.max(o.candidates)),
         pub(crate) candidates: Candidate = o.candidates,
         pub(crate) fits: Fit = o.candidates,
+        pub(crate) prices: u32 = o.candidates,
+        /// By rank: prices of what gains more.
+        pub(crate) spent: u32 = o.candidates,
         pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
         pub(crate) gains: f32 = o.candidates,
         pub(crate) beaten: u32 = o.candidates,
@@ -211,6 +221,9 @@ pub(crate) struct Placer {
     /// Gaussians that there is room for, and that may be placed now.
     most: u32,
     limit: u32,
+    /// Words that a Gaussian with a lobe and a plain one take of a budget, and those that may be spent now; [`NONE`]: any.
+    prices: [u32; 2],
+    pub(crate) budget: u32,
     pub(crate) candidates: u32,
     /// Candidates of a chunk.
     chunk: u32,
@@ -235,6 +248,8 @@ struct Stages {
     claim: [pursuit_claim::Stage; 2],
     attenuate: pursuit_attenuate::Stage,
     sort: RadixSort,
+    /// Of prices, in the order of gain.
+    spend: Scan,
     place: pursuit_place::Stage,
     append: Append,
 }
@@ -260,6 +275,7 @@ impl Stages {
             claim: [claim(false)?, claim(true)?],
             attenuate: pursuit_attenuate::Stage::new(context, &pursuit_attenuate::Spec { workgroup_size })?,
             sort: RadixSort::new(context, 32, true)?,
+            spend: Scan::new(context, true)?,
             place: pursuit_place::Stage::new(context, &pursuit_place::Spec { workgroup_size })?,
             append: Append::new(context)?,
         })
@@ -349,6 +365,8 @@ impl Pursuit {
             seed: session.seed as u32,
             most: most.max(1),
             limit: most,
+            prices: [1; 2],
+            budget: NONE,
             candidates,
             chunk,
             worth,
@@ -361,11 +379,27 @@ impl Pursuit {
         Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done })
     }
 
+    /// Gaussians take bytes from now on, so many with a lobe and so many without: whichever gains more for them is chosen, and
+    /// [`Pursuit::start_within`] may say how many are spent.
+    pub fn charge(&mut self, [lobe, plain]: [u64; 2]) {
+        let p = &mut self.placer;
+        p.prices = [lobe, plain].map(|bytes| u32::try_from(bytes.div_ceil(WORD)).unwrap_or(NONE));
+        if p.options.kinds == Kinds::Both && lobe > 0 {
+            p.worth[0] = p.options.lobe_worth * (plain as f64 / lobe as f64) as f32;
+        }
+    }
+
     /// Begins; at most `most` Gaussians will be placed, and no more than it was made for. Waits.
     pub fn start(&mut self, most: u32) -> Result<()> {
+        self.start_within(most, None)
+    }
+
+    /// The same with at most so many bytes, as [`Pursuit::charge`] has them.
+    pub fn start_within(&mut self, most: u32, bytes: Option<u64>) -> Result<()> {
         self.placer.limit = most;
+        self.placer.budget = bytes.map_or(NONE, |bytes| u32::try_from(bytes / WORD).unwrap_or(NONE));
         let p = &self.placer;
-        p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0])?;
+        p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0, 0])?;
         self.job = Job::Look;
         self.steps.start(p.plot_list.len() as u32, false)
     }
@@ -612,11 +646,21 @@ impl Placer {
                 count * sizes,
             );
         }
-        let [lobe_worth, plain_worth] = self.worth;
+        let ([lobe_worth, plain_worth], [lobe_price, plain_price]) = (self.worth, self.prices);
         s.fit.record(
             recorder,
-            &pursuit_fit::Buffers { candidates: &w.candidates, sums: &w.sums, fits: &w.fits },
-            &pursuit_fit::Push { first, count, sizes, first_size, size_ratio, lobe_worth, plain_worth },
+            &pursuit_fit::Buffers { candidates: &w.candidates, sums: &w.sums, fits: &w.fits, prices: &w.prices },
+            &pursuit_fit::Push {
+                first,
+                count,
+                sizes,
+                first_size,
+                size_ratio,
+                lobe_worth,
+                plain_worth,
+                lobe_price,
+                plain_price,
+            },
             count,
         );
     }
@@ -708,6 +752,12 @@ impl Placer {
         let scratch = RadixScratch { block_counts: &w.radix_counts, digit_totals: &w.digit_totals };
         let extent = Extent { count: &w.counts, index: CANDIDATES, args: &w.args, dispatch: 1 };
         let sorted = s.sort.record(recorder, input, [first, second], scratch, extent, KEPT);
+        if self.budget != NONE {
+            let extent = Extent { index: KEPT, ..extent };
+            let (block_sums, offsets) = (&w.block_sums, &w.spent);
+            let prices = ScanBuffers { values: &w.prices, index: Some(sorted.values), block_sums, offsets };
+            s.spend.record(recorder, &prices, extent, SPENT);
+        }
         s.place.record(
             recorder,
             &pursuit_place::Buffers {
@@ -719,10 +769,13 @@ impl Placer {
                 lifts: &w.lifts,
                 lift_flags: &w.lift_flags,
                 plain_flags: &w.plain_flags,
+                prices: &w.prices,
+                spent: &w.spent,
             },
             &pursuit_place::Push {
                 count: self.most,
                 most: self.limit,
+                budget: self.budget,
                 kept_index: KEPT,
                 least_gain: self.options.least_gain,
             },

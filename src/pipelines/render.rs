@@ -1,5 +1,7 @@
 //! Renders a scene from one of a set of cameras: project → order → blend, and the median depth where it is asked for.
 
+use std::collections::BTreeSet;
+
 use super::{
     model::{Model, Segment},
     raster::{Grid, Raster, RasterOptions, SplatCount},
@@ -9,7 +11,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
-    scene::{Camera, Scene},
+    scene::{Camera, Gaussians, Scene},
     stages::{
         WORKGROUP, median_depth, project,
         status::{self, Resource, Status},
@@ -58,10 +60,10 @@ impl Default for RenderOptions {
 pub struct Needs {
     /// Gaussians at most, base and supplement.
     pub gaussians: u32,
-    /// Some have lobes.
-    pub supplement: bool,
-    /// Bands of harmonics that views are rendered with: a pipeline for each number.
+    /// Bands of harmonics that bases are rendered with: a pipeline for each number.
     pub degrees: Vec<u32>,
+    /// The same of supplements; empty where nothing has a lobe.
+    pub lobe_degrees: Vec<u32>,
     /// Harmonics are of half width, see [`Model::is_half`].
     pub half: bool,
 }
@@ -69,24 +71,35 @@ pub struct Needs {
 impl Needs {
     /// For all of a model, at its own degree.
     pub fn of(model: &Model) -> Self {
+        Self::at(model, [model.sh_degree])
+    }
+
+    /// For all of a model, where so many bands of harmonics are shown.
+    pub fn at(model: &Model, degrees: impl IntoIterator<Item = u32> + Clone) -> Self {
+        let of = |segment| distinct(degrees.clone().into_iter().map(|degree| model.degree_of(segment, degree)));
         Needs {
             gaussians: model.capacity(),
-            supplement: model.has_supplement(),
-            degrees: vec![model.sh_degree],
+            degrees: of(Segment::Base),
+            lobe_degrees: if model.has_supplement() { of(Segment::Supplement) } else { Vec::new() },
             half: model.is_half(),
         }
     }
 
     /// For all of a scene whose model has no room for more; `half` as [`Room`](super::model::Room) has it.
     pub fn of_scene(scene: &Scene, half: bool) -> Self {
-        let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len());
+        let supplement = scene.supplement.as_ref().map(|supplement| &supplement.gaussians).filter(|g| !g.is_empty());
         Needs {
-            gaussians: (scene.base.len().max(1) + supplementary) as u32,
-            supplement: supplementary > 0,
+            gaussians: (scene.base.len().max(1) + supplement.map_or(0, Gaussians::len)) as u32,
             degrees: vec![scene.base.sh_degree],
+            lobe_degrees: supplement.iter().map(|gaussians| gaussians.sh_degree).collect(),
             half,
         }
     }
+}
+
+/// Each once, in order.
+fn distinct(degrees: impl Iterator<Item = u32>) -> Vec<u32> {
+    degrees.collect::<BTreeSet<u32>>().into_iter().collect()
 }
 
 /// What of a model is rendered, and how.
@@ -133,7 +146,7 @@ impl ModelStages {
         let tile = options.policy.tile(context);
         let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
             let has_lobes = segment == Segment::Supplement;
-            let degrees = if has_lobes && !needs.supplement { &[] } else { &needs.degrees[..] };
+            let degrees = if has_lobes { &needs.lobe_degrees } else { &needs.degrees };
             let stage = |&sh_degree: &u32| {
                 let spec = project::Spec {
                     workgroup_size: context.info().workgroup(WORKGROUP),
@@ -161,10 +174,15 @@ impl ModelStages {
     /// # Errors
     /// [`Error::Usage`] where they were not.
     pub fn check(&self, model: &Model, upto: Segment, degree: u32) -> Result<()> {
-        let wrong = if !self.needs.degrees.contains(&degree) {
-            format!("degrees {:?} of harmonics, not for {degree}", self.needs.degrees)
-        } else if model.has_supplement() && upto == Segment::Supplement && !self.needs.supplement {
+        let Needs { degrees, lobe_degrees, .. } = &self.needs;
+        let lobes = model.has_supplement() && upto == Segment::Supplement;
+        let [own, lobed] = Segment::ALL.map(|segment| model.degree_of(segment, degree));
+        let wrong = if !degrees.contains(&own) {
+            format!("degrees {degrees:?} of harmonics, not for {own}")
+        } else if lobes && lobe_degrees.is_empty() {
             "scenes without supplement".into()
+        } else if lobes && !lobe_degrees.contains(&lobed) {
+            format!("supplements of degrees {lobe_degrees:?} of harmonics, not of {lobed}")
         } else if model.is_half() != self.needs.half {
             format!("harmonics of {} width", if self.needs.half { "half" } else { "full" })
         } else {
@@ -176,11 +194,12 @@ impl ModelStages {
     /// Splats, colours, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
         let Placed { model, splat_first, views, view, upto, degree } = *placed;
-        let Some(pipeline) = self.needs.degrees.iter().position(|&d| d == degree) else { return };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
-            let (part, stages) = (model.part(segment), &self.project[segment as usize]);
+            let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
+            let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
+            let pipeline = degrees.iter().position(|&degree| degree == shown);
+            let Some(stage) = pipeline.and_then(|k| self.project[segment as usize].get(k)) else { continue };
             for (k, dispatch, page) in model.pages(segment) {
-                let Some(stage) = stages.get(pipeline) else { return };
                 stage.record_indirect(
                     recorder,
                     &project::Buffers {

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{data::scene_bytes, scene::Gaussians};
+use crate::{data::gaussian_bytes, scene::Gaussians};
 
 /// Gaussians for each of the base at most where their gain says how many are added.
 pub const MOST_BY_GAIN: f64 = 0.25;
@@ -35,27 +35,55 @@ pub struct Allowance {
 }
 
 impl Allowance {
-    /// At most `ratio` Gaussians for each of `base`, and `bytes`.
-    pub fn new(base: &Gaussians, ratio: f64, bytes: Option<u64>) -> Self {
+    /// At most `ratio` Gaussians for each of `base`, and `bytes`; harmonics of `lobe_degree` for those with lobes.
+    pub fn new(base: &Gaussians, lobe_degree: u32, ratio: f64, bytes: Option<u64>) -> Self {
         Allowance {
             gaussians: (ratio * base.len() as f64).ceil() as u32,
             bytes,
-            plain_bytes: scene_bytes(1, 0, base.sh_degree),
-            lobe_bytes: scene_bytes(0, 1, base.sh_degree),
+            plain_bytes: gaussian_bytes(base.sh_degree, false),
+            lobe_bytes: gaussian_bytes(lobe_degree, true),
         }
     }
 
-    /// Gaussians that may still be added beside so many, whatever their kind.
-    pub fn left(&self, plain: u32, lobes: u32) -> u32 {
-        let count = self.gaussians.saturating_sub(plain.saturating_add(lobes));
-        let Some(bytes) = self.bytes else { return count };
-        let left = bytes.saturating_sub(self.taken(plain, lobes)) / self.lobe_bytes;
-        u32::try_from(left).unwrap_or(u32::MAX).min(count)
+    /// Gaussians that may be added if all have a lobe, and if none has.
+    pub fn most(&self) -> [u32; 2] {
+        self.prices().map(|price| self.fitting(self.gaussians, self.bytes, price))
+    }
+
+    /// Gaussians with lobes that may be added beside so many plain ones.
+    pub fn lobes_beside(&self, plain: u32) -> u32 {
+        let left = self.bytes.map(|bytes| bytes.saturating_sub(self.taken(plain, 0)));
+        self.fitting(self.gaussians.saturating_sub(plain), left, self.lobe_bytes)
+    }
+
+    fn fitting(&self, count: u32, bytes: Option<u64>, price: u64) -> u32 {
+        bytes.map_or(count, |bytes| u32::try_from(bytes / price).unwrap_or(u32::MAX).min(count))
+    }
+
+    /// Of so many Gaussians and bytes that may be there once placement `index` of `placements` is done, what is left beside those that
+    /// are there: half of all may be after the first.
+    pub fn left(&self, [index, placements]: [u32; 2], plain: u32, lobes: u32) -> (u32, Option<u64>) {
+        let gaussians = allowed(self.gaussians.into(), index, placements) as u32;
+        let bytes = self.bytes.map(|bytes| allowed(bytes, index, placements).saturating_sub(self.taken(plain, lobes)));
+        (gaussians.saturating_sub(plain.saturating_add(lobes)), bytes)
+    }
+
+    /// Bytes of a Gaussian with a lobe, and of a plain one.
+    pub fn prices(&self) -> [u64; 2] {
+        [self.lobe_bytes, self.plain_bytes]
     }
 
     /// Bytes of so many Gaussians in a file.
     pub fn taken(&self, plain: u32, lobes: u32) -> u64 {
         u64::from(plain) * self.plain_bytes + u64::from(lobes) * self.lobe_bytes
+    }
+}
+
+/// Of `most` those that may be there after placement `index` of `placements`: half after the first.
+fn allowed(most: u64, index: u32, placements: u32) -> u64 {
+    match placements {
+        0 | 1 => most,
+        _ => most.div_ceil(2) + (u128::from(most / 2) * u128::from(index) / u128::from(placements - 1)) as u64,
     }
 }
 
@@ -147,16 +175,22 @@ fn decibels(gain: f64, squared_error: f64) -> f64 {
 }
 
 impl Spending {
-    /// Of the first placement, which may place `first` Gaussians that gain `least` each.
+    /// Of the first placement, which may place Gaussians that gain `least` each.
     pub fn new(
         allowance: &Allowance,
-        [first, placements, steps]: [u32; 3],
+        [placements, steps]: [u32; 2],
         choice: &Choice,
         least: f32,
         training_on: Option<&TrainingOn>,
     ) -> Self {
         let enough = choice.gains.iter().take_while(|(gain, _)| *gain >= least).count();
-        let placed = enough.min(first as usize);
+        let (first, bytes) = allowance.left([0, placements], 0, 0);
+        let mut taken = 0;
+        let within = |(_, lobe): &&(f32, bool)| {
+            taken += if *lobe { allowance.lobe_bytes } else { allowance.plain_bytes };
+            bytes.is_none_or(|bytes| taken <= bytes)
+        };
+        let placed = choice.gains.iter().take(enough.min(first as usize)).take_while(within).count();
         let all = choice.squared_error;
         let of = |lobe: bool| {
             let chosen = choice.gains.iter().filter(|(_, has)| *has == lobe).count() as u32;
@@ -169,9 +203,11 @@ impl Spending {
             Spent { chosen, placed: count, gain_db, db_per_thousand, db_per_megabyte }
         };
         let chosen = choice.gains.len() as u32;
+        let [lobes, plain] = allowance.most();
+        let most = lobes.max(plain);
         Spending {
-            gaussians_allowed: allowance.left(0, 0),
-            gaussians_at_first: first,
+            gaussians_allowed: most,
+            gaussians_at_first: allowed(most.into(), 0, placements) as u32,
             bytes_allowed: allowance.bytes,
             placements,
             steps,
@@ -201,28 +237,52 @@ mod tests {
     }
 
     #[test]
+    fn placements_end_with_all_and_begin_with_half() {
+        for most in [0, 1, 2, 7, 400] {
+            assert_eq!(allowed(most, 0, 1), most);
+            for placements in 2..5 {
+                let all: Vec<u64> = (0..placements).map(|k| allowed(most, k, placements)).collect();
+                assert!(
+                    all.is_sorted() && all[0] == most.div_ceil(2) && all[placements as usize - 1] == most,
+                    "{all:?}"
+                );
+            }
+        }
+        assert_eq!(allowed(u64::MAX, 2, 3), u64::MAX);
+    }
+
+    #[test]
     fn the_tighter_budget_wins_and_is_never_overrun() {
         for sh_degree in 0..=3 {
             for (ratio, bytes) in
                 [(0.1, None), (0.1, Some(0)), (0.1, Some(9_999)), (10.0, Some(123_456)), (0.0, Some(99))]
             {
-                let allowance = Allowance::new(&base(1000, sh_degree), ratio, bytes);
+                let (allowance, all) =
+                    (Allowance::new(&base(1000, sh_degree), 0, ratio, bytes), (1000.0 * ratio) as u32);
+                let within = |plain, lobes| {
+                    plain + lobes <= all && bytes.is_none_or(|bytes| allowance.taken(plain, lobes) <= bytes)
+                };
+                // As many as that, and not one more.
+                let [lobes, plain] = allowance.most();
+                assert!(within(0, lobes) && !within(0, lobes + 1) && within(plain, 0) && !within(plain + 1, 0));
                 for plain in [0, 1, 7, 90] {
-                    let more = allowance.left(plain, 3);
-                    assert!(more == 0 || plain + 3 + more <= (1000.0 * ratio) as u32);
-                    // Whatever the kind of what comes.
-                    for lobes in [0, more / 2, more] {
-                        let taken = allowance.taken(plain + more - lobes, 3 + lobes);
-                        assert!(
-                            more == 0 || bytes.is_none_or(|bytes| taken <= bytes),
-                            "{ratio} {bytes:?} {plain} {lobes}"
-                        );
-                    }
+                    let lobes = allowance.lobes_beside(plain);
+                    let full = !within(plain, 0);
+                    assert!(if full { lobes == 0 } else { within(plain, lobes) && !within(plain, lobes + 1) });
+                    let (count, left) = allowance.left([2, 3], plain, 3);
+                    assert!(count == all.saturating_sub(plain + 3) && left.is_some() == bytes.is_some());
+                    let left_and_taken = left.map(|left| left + allowance.taken(plain, 3));
+                    assert!(left_and_taken.is_none_or(|sum| left == Some(0) || Some(sum) == bytes));
                 }
             }
         }
-        assert_eq!(Allowance::new(&base(1000, 3), 0.1, None).left(0, 0), 100);
-        assert_eq!(Allowance::new(&base(1000, 3), 0.1, Some(u64::MAX)).left(40, 30), 30);
+        let allowance = |bytes| Allowance::new(&base(1000, 3), 3, 0.1, bytes);
+        assert_eq!((allowance(None).most(), allowance(Some(u64::MAX)).left([2, 3], 40, 30).0), ([100; 2], 30));
+        // Three quarters of all after the second of three placements.
+        assert_eq!(allowance(Some(40_000)).left([1, 3], 0, 0), (75, Some(30_000)));
+        // 62 and 64 words in a file, and 19 without bands above the constant one.
+        assert_eq!(allowance(None).prices(), [256, 248]);
+        assert_eq!(Allowance::new(&base(1, 3), 0, 0.1, None).prices(), [76, 248]);
     }
 
     #[test]
@@ -237,20 +297,25 @@ mod tests {
 
     #[test]
     fn a_plan_says_what_is_placed_and_why_the_rest_is_not() {
-        let allowance = Allowance::new(&base(40, 3), 0.2, None);
+        let allowance = Allowance::new(&base(40, 3), 3, 0.2, None);
         let gains = vec![(10.0, true), (5.0, false), (4.0, true), (2.0, true), (1.0, false), (0.5, true)];
         let choice = Choice { gains, drawn: 90, squared_error: 1000.0 };
         let on = TrainingOn { before: 1000.0, after: 990.0, steps: 10 };
-        let plan = Spending::new(&allowance, [3, 3, 90], &choice, 1.0, Some(&on));
-        assert_eq!((plan.gaussians_allowed, plan.placed(), plan.lobes.placed, plan.plain.placed), (8, 3, 2, 1));
+        let plan = Spending::new(&allowance, [3, 90], &choice, 1.0, Some(&on));
+        assert_eq!((plan.gaussians_allowed, plan.gaussians_at_first), (8, 4));
+        assert_eq!((plan.placed(), plan.lobes.placed, plan.plain.placed), (4, 3, 1));
         assert_eq!((plan.lobes.chosen, plan.plain.chosen), (4, 2));
-        assert_eq!((plan.no_gain, plan.below_training_on, plan.beyond), (84, 1, 2));
+        assert_eq!((plan.no_gain, plan.below_training_on, plan.beyond), (84, 1, 1));
         // A thousandth less squared error is 0.0043429 dB.
         let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
-        assert!(near(plan.lobes.gain_db, 14.0) && near(plan.training_on_db.unwrap(), 30.0));
+        assert!(near(plan.lobes.gain_db, 16.0) && near(plan.training_on_db.unwrap(), 30.0));
         assert!(near(plan.plain.db_per_thousand, 5e3) && near(plan.plain.db_per_megabyte, 5e6 / 248.0));
-        let none =
-            Spending::new(&allowance, [3, 3, 90], &Choice { squared_error: 0.0, ..Choice::default() }, 0.0, None);
+        let none = Spending::new(&allowance, [3, 90], &Choice { squared_error: 0.0, ..Choice::default() }, 0.0, None);
         assert_eq!((none.placed(), none.lobes, none.training_on_db), (0, Spent::default(), None));
+        // Half of the bytes at first, which end before the plain one that is next.
+        let bytes = Allowance::new(&base(40, 3), 0, 1.0, Some(2 * (76 + 247)));
+        let plan = Spending::new(&bytes, [3, 90], &choice, 0.0, None);
+        assert_eq!((plan.gaussians_allowed, plan.lobes.placed, plan.plain.placed, plan.beyond), (8, 1, 0, 5));
+        assert!(near(plan.lobes.db_per_megabyte, 10e6 / 76.0));
     }
 }

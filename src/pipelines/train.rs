@@ -100,7 +100,7 @@ impl Trainer {
         model.check_origin(views)?;
         let context = &session.context;
         let render = RenderOptions { backward: true, policy: session.policy, ..Default::default() };
-        let needs = Needs { degrees: (0..=model.sh_degree).collect(), ..Needs::of(model) };
+        let needs = Needs::at(model, 0..=model.sh_degree);
         let tiles_per_frame = tiles_per_frame(&views.frame_list);
         let loss = LossOptions {
             tiles: tiles_per_frame,

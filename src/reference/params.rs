@@ -34,9 +34,11 @@ impl Params {
         let none = Supplement::default();
         let supplement = scene.supplement.as_ref().unwrap_or(&none);
         let (first, extra) = (scene.base.len(), supplement.gaussians.len());
-        let sh_degree = if first > 0 || extra == 0 { scene.base.sh_degree } else { supplement.gaussians.sh_degree };
-        check("base", &scene.base, sh_degree)?;
-        check("supplement", &supplement.gaussians, sh_degree)?;
+        check("base", &scene.base)?;
+        check("supplement", &supplement.gaussians)?;
+        // What one of them lacks is 0.
+        let of = |part: &Gaussians| if part.is_empty() { 0 } else { part.sh_degree };
+        let sh_degree = if extra == 0 { scene.base.sh_degree } else { of(&scene.base).max(of(&supplement.gaussians)) };
         let lobes = &supplement.lobes;
         if lobes.directions.len() != extra || lobes.widths.len() != extra || lobes.sharpness.len() != extra {
             return Err(Error::Usage(format!("supplement: {extra} Gaussians need as many lobes")));
@@ -161,10 +163,10 @@ impl Params {
     }
 }
 
-fn check(name: &str, gaussians: &Gaussians, sh_degree: u32) -> Result<()> {
+fn check(name: &str, gaussians: &Gaussians) -> Result<()> {
     let n = gaussians.len();
-    if n > 0 && (gaussians.sh_degree != sh_degree || sh_degree > 3) {
-        return Err(Error::Usage(format!("{name}: SH degree {} is not {}", gaussians.sh_degree, sh_degree.min(3))));
+    if n > 0 && gaussians.sh_degree > 3 {
+        return Err(Error::Usage(format!("{name}: SH degree {}; 0 to 3 are known", gaussians.sh_degree)));
     }
     let lengths = [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len()];
     if lengths.iter().any(|&length| length != n) || gaussians.sh.len() != n * gaussians.sh_coefficients() {

@@ -85,6 +85,7 @@ impl RenderPlan {
             difference(&other.plan(context), &frames)
         };
         let degree = scene.base.sh_degree;
+        let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
         let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len() as u64);
         let gaussians = scene.base.len() as u64 + supplementary;
         let bytes_of = |planes: usize| 4 * planes as u64;
@@ -95,19 +96,32 @@ impl RenderPlan {
         let (geometry, lobe) = (bytes_of(GEOMETRY_PLANES), bytes_of(LOBE_PLANES));
         let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
         let all = |bytes: u64| (bytes * gaussians) as i64;
+        // Of what is different for the two kinds.
+        let both =
+            |of: &dyn Fn(u32) -> u64| (of(degree) * scene.base.len() as u64 + of(lobe_degree) * supplementary) as i64;
         let mut features = vec![
             feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry)),
             feature(
                 "harmonics",
                 true,
-                format!("the scene's degree is {degree}: {} bytes a Gaussian", harmonics(degree)),
-                all(harmonics(degree)),
+                match lobe_degree == degree || supplementary == 0 {
+                    true => format!("the scene's degree is {degree}: {} bytes a Gaussian", harmonics(degree)),
+                    false => format!(
+                        "the base's degree is {degree}, {} bytes a Gaussian; the supplement's {lobe_degree}, {} bytes",
+                        harmonics(degree),
+                        harmonics(lobe_degree)
+                    ),
+                },
+                both(&harmonics),
             ),
         ];
+        let more_harmonics = |degree| harmonics(3) - harmonics(degree);
         if degree < 3 {
-            let more = harmonics(3) - harmonics(degree);
-            let why = format!("the scene has none; {more} bytes a Gaussian");
-            features.push(feature("harmonics up to degree 3", false, why, all(more)));
+            let why = format!("the scene has none; {} bytes a Gaussian", more_harmonics(degree));
+            features.push(feature("harmonics up to degree 3", false, why, both(&more_harmonics)));
+        } else if lobe_degree < 3 && supplementary > 0 {
+            let why = format!("the supplement has none; {} bytes a Gaussian", more_harmonics(lobe_degree));
+            features.push(feature("harmonics of lobes, degree 3", false, why, both(&more_harmonics)));
         }
         let halved = difference(&model_of(true), &model_of(false));
         features.extend([
@@ -136,7 +150,7 @@ impl RenderPlan {
                 "gradients and Adam's moments",
                 false,
                 "nothing learns while it is rendered".into(),
-                all(2 * (geometry + bytes_of(sh_planes(degree)))) + (2 * supplementary * lobe) as i64,
+                all(2 * geometry) + both(&|degree| 2 * bytes_of(sh_planes(degree))) + (2 * supplementary * lobe) as i64,
             ),
         ]);
         let bytes = model.bytes() + frames.bytes();
@@ -150,7 +164,7 @@ impl RenderPlan {
             in_flight: limits.in_flight,
             gaussians,
             plain_bytes: geometry + harmonics(degree),
-            lobed_bytes: geometry + harmonics(degree) + lobe,
+            lobed_bytes: geometry + harmonics(lobe_degree) + lobe,
             work_bytes,
             pixel_bytes: (frames.bytes() as f64 - work_bytes * gaussians as f64) / pixels,
             bytes,

@@ -65,6 +65,8 @@ pub struct LobesSummary {
 /// The supplement of an augmented scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupplementSummary {
+    /// 0 to 3.
+    pub sh_degree: u32,
     /// Of the Gaussians that have them.
     #[serde(flatten)]
     pub gaussians: GaussiansSummary,
@@ -75,7 +77,7 @@ pub struct SupplementSummary {
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneSummary {
-    /// 0 to 3.
+    /// Of the base, 0 to 3.
     pub sh_degree: u32,
     /// The Gaussians that every viewer shows.
     pub base: GaussiansSummary,
@@ -91,6 +93,7 @@ impl SceneSummary {
             sh_degree: scene.base.sh_degree,
             base: GaussiansSummary::of(&scene.base),
             supplement: scene.supplement.as_ref().map(|s| SupplementSummary {
+                sh_degree: s.gaussians.sh_degree,
                 gaussians: GaussiansSummary::of(&s.gaussians),
                 lobes: LobesSummary { width: lobe_spread(&s.lobes.widths), sharpness: lobe_spread(&s.lobes.sharpness) },
             }),

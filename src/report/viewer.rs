@@ -59,6 +59,7 @@ struct Description<'a> {
     base: usize,
     supplement: usize,
     degree: u32,
+    with_harmonics: usize,
     log_scales: [f32; 2],
     compensate: bool,
     near: f64,
@@ -73,7 +74,8 @@ struct Description<'a> {
 impl Viewer<'_> {
     /// Bytes that the page has for a Gaussian without and with a lobe, before they are written as text of 4/3 the length.
     pub fn bytes_per_gaussian(&self) -> [usize; 2] {
-        bytes_of(self.scene.base.sh_degree)
+        let base = self.scene.base.sh_degree;
+        bytes_of([base, self.scene.supplement.as_ref().map_or(base, |s| s.gaussians.sh_degree)])
     }
 
     /// The page.
@@ -84,11 +86,12 @@ impl Viewer<'_> {
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
         let origin = origin_for(&cameras.iter().map(|(_, camera)| *camera).collect::<Vec<_>>());
-        let Packed { geometry, harmonics, lobes, log_scales } = Packed::new(self.scene, origin);
+        let Packed { geometry, harmonics, lobes, log_scales, degree, with_harmonics } = Packed::new(self.scene, origin);
         let description = Description {
             base: self.scene.base.len(),
             supplement: self.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
-            degree: self.scene.base.sh_degree,
+            degree,
+            with_harmonics,
             log_scales,
             compensate: self.compensate,
             near: NEAR,

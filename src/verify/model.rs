@@ -20,7 +20,7 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (base, supplement) = if quick { (900, 300) } else { (300_000, 100_000) };
     let scene = random_scene(31, base, supplement, 1);
     // Three pages of the base and two of the supplement; the last of each has room.
-    let room = Room { base: 70, supplement: base as u32 / 7, page: Some(base as u32 / 3 + 7), half: false };
+    let room = Room { base: 70, supplement: base as u32 / 7, page: Some(base as u32 / 3 + 7), ..Room::default() };
     let mut model = Model::upload_around(bench.context, DVec3::ZERO, &scene, room)?;
     rearranged(bench, &mut model)?;
     recounted(bench, &mut model)

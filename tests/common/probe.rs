@@ -106,7 +106,7 @@ impl<'a> Probe<'a> {
         let Setup { compensate, tile, reduction, degree, .. } = setup;
         let policy = Policy { reduction, compensate, tile, packed: false };
         let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
-        let needs = Needs { gaussians, supplement: true, degrees: vec![degree], half: false };
+        let needs = Needs { gaussians, degrees: vec![degree], lobe_degrees: vec![degree], half: false };
         Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
     }
 

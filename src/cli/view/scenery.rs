@@ -267,7 +267,7 @@ impl Scenery {
     /// The supplement is drawn without the base by a model of its own, made when it is first asked for.
     fn make_lobes(&mut self, context: &Context, model: &Model) -> Result<()> {
         let Some(supplement) = self.supplement.take_if(|_| self.lobes.is_none()) else { return Ok(()) };
-        let base = Gaussians { sh_degree: model.sh_degree, ..Default::default() };
+        let base = Gaussians { sh_degree: model.part(Segment::Base).sh_degree, ..Default::default() };
         let scene = Scene { base, supplement: Some(supplement) };
         self.lobes = Some(Model::upload_around(context, model.origin, &scene, Room::default())?);
         Ok(())

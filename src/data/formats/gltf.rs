@@ -323,17 +323,12 @@ impl Found {
             Some(learned) => (learned, Some(shown)),
             None => (shown, None),
         };
-        let mut supplement = self.supplement;
-        if let Some(supplement) = &mut supplement {
-            // Where primitives differ, the whole has the greatest degree.
-            let degree = base.sh_degree.max(supplement.gaussians.sh_degree);
-            raise(&mut supplement.gaussians, degree);
-        }
-        let degree = supplement.as_ref().map_or(base.sh_degree, |s| s.gaussians.sh_degree);
+        // Where what is shown and what was learned differ, both have the greater degree.
+        let degree = shown.iter().fold(base.sh_degree, |degree, shown| degree.max(shown.sh_degree));
         let (mut base, mut shown) = (base, shown);
         raise(&mut base, degree);
         shown.iter_mut().for_each(|shown| raise(shown, degree));
-        Ok(SceneFile { shown, ..Scene { base, supplement }.into() })
+        Ok(SceneFile { shown, ..Scene { base, supplement: self.supplement }.into() })
     }
 }
 

@@ -175,6 +175,7 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
             let worth = [p.lobe_worth, p.plain_worth].map(f64::from);
             fit = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &all, &sizes, worth);
         }
+        h.prices[i] = if fit.width > 0.0 { p.lobe_price } else { p.plain_price };
         h.fits[i] = types::Fit {
             sigma: fit.sigma as f32,
             opacity: fit.opacity as f32,
@@ -241,7 +242,9 @@ pub(super) fn pursuit_place(h: kernels::pursuit_place::Host<'_>) -> Outcome {
     let kept = h.kept[p.kept_index as usize].min(p.most);
     for rank in 0..p.count {
         let i = if rank < kept { h.order[rank as usize] as usize } else { 0 };
-        let some = rank < kept && f32::from_bits(!h.gain_keys[i]) >= p.least_gain;
+        let within =
+            || p.budget == NONE || u64::from(h.spent[rank as usize]) + u64::from(h.prices[i]) <= u64::from(p.budget);
+        let some = rank < kept && f32::from_bits(!h.gain_keys[i]) >= p.least_gain && within();
         let mut lift = Lift::default();
         if some {
             let placed = twin::pursuit_place::pursuit_place(&Candidate::from(&h.candidates[i]), &Fit::from(&h.fits[i]));

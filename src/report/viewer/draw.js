@@ -27,6 +27,7 @@ class Painter {
         gl.useProgram(this.splats.program);
         gl.uniform2f(u("log_scale_range"), ...scene.log_scales);
         gl.uniform1ui(u("supplement_first"), scene.base);
+        if (scene.harmonics) gl.uniform1ui(u("harmonics_end"), scene.with_harmonics);
         gl.uniform1i(u("compensate"), scene.compensate ? 1 : 0);
         gl.useProgram(this.over.program);
         gl.uniform1i(this.over.at("image"), 3);

@@ -23,13 +23,17 @@ pub(super) struct Packed {
     /// By Gaussian: mean (3 × f32); opacity and three log scales (16 bits each); rotation (3 × 15 bits and 2 that say which component of
     /// the quaternion is missing) and the constant harmonic (3 halves). 16-bit numbers lie in this order, low half of a word first.
     pub geometry: Vec<u32>,
-    /// By Gaussian, and none for degree 0: a half, the largest of the coefficients, then these (k from 1 on, red, green, blue) as
+    /// By Gaussian, and none where all are of degree 0, or all of the supplement are: a half, the largest of the coefficients, then these (k from 1 on, red, green, blue) as
     /// signed bytes of it; filled up to 16 bytes.
     pub harmonics: Vec<u32>,
     /// By Gaussian of the supplement, f32: the lobe's direction as a vector whose length is the width, and its sharpness.
     pub lobes: Vec<u32>,
     /// What 0 and 65535 are as a log scale.
     pub log_scales: [f32; 2],
+    /// The greater degree of base and supplement, that of `harmonics`.
+    pub degree: u32,
+    /// Gaussians that `harmonics` are of.
+    pub with_harmonics: usize,
 }
 
 impl Packed {
@@ -39,23 +43,26 @@ impl Packed {
         let scales = || parts().flat_map(|part| part.log_scales.iter().flatten().copied());
         let (low, high) = scales().fold((f32::MAX, f32::MIN), |(low, high), s| (low.min(s), high.max(s)));
         let log_scales = if low <= high { [low, high] } else { [0.0; 2] };
-        let (mut geometry, mut harmonics) = (Vec::new(), Vec::new());
-        for part in parts() {
-            for i in 0..part.len() {
-                geometry.extend(geometry_of(part, i, origin, log_scales));
-                harmonics.extend(harmonics_of(part, i));
+        let degree = parts().map(|part| part.sh_degree).max().unwrap_or_default();
+        let (mut geometry, mut harmonics, mut with_harmonics) = (Vec::new(), Vec::new(), 0);
+        for (part, lobed) in parts().zip([false, true]) {
+            (0..part.len()).for_each(|i| geometry.extend(geometry_of(part, i, origin, log_scales)));
+            // The base's come first, so it has a row each even where only the supplement has bands.
+            if part.sh_degree > 0 || !lobed && degree > 0 {
+                (0..part.len()).for_each(|i| harmonics.extend(harmonics_of(part, i, degree)));
+                with_harmonics += part.len();
             }
         }
         let lobes = scene.supplement.as_ref().map(|s| &s.lobes);
         let lobes = lobes.into_iter().flat_map(|lobes| (0..lobes.widths.len()).flat_map(|j| lobe_of(lobes, j)));
-        Packed { geometry, harmonics, lobes: lobes.collect(), log_scales }
+        Packed { geometry, harmonics, lobes: lobes.collect(), log_scales, degree, with_harmonics }
     }
 }
 
-/// Bytes of a Gaussian with harmonics up to `degree`, without and with a lobe.
-pub(super) fn bytes_of(degree: u32) -> [usize; 2] {
-    let plain = GEOMETRY + harmonic_words(degree);
-    [4 * plain, 4 * (plain + LOBE)]
+/// Bytes of a Gaussian without and with a lobe, whose harmonics have these degrees.
+pub(super) fn bytes_of([plain, lobed]: [u32; 2]) -> [usize; 2] {
+    let harmonics = |degree| if degree > 0 { harmonic_words(plain.max(lobed)) } else { 0 };
+    [4 * (GEOMETRY + harmonics(plain)), 4 * (GEOMETRY + harmonics(lobed) + LOBE)]
 }
 
 /// Whole texels of four words: 0, 1, 2, 3.
@@ -99,7 +106,8 @@ fn rotation_of(quat: [f32; 4]) -> Option<[u32; 3]> {
     Some([next(missing & 1), next(missing >> 1), next(0)])
 }
 
-fn harmonics_of(part: &Gaussians, i: usize) -> impl Iterator<Item = u32> {
+/// Filled up to `degree`.
+fn harmonics_of(part: &Gaussians, i: usize, degree: u32) -> impl Iterator<Item = u32> {
     let k = part.sh_coefficients();
     let above = part.sh[i * k + 1..(i + 1) * k].as_flattened();
     let largest = above.iter().fold(0.0f32, |most, v| most.max(v.abs())).min(f16::MAX.to_f32());
@@ -110,7 +118,7 @@ fn harmonics_of(part: &Gaussians, i: usize) -> impl Iterator<Item = u32> {
     let byte = |v: &f32| if step > 0.0 { (v / step).round().clamp(-MAX_SIGNED, MAX_SIGNED) as i8 as u8 } else { 0 };
     let mut bytes = scale.to_bits().to_le_bytes().to_vec();
     bytes.extend(above.iter().map(byte));
-    bytes.resize(4 * harmonic_words(part.sh_degree), 0);
+    bytes.resize(4 * harmonic_words(degree), 0);
     bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<_>>().into_iter()
 }
 
@@ -155,12 +163,18 @@ mod tests {
     /// Each number is within half a step of what it was, the step being that of its width.
     #[test]
     fn numbers_keep_what_their_widths_hold() {
-        for degree in 0..=3 {
-            let scene = random_scene(5, 300, 100, degree);
+        for [base, lobed] in [[0, 0], [1, 1], [2, 2], [3, 3], [3, 0], [2, 1], [0, 2]] {
+            let mut scene = random_scene(5, 300, 100, 3);
+            scene.base = scene.base.with_degree(base);
+            scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
             let packed = Packed::new(&scene, DVec3::ZERO);
             let Supplement { gaussians, lobes } = scene.supplement.as_ref().unwrap();
+            let (degree, rows) = (base.max(lobed), if lobed == 0 { 300 } else { 400 });
             let words = harmonic_words(degree);
-            assert_eq!((packed.geometry.len(), packed.harmonics.len()), (400 * GEOMETRY, 400 * words));
+            assert_eq!((packed.geometry.len(), packed.harmonics.len()), (400 * GEOMETRY, rows * words));
+            assert_eq!((packed.degree, packed.with_harmonics), (degree, if degree == 0 { 0 } else { rows }));
+            let whole: usize = packed.geometry.len() + packed.harmonics.len() + packed.lobes.len();
+            assert!(base == 0 || 4 * whole == 300 * bytes_of([base, lobed])[0] + 100 * bytes_of([base, lobed])[1]);
             let range = packed.log_scales[1] - packed.log_scales[0];
             for n in 0..400 {
                 let (part, i) = if n < 300 { (&scene.base, n) } else { (gaussians, n - 300) };
@@ -181,8 +195,8 @@ mod tests {
                 for (found, expected) in constant.iter().zip(part.sh[i * k]) {
                     assert!((found - expected).abs() <= expected.abs() / 2048.0 + 1e-7);
                 }
-                let bytes: Vec<u8> =
-                    packed.harmonics[words * n..][..words].iter().flat_map(|w| w.to_le_bytes()).collect();
+                let row = if n < packed.with_harmonics { &packed.harmonics[words * n..][..words] } else { &[] };
+                let bytes: Vec<u8> = row.iter().flat_map(|w| w.to_le_bytes()).collect();
                 for (at, expected) in part.sh[i * k + 1..(i + 1) * k].as_flattened().iter().enumerate() {
                     let step = f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() / MAX_SIGNED;
                     assert!((f32::from(bytes[2 + at] as i8) * step - expected).abs() <= 0.501 * step);
@@ -215,6 +229,7 @@ mod tests {
 
     #[test]
     fn bytes_are_those_that_the_help_tells() {
-        assert_eq!([0, 1, 2, 3].map(bytes_of), [[32, 48], [48, 64], [64, 80], [80, 96]]);
+        assert_eq!([0, 1, 2, 3].map(|degree| bytes_of([degree; 2])), [[32, 48], [48, 64], [64, 80], [80, 96]]);
+        assert_eq!(bytes_of([3, 0]), [80, 48]);
     }
 }

@@ -13,6 +13,7 @@ uniform highp usampler2D lobes;     // one texel a Gaussian of the supplement
 uniform View view;
 uniform vec2 log_scale_range; // of the quantised log scales, from and to
 uniform uint supplement_first;
+uniform uint harmonics_end;    // what comes from here on has the constant band only
 uniform bool compensate;      // opacity *= sqrt(det0 / det), as in Mip-Splatting
 uniform vec2 image_size;      // px
 
@@ -110,7 +111,7 @@ void main() {
     vec3 constant = vec3(unpackHalf2x16(second.z).y, unpackHalf2x16(second.w));
     colour = 0.5 + SH_C0 * constant;
 #if SH_DEGREE > 0
-    colour += view_dependent(gaussian, normalize(mean - view.eye));
+    if (gaussian < harmonics_end) colour += view_dependent(gaussian, normalize(mean - view.eye));
 #endif
     colour = max(colour, vec3(0.0));
 
