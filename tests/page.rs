@@ -14,7 +14,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use glint::{
     reference::{self, Background, Options, Params, View, random_camera, random_scene},
     report::viewer::Viewer,
-    scene::{Camera, Scene},
+    scene::{Camera, Scene, Supplement},
 };
 use tempfile::TempDir;
 
@@ -61,10 +61,18 @@ fn the_page_draws_what_the_twin_draws() {
     let Some(browser) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("page.html");
-    let (scene, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
-    for (show, precision, compensate) in
-        [("both", "half", false), ("base", "float", true), ("supplement", "half", true), ("both", "float", false)]
-    {
+    let (whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
+    // Base and supplement may have different bands.
+    for (show, precision, compensate, [base, lobed]) in [
+        ("both", "half", false, [3, 3]),
+        ("base", "float", true, [3, 3]),
+        ("supplement", "half", true, [3, 3]),
+        ("both", "float", false, [3, 0]),
+        ("both", "half", false, [0, 2]),
+    ] {
+        let mut scene = whole.clone();
+        scene.base = scene.base.with_degree(base);
+        scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
         let cameras = vec![("a & b.png", camera)];
         let viewer =
             Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate };

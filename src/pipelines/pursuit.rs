@@ -222,7 +222,7 @@ pub(crate) struct Placer {
     most: u32,
     limit: u32,
     /// Words that a Gaussian with a lobe and a plain one take of a budget, and those that may be spent now; [`NONE`]: any.
-    prices: [u32; 2],
+    pub(crate) prices: [u32; 2],
     pub(crate) budget: u32,
     pub(crate) candidates: u32,
     /// Candidates of a chunk.

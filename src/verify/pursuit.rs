@@ -59,8 +59,11 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let views = Views::upload(context, &case.cameras, &photographs)?;
     let session = Session { seed: SEED, ..Session::new(context) };
     let options = PursuitOptions { draws: 3, sizes: 3, first_size: 0.7, size_ratio: 2.0, ..Default::default() };
-    let mut pursuit = Pursuit::new(&session, &views, if quick { 100 } else { 2000 }, options)?;
-    pursuit.start(if quick { 100 } else { 2000 })?;
+    let most = if quick { 100 } else { 2000 };
+    let mut pursuit = Pursuit::new(&session, &views, most, options)?;
+    // Bytes that end before Gaussians do.
+    pursuit.charge([76, 72]);
+    pursuit.start_within(most, Some(40 * u64::from(most)))?;
     let here = Here {
         context,
         placer: &pursuit.placer,
@@ -351,6 +354,8 @@ impl Here<'_> {
         }
         row.flips(flips, count);
         row.unequal(wrong);
+        let price = |fit: &types::Fit| self.placer.prices[usize::from(fit.width <= 0.0)];
+        row.words(&w.prices.download()?, &fits.iter().map(price).collect::<Vec<_>>());
         row.numbers(same.iter().map(|(a, b)| (a.gain, b.gain)));
         row.numbers(same.iter().map(|(a, b)| (a.opacity, b.opacity)));
         row.numbers(same.iter().map(|(a, b)| (a.sigma, b.sigma)));
@@ -458,7 +463,15 @@ impl Here<'_> {
         row.time = times.of("pursuit_place");
         row.work = Work { bytes: (36.0 + 40.0 + 64.0) * lifts.len() as f64, operations: 30.0 * lifts.len() as f64 };
         row.words(&[w.counts.download()?[KEPT as usize]], &[order.len() as u32]);
-        let placed = order.len().min(lifts.len());
+        let (prices, mut spent) = (w.prices.download()?, 0);
+        let within = |&&i: &&usize| {
+            spent += u64::from(prices[i]);
+            spent <= u64::from(self.placer.budget)
+        };
+        let all = order.len().min(lifts.len());
+        let placed = order[..all].iter().take_while(within).count();
+        // Nothing is proved of a budget that all fits into, or nothing.
+        row.unequal(u64::from(placed == all || placed == 0));
         let want: Vec<_> = order[..placed]
             .iter()
             .map(|&i| twin::pursuit_place::pursuit_place(&Candidate::from(&candidates[i]), &Fit::from(&fits[i])))

@@ -163,8 +163,9 @@ fn drafts_with_logarithms_of_scales_are_read() {
 
 #[test]
 fn all_of_an_augmented_scene_comes_back() {
-    let scene = random_scene(5, 300, 80, 3);
-    for name in ["a.glb", "a.ply"] {
+    for (name, lobed) in [("a.glb", 3), ("a.ply", 3), ("a.glb", 0), ("a.ply", 1)] {
+        let mut scene = random_scene(5, 300, 80, 3);
+        scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
         let folder = tempfile::tempdir().unwrap();
         let (path, ply) = (folder.path().join(name), folder.path().join("b.ply"));
         // What other viewers show is the base before it learned.
