@@ -223,7 +223,7 @@ pub(crate) struct Placer {
     limit: u32,
     /// Words that a Gaussian with a lobe and a plain one take of a budget, and those that may be spent now; [`NONE`]: any.
     pub(crate) prices: [u32; 2],
-    pub(crate) budget: u32,
+    budget: u32,
     pub(crate) candidates: u32,
     /// Candidates of a chunk.
     chunk: u32,
@@ -745,14 +745,15 @@ impl Placer {
         }
     }
 
-    pub(crate) fn record_place(&self, recorder: &mut Recorder) {
+    /// [`NONE`]: any budget.
+    pub(crate) fn record_place(&self, recorder: &mut Recorder, budget: u32) {
         let (w, s) = (&self.work, &self.stages);
         let [first, second] = self.pairs();
         let input = Pairs { keys: &w.gain_keys, values: &w.gain_keys };
         let scratch = RadixScratch { block_counts: &w.radix_counts, digit_totals: &w.digit_totals };
         let extent = Extent { count: &w.counts, index: CANDIDATES, args: &w.args, dispatch: 1 };
         let sorted = s.sort.record(recorder, input, [first, second], scratch, extent, KEPT);
-        if self.budget != NONE {
+        if budget != NONE {
             let extent = Extent { index: KEPT, ..extent };
             let (block_sums, offsets) = (&w.block_sums, &w.spent);
             let prices = ScanBuffers { values: &w.prices, index: Some(sorted.values), block_sums, offsets };
@@ -775,7 +776,7 @@ impl Placer {
             &pursuit_place::Push {
                 count: self.most,
                 most: self.limit,
-                budget: self.budget,
+                budget,
                 kept_index: KEPT,
                 least_gain: self.options.least_gain,
             },
@@ -836,7 +837,7 @@ impl Looped for Choose<'_> {
             step if step <= fits => placer.record_fit(recorder, views, step - 1),
             step if step <= fits + placer.options.rounds => placer.record_round(recorder, views),
             _ => {
-                placer.record_place(recorder);
+                placer.record_place(recorder, placer.budget);
                 placer.record_append(recorder, self.model, status);
             }
         }
