@@ -79,7 +79,6 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("density: copies of one", COPIES.into()),
         ("density: gate's steepness", GATE.0),
         ("density: gate's middle", GATE.1),
-        ("density: first opacity of a budget", density::BUDGET_OPACITY.into()),
         ("density: budget from, of the run", density::BUDGET_SPAN[0]),
         ("density: budget spent, of the run", density::BUDGET_SPAN[1]),
         ("density: budget until, of the run", density::BUDGET_SPAN[2]),

@@ -88,8 +88,6 @@ pub const FIRST_OPACITY: f32 = 0.5;
 pub const FIRST_SCALE: f32 = 0.1;
 /// MCMC and the budget: rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;
-/// The budget: first opacity.
-pub const BUDGET_OPACITY: f32 = 0.4;
 /// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
 pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
 /// The budget: refinements of a run, as far as intervals of 10 to 100 steps allow.
@@ -183,9 +181,6 @@ impl DensityOptions {
     /// Makes of the Gaussians that 3DGS begins with those that the strategy does.
     pub fn begin(&self, gaussians: &mut Gaussians) {
         let logit = |opacity: f32| (opacity / (1.0 - opacity)).ln();
-        if self.strategy == Strategy::Budget {
-            gaussians.opacities.fill(logit(BUDGET_OPACITY));
-        }
         if self.strategy == Strategy::Mcmc {
             gaussians.opacities.fill(logit(FIRST_OPACITY));
             gaussians.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += FIRST_SCALE.ln());
@@ -602,7 +597,7 @@ mod tests {
             (Strategy::Fixed, 0.1, 1.0),
             (Strategy::Adc, 0.1, 1.0),
             (Strategy::Mcmc, 0.5, 0.1),
-            (Strategy::Budget, 0.4, 1.0),
+            (Strategy::Budget, 0.1, 1.0),
         ] {
             let found = begun(strategy);
             assert!((found.0 - opacity).abs() < 1e-6 && (found.1 - scale).abs() < 1e-6, "{strategy:?}: {found:?}");
