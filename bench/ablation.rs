@@ -18,7 +18,7 @@ use clap::Parser;
 use glint::{
     Error, Result,
     data::{
-        Dataset, DatasetOptions, Holdout, Photo, Split, builtin::builtin_scene, gaussian_bytes, read_scene, write_scene,
+        Dataset, DatasetOptions, Holdout, Photo, Split, builtin::builtin_scene, read_scene, scene_bytes, write_scene,
     },
     gpu::{Context, ContextOptions},
     pipelines::{
@@ -34,7 +34,7 @@ use glint::{
         views::Views,
     },
     report::{evaluate::evaluate, metrics::Quality},
-    scene::{Scene, Supplement, from_points},
+    scene::{Scene, from_points},
 };
 use serde_json::json;
 
@@ -228,8 +228,8 @@ fn run(args: &Args) -> Result<()> {
                 }
                 Some(mut options) => {
                     if let (Some(share), Method::Pursuit) = (args.byte_ratio, options.method) {
-                        let bytes = base.base.len() as u64 * gaussian_bytes(base.base.sh_degree, false);
-                        (options.ratio, options.bytes) = (MOST_BY_BYTES, Some((share * bytes as f64) as u64));
+                        let bytes = share * scene_bytes(&base) as f64;
+                        (options.ratio, options.bytes) = (MOST_BY_BYTES, Some(bytes as u64));
                     }
                     let done = enhance(&session, &base, &views, &options, |_| ())?;
                     let plain = done.placed.iter().map(|placed| placed.plain).sum();
@@ -241,10 +241,7 @@ fn run(args: &Args) -> Result<()> {
             let seconds = started.elapsed().as_secs_f64();
             let after = quality(&session, &scene, &held)?;
             let supplement = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
-            let degree = |s: &Supplement| s.gaussians.sh_degree;
-            let lobe_bytes = scene.supplement.as_ref().map_or(0, |s| gaussian_bytes(degree(s), true));
-            let bytes =
-                scene.base.len() as u64 * gaussian_bytes(base.base.sh_degree, false) + supplement as u64 * lobe_bytes;
+            let bytes = scene_bytes(&scene);
             if args.json {
                 println!(
                     "{}",

@@ -611,6 +611,7 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
             for ((got, want), margin) in float.pixels().iter().zip(&want.image).zip(&want.margins) {
                 if margin.image() > NEAR {
                     compared += 1;
+                    // float32's 6e-8 of colours up to 4, in sums of some hundred terms.
                     (0..3).for_each(|c| assert!((f64::from(got[c]) - want[c]).abs() < 1e-4, "{got:?} {want:?}"));
                 }
             }

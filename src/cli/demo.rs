@@ -12,9 +12,7 @@ use super::{
 };
 use crate::{
     Result,
-    data::{
-        Dataset, Photo, Split, builtin::builtin_scene, gaussian_bytes, write_augmented, write_png_bytes, write_scene,
-    },
+    data::{Dataset, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
         enhance::Times,
@@ -33,7 +31,7 @@ use crate::{
         sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
-    scene::{Gaussians, Scene, from_points},
+    scene::{Scene, from_points},
 };
 
 const EXAMPLES: &str = "\
@@ -236,11 +234,7 @@ impl Args {
         rows: &[Row; 3],
         plan: Option<&Spending>,
     ) -> Result<()> {
-        let bytes_of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
-        let bytes = scenes.map(|scene| {
-            let supplement = scene.supplement.as_ref().map_or(0, |supplement| bytes_of(&supplement.gaussians, true));
-            bytes_of(&scene.base, false) + supplement
-        });
+        let bytes = scenes.map(scene_bytes);
         let shown: Vec<Shown> = scenes
             .iter()
             .zip(rows)

@@ -188,7 +188,7 @@ pub(super) struct Args {
     /// on, 0.25 at most]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB
+    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB; those with lobes then have one colour each, in fewer bytes
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
     /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ

@@ -67,7 +67,7 @@ pub use kind::Kind;
 pub use lens::{Distortion, Frame, Lens, Polynomial};
 pub use ply::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
-pub use ply_write::{gaussian_bytes, write_augmented, write_scene};
+pub use ply_write::{gaussian_bytes, scene_bytes, write_augmented, write_scene};
 #[cfg(feature = "train")]
 pub use reduce::Reduce;
 #[cfg(feature = "train")]

@@ -349,10 +349,7 @@ mod tests {
         assert_eq!(&read_scene(&path).unwrap(), scene);
         let bytes = fs::read(&path).unwrap();
         let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-        let bytes_of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
-        let extra = scene.supplement.as_ref().map_or(0, |s| bytes_of(&s.gaussians, true));
-        let expected = bytes_of(&scene.base, false) + extra;
-        assert_eq!((bytes.len() - header) as u64, expected);
+        assert_eq!((bytes.len() - header) as u64, scene_bytes(scene));
         bytes
     }
 

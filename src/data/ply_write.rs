@@ -48,6 +48,12 @@ pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
     4 * (FIXED.len() as u64 + beside + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1))
 }
 
+/// Bytes of the file that [`write_scene`] makes of a scene, but for its header.
+pub fn scene_bytes(scene: &Scene) -> u64 {
+    let of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
+    of(&scene.base, false) + scene.supplement.as_ref().map_or(0, |supplement| of(&supplement.gaussians, true))
+}
+
 /// An element that is to be written.
 pub(super) struct Rows<'a> {
     gaussians: &'a Gaussians,

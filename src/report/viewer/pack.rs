@@ -23,8 +23,8 @@ pub(super) struct Packed {
     /// By Gaussian: mean (3 × f32); opacity and three log scales (16 bits each); rotation (3 × 15 bits and 2 that say which component of
     /// the quaternion is missing) and the constant harmonic (3 halves). 16-bit numbers lie in this order, low half of a word first.
     pub geometry: Vec<u32>,
-    /// By Gaussian, and none where all are of degree 0, or all of the supplement are: a half, the largest of the coefficients, then these (k from 1 on, red, green, blue) as
-    /// signed bytes of it; filled up to 16 bytes.
+    /// By Gaussian, and none where all are of degree 0, or all of the supplement are: a half, the largest of the coefficients, then these
+    /// (k from 1 on, red, green, blue) as signed bytes of it; filled up to 16 bytes.
     pub harmonics: Vec<u32>,
     /// By Gaussian of the supplement, f32: the lobe's direction as a vector whose length is the width, and its sharpness.
     pub lobes: Vec<u32>,
@@ -61,8 +61,9 @@ impl Packed {
 
 /// Bytes of a Gaussian without and with a lobe, whose harmonics have these degrees.
 pub(super) fn bytes_of([plain, lobed]: [u32; 2]) -> [usize; 2] {
-    let harmonics = |degree| if degree > 0 { harmonic_words(plain.max(lobed)) } else { 0 };
-    [4 * (GEOMETRY + harmonics(plain)), 4 * (GEOMETRY + harmonics(lobed) + LOBE)]
+    // The base has rows of the greater degree; the supplement too, or none.
+    let harmonics = harmonic_words(plain.max(lobed));
+    [4 * (GEOMETRY + harmonics), 4 * (GEOMETRY + if lobed > 0 { harmonics } else { 0 } + LOBE)]
 }
 
 /// Whole texels of four words: 0, 1, 2, 3.
@@ -174,7 +175,8 @@ mod tests {
             assert_eq!((packed.geometry.len(), packed.harmonics.len()), (400 * GEOMETRY, rows * words));
             assert_eq!((packed.degree, packed.with_harmonics), (degree, if degree == 0 { 0 } else { rows }));
             let whole: usize = packed.geometry.len() + packed.harmonics.len() + packed.lobes.len();
-            assert!(base == 0 || 4 * whole == 300 * bytes_of([base, lobed])[0] + 100 * bytes_of([base, lobed])[1]);
+            let [plain_bytes, lobed_bytes] = bytes_of([base, lobed]);
+            assert_eq!(4 * whole, 300 * plain_bytes + 100 * lobed_bytes);
             let range = packed.log_scales[1] - packed.log_scales[0];
             for n in 0..400 {
                 let (part, i) = if n < 300 { (&scene.base, n) } else { (gaussians, n - 300) };
