@@ -130,7 +130,7 @@ fn the_first_frame_waits_for_no_worker() {
     let page = viewer.page().unwrap().replacen("<script>", "<script>window.Worker = class { postMessage() {} };", 1);
     assert!(page.contains("window.Worker"));
     fs::write(&path, page).unwrap();
-    let page = loaded(&browser, &path, "", &["--virtual-time-budget=2000"]);
+    let page = loaded(&browser, &path, "", &[]);
     let status = text_of(&page, "status").unwrap();
     let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
     assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{status}");

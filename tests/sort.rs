@@ -8,7 +8,7 @@ use glint::{
     pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
-        blocks::{BLOCK, block_counts_len, block_sums_len, digit_totals_len, items_per_group, passes_for},
+        blocks::{Blocks, DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
         dispatch_args,
         status::{self, Resource, Status},
     },
@@ -99,11 +99,12 @@ fn scan(context: &Context, values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, 
     scan.record(&mut recorder, &buffers, counted.extent(), RESULT);
     recorder.submit().unwrap().wait().unwrap();
     let offsets = offsets.download_range(0, items as usize).unwrap();
-    (offsets, block_sums.download().unwrap(), counted.count.download().unwrap()[1])
+    let blocks = items.div_ceil(Blocks::of(context.info()).block) as usize;
+    (offsets, block_sums.download_range(0, blocks + 1).unwrap(), counted.count.download().unwrap()[1])
 }
 
 fn check_scan(context: &Context, values: &[u32], index: Option<&[u32]>) {
-    let block = BLOCK as usize;
+    let block = Blocks::of(context.info()).block as usize;
     let block_sums = reference::scan_spine::scan_spine(&reference::scan_reduce::scan_reduce(values, index, block));
     let offsets = reference::scan_apply::scan_apply(values, index, &block_sums, block);
     let total = *block_sums.last().unwrap();
@@ -170,11 +171,10 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
     let input = upload(context, "keys", keys);
     let input_values = values.map(|values| upload(context, "values", values));
     let radix = RadixSort::new(context, key_bits, values.is_none()).unwrap();
-    let bits = RadixSort::digit_bits_for(key_bits);
     let (a, b) = (pairs(context, "a", keys.len()), pairs(context, "b", keys.len()));
-    let counters = block_counts_len(items, bits);
+    let counters = block_counts_len(items, key_bits);
     let block_counts = Buffer::zeroed(context, "block_counts", counters).unwrap();
-    let digit_totals = Buffer::zeroed(context, "digit_totals", digit_totals_len(bits)).unwrap();
+    let digit_totals = Buffer::zeroed(context, "digit_totals", DIGIT_TOTALS).unwrap();
     let mut recorder = context.recorder("sort").unwrap();
     let per_group = items_per_group(context.info());
     counted.record(&mut recorder, items, per_group);
@@ -198,11 +198,11 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
 }
 
 fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) {
-    let (passes, bits) = passes_for(key_bits);
+    let (passes, bits) = Blocks::of(context.info()).passes_for(key_bits);
     let (mut keys_now, mut values_now) = (keys.to_vec(), values.map(<[u32]>::to_vec));
     let mut last = (vec![], vec![]);
     for pass in 0..passes {
-        let block = BLOCK as usize;
+        let block = Blocks::of(context.info()).block as usize;
         let counts = reference::radix_upsweep::radix_upsweep(&keys_now, pass * bits, bits, values_now.is_none(), block);
         last = reference::radix_spine::radix_spine(&counts, bits);
         let (keys, values) = reference::radix_downsweep::radix_downsweep(
@@ -221,7 +221,7 @@ fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits:
     assert!(keys_out == keys_now, "keys of {what}");
     assert!(values_out == values_now.unwrap(), "values of {what}");
     assert!(block_counts[..last.0.len()] == last.0, "counters of {what}");
-    assert!(totals == last.1, "totals of {what}");
+    assert!(totals[..last.1.len()] == last.1, "totals of {what}");
     // The twin's passes against the standard library.
     let mut expected: Vec<(u32, u32)> = (0..keys.len())
         .filter(|&i| values.is_some() || keys[i] != NO_KEY)
@@ -245,7 +245,7 @@ fn a_sort_is_its_twin_at_every_size() {
 fn a_sort_is_stable_whatever_the_width_of_the_keys() {
     let context = Gpu::new();
     let values: Vec<u32> = (0..9000).collect();
-    for key_bits in [1, 3, 8, 12, 13, 31] {
+    for key_bits in [1, 3, 8, 10, 12, 13, 31] {
         let keys: Vec<u32> = (0..9000).map(|i| noise(i) >> (32 - key_bits)).collect();
         check_sort(&context, &keys, Some(&values), key_bits);
     }

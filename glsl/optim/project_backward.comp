@@ -60,6 +60,7 @@ const uint MANY = 256; // guard: sum of many slots by the whole subgroup
 const uint UNROLL = 4; // guard: sum: several slots an iteration
 
 void main() {
+    View view = views[push.view]; // as in project
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
     bool live = place < push.stride && i < segment_first[push.segment + 1];
@@ -109,7 +110,6 @@ void main() {
     bool blended = d_opacity != 0.0 || (OPACITY_ONLY ? w_u != 0.0 : any(notEqual(d_rgb, vec3(0.0))));
     if (SPARSE && !blended) return;
 
-    View view = views[push.view];
     float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit);
     Gradient g = Gradient(vec3(0.0), vec3(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0, 0.0);
     vec3 d_colour = vec3(0.0), to_mean = vec3(0.0), mean = load_geometry3(MEAN, place);

@@ -41,6 +41,7 @@ layout(set = 0, binding = 8, scalar) writeonly buffer TileCounts { uint tile_cou
 #include "../shared/colour.glsl"
 
 void main() {
+    View view = views[push.view]; // one for all threads: read before any of them goes its own way, a CPU reads it once
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index in the model
     if (place >= push.stride || i >= segment_first[push.segment + 1]) return;
@@ -48,7 +49,6 @@ void main() {
     depth_keys[i] = NONE;
     tile_counts[i] = 0;
 
-    View view = views[push.view];
     vec3 mean = load_geometry3(MEAN, place);
     vec3 p = to_camera(view, mean);
     if (!(p.z > view.near && p.z <= FLOAT_MAX)) return; // guard: near plane; camera z within float32

@@ -1,12 +1,14 @@
 #version 460
 // Finds where each tile's intersections begin and end in the sorted list.
 //
-// One thread takes one intersection and writes at the places where the tile changes. `tile_ranges` is zero before.
+// One thread takes one tile and halves the list: some 20 reads, where a thread for each intersection would read the whole list.
+// count, isect_tiles -> tile_ranges; of a tile without intersections both are where they would be
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 
 layout(push_constant, scalar) uniform Push {
     uint count_index; // where count holds the number of intersections
+    uint tile_count;
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
@@ -14,9 +16,16 @@ layout(set = 0, binding = 1, scalar) readonly buffer IsectTiles { uint isect_til
 layout(set = 0, binding = 2, scalar) writeonly buffer TileRanges { uvec2 tile_ranges[]; };
 
 void main() {
-    uint i = thread_index(), isects = count[push.count_index];
-    if (i >= isects) return;
-    uint tile = isect_tiles[i];
-    if (i == 0 || isect_tiles[i - 1] != tile) tile_ranges[tile].x = i;
-    if (i + 1 == isects || isect_tiles[i + 1] != tile) tile_ranges[tile].y = i + 1;
+    uint isects = count[push.count_index];
+    uint tile = thread_index();
+    if (tile >= push.tile_count) return;
+    uint begin = 0;
+    for (uint end = isects; begin < end;) {
+        uint middle = begin + (end - begin) / 2;
+        if (isect_tiles[middle] < tile) begin = middle + 1;
+        else end = middle;
+    }
+    tile_ranges[tile].x = begin;
+    if (tile > 0) tile_ranges[tile - 1].y = begin;
+    if (tile + 1 == push.tile_count) tile_ranges[tile].y = isects;
 }

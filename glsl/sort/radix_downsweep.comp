@@ -10,6 +10,9 @@
 // Keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
 // remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
+// Lanes of a subgroup where they are few and known, so that each is a constant: on a CPU its value is then handed round by one
+// instruction, while a ballot goes through all lanes. 0: by ballots, one for each bit of a digit.
+layout(constant_id = 4) const uint LANES = 0;
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
@@ -24,6 +27,29 @@ layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; 
 
 // Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
 shared uint next_place[(gl_WorkGroupSize.x / 8) * DIGITS];
+
+// The live lanes whose digit is this lane's, if it is live.
+uvec2 same_digit(uint digit, bool live) {
+    uvec2 peers = uvec2(0);
+    if (LANES > 0) {
+        uint shown = live ? digit : DIGITS;
+        [[unroll]] for (uint lane = 0; lane < LANES; ++lane) peers.x |= uint(subgroupBroadcast(shown, lane) == shown) << lane;
+        return peers;
+    }
+    peers = subgroupBallot(live).xy;
+    for (uint bit = 0; bit < DIGIT_BITS; bit++) {
+        bool one = (digit >> bit & 1u) != 0;
+        uvec2 ones = subgroupBallot(one).xy;
+        peers &= one ? ones : ~ones;
+    }
+    return peers;
+}
+
+// Whether no lane of these is after this one.
+bool highest(uvec2 lanes) {
+    uvec2 later = lanes & gl_SubgroupGtMask.xy;
+    return (later.x | later.y) == 0;
+}
 
 void main() {
     uint keys = count[push.count_index];

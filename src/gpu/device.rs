@@ -143,6 +143,12 @@ impl DeviceInfo {
             _ => wanted,
         }
     }
+
+    /// Lanes of a subgroup, where kernels do well to be written out for each: a CPU hands round a lane that is a constant by one
+    /// instruction, and one that is not through memory; a GPU's code should be short. Of more lanes are the software's subgroups only.
+    pub fn constant_lanes(&self) -> Option<u32> {
+        (self.is_cpu && self.subgroup_size <= 16).then_some(self.subgroup_size)
+    }
 }
 
 /// A physical device.

@@ -20,7 +20,7 @@ use crate::{
     scene::{Gaussians, layout::sh_planes},
     stages::{
         WORKGROUP,
-        blocks::{block_counts_len, block_sums_len, digit_totals_len},
+        blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len},
         constants::density::{ADC, ALIVE, BUDGET, CANDIDATES, MCMC, NEW, OLD, SCORES, WORDS},
         density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
         density_weigh,
@@ -203,8 +203,8 @@ buffers! {
         sorted_keys_1: u32 = *limit,
         sorted_1: u32 = *limit,
         block_sums: u32 = block_sums_len(*limit),
-        block_counts: u32 = block_counts_len(*limit, RadixSort::digit_bits_for(KEY_BITS)),
-        digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(KEY_BITS)),
+        block_counts: u32 = block_counts_len(*limit, KEY_BITS),
+        digit_totals: u32 = DIGIT_TOTALS,
     }
 }
 

@@ -19,7 +19,7 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     stages::{
         WORKGROUP,
-        blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
+        blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
         constants::{
             constants::NONE,
             pursuit::{CELL, ERROR_BLOCK, LEVELS, SUMS, WIDTHS},
@@ -178,8 +178,8 @@ buffers! {
         pub(crate) order: u32 = o.candidates,
         pub(crate) other_keys: u32 = o.candidates,
         pub(crate) other_order: u32 = o.candidates,
-        pub(crate) radix_counts: u32 = block_counts_len(o.candidates, RadixSort::digit_bits_for(32)),
-        pub(crate) digit_totals: u32 = digit_totals_len(RadixSort::digit_bits_for(32)),
+        pub(crate) radix_counts: u32 = block_counts_len(o.candidates, 32),
+        pub(crate) digit_totals: u32 = DIGIT_TOTALS,
         pub(crate) lifts: Lift = o.most,
         pub(crate) lift_flags: u32 = o.most,
         pub(crate) plain_flags: u32 = o.most,

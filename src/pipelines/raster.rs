@@ -13,7 +13,7 @@ use crate::{
     gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Recorder, Unused},
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
-        blocks::{block_counts_len, block_sums_len, digit_totals_len, items_per_group},
+        blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
         dispatch_args, emit,
         status::Resource,
         tile_ranges,
@@ -140,10 +140,6 @@ pub struct RasterOptions {
 }
 
 impl RasterOptions {
-    fn digit_bits(&self) -> u32 {
-        RadixSort::digit_bits_for(DEPTH_BITS).max(RadixSort::digit_bits_for(self.tile_bits()))
-    }
-
     /// Bits of a tile's number.
     fn tile_bits(&self) -> u32 {
         self.tiles.saturating_sub(1).checked_ilog2().map_or(1, |b| b + 1)
@@ -164,11 +160,10 @@ const SPLATS: u32 = 0;
 pub(crate) const VISIBLE: u32 = 1;
 pub(crate) const ISECTS: u32 = 2;
 const ISECTS_SORTED: u32 = 3;
-/// Dispatches in `args`: block-wise stages over visible splats and intersections, and thread-wise stages.
+/// Dispatches in `args`: block-wise stages over visible splats and intersections, and thread-wise ones over visible splats.
 const VISIBLE_BLOCKS: u32 = 0;
 const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
-const ISECT_THREADS: u32 = 3;
 /// Bits of a depth key.
 const DEPTH_BITS: u32 = 32;
 
@@ -197,15 +192,15 @@ buffers! {
         pub scene_depths: f32 = o.only_if(o.occluded, o.pixels),
         pub(crate) tile_ranges: [u32; 2] = o.tiles,
         pub(crate) count: u32 = 4,
-        args: u32 = 12,
+        args: u32 = 9,
         sorted_keys: u32 = o.splats,
         sorted_keys_1: u32 = o.splats,
         global_from_rank: u32 = o.splats,
         global_from_rank_1: u32 = o.splats,
         rank_first_slot: u32 = o.splats,
         block_sums: u32 = block_sums_len(o.splats),
-        depth_block_counts: u32 = block_counts_len(o.splats, RadixSort::digit_bits_for(DEPTH_BITS)),
-        digit_totals: u32 = digit_totals_len(o.digit_bits()),
+        depth_block_counts: u32 = block_counts_len(o.splats, DEPTH_BITS),
+        digit_totals: u32 = DIGIT_TOTALS,
     }
 }
 
@@ -217,7 +212,7 @@ buffers! {
         isect_slots: u32 = o.isects,
         isect_slots_1: u32 = o.isects,
         global_from_slot: u32 = o.isects,
-        isect_block_counts: u32 = block_counts_len(o.isects, RadixSort::digit_bits_for(o.tile_bits())),
+        isect_block_counts: u32 = block_counts_len(o.isects, o.tile_bits()),
     }
 }
 
@@ -326,11 +321,10 @@ pub struct Raster {
     unused: Unused,
 }
 
-/// Whether blending and its backward pass take a subgroup's splats in one piece of code. A CPU hands round a lane that is a constant by
-/// one instruction, and one that is not through memory, and what a branch sets costs it more than what it computes; a GPU's code should
-/// be short. Of more lanes are the software's subgroups only.
+/// Whether blending and its backward pass take a subgroup's splats in one piece of code; what a branch sets costs a CPU more than what
+/// it computes.
 fn unrolled(info: &DeviceInfo) -> bool {
-    info.is_cpu && info.subgroup_size <= 16
+    info.constant_lanes().is_some()
 }
 
 impl Raster {
@@ -508,7 +502,6 @@ impl Raster {
             ISECTS,
         );
         self.args_for(recorder, status, ISECTS, capacity, per_block, ISECT_BLOCKS);
-        self.args_for(recorder, status, ISECTS, capacity, WORKGROUP, ISECT_THREADS);
 
         let no_frames = self.unused.of();
         self.emit.record_indirect(
@@ -546,15 +539,12 @@ impl Raster {
             extent(ISECTS, ISECT_BLOCKS),
             ISECTS_SORTED,
         );
-        // guard: tile ranges begin empty
-        recorder.fill(&f.tile_ranges, 0);
-        self.ranges.record_indirect(
+        self.ranges.record(
             recorder,
             &tile_ranges::Buffers { count: &f.count, isect_tiles: by_tile.keys, tile_ranges: &f.tile_ranges },
             // guard: tiles counted in vain
-            &tile_ranges::Push { count_index: ISECTS_SORTED },
-            &f.args,
-            ISECT_THREADS,
+            &tile_ranges::Push { count_index: ISECTS_SORTED, tile_count: grid.tiles() },
+            grid.tiles(),
         );
     }
 

@@ -3,7 +3,7 @@
 use crate::{
     gpu::{Buffer, Context, GpuError, Recorder},
     stages::{
-        blocks::{BLOCK, SPINE_WORKGROUP, WORKGROUP, passes_for},
+        blocks::{Blocks, SPINE_WORKGROUP},
         radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine,
     },
 };
@@ -46,14 +46,13 @@ pub struct ScanBuffers<'a> {
 impl Scan {
     /// With `gather`, values are read through an index.
     pub fn new(context: &Context, gather: bool) -> Result<Self, GpuError> {
-        let workgroup_size = WORKGROUP;
-        let spine =
-            scan_spine::Spec { workgroup_size: SPINE_WORKGROUP.min(context.info().max_workgroup), block: BLOCK };
+        let Blocks { block, workgroup: workgroup_size, .. } = Blocks::of(context.info());
+        let spine = scan_spine::Spec { workgroup_size: SPINE_WORKGROUP.min(context.info().max_workgroup), block };
         Ok(Scan {
             gather,
-            reduce: scan_reduce::Stage::new(context, &scan_reduce::Spec { workgroup_size, block: BLOCK, gather })?,
+            reduce: scan_reduce::Stage::new(context, &scan_reduce::Spec { workgroup_size, block, gather })?,
             spine: scan_spine::Stage::new(context, &spine)?,
-            apply: scan_apply::Stage::new(context, &scan_apply::Spec { workgroup_size, block: BLOCK, gather })?,
+            apply: scan_apply::Stage::new(context, &scan_apply::Spec { workgroup_size, block, gather })?,
         })
     }
 
@@ -110,9 +109,9 @@ pub struct Pairs<'a> {
 /// Scratch of a radix sort.
 #[derive(Clone, Copy)]
 pub struct RadixScratch<'a> {
-    /// [`block_counts_len`](crate::stages::blocks::block_counts_len) elements for [`RadixSort::digit_bits`].
+    /// [`block_counts_len`](crate::stages::blocks::block_counts_len) elements.
     pub block_counts: &'a Buffer<u32>,
-    /// [`digit_totals_len`](crate::stages::blocks::digit_totals_len) elements.
+    /// [`DIGIT_TOTALS`](crate::stages::blocks::DIGIT_TOTALS) elements.
     pub digit_totals: &'a Buffer<u32>,
 }
 
@@ -120,14 +119,15 @@ impl RadixSort {
     /// Sorts keys below 2^`key_bits` (1 to 32). With `compact`, keys of `0xFFFFFFFF` are dropped and the value of a key
     /// is its index.
     pub fn new(context: &Context, key_bits: u32, compact: bool) -> Result<Self, GpuError> {
-        let (passes, digit_bits) = passes_for(key_bits);
-        let (workgroup_size, block) = (WORKGROUP, BLOCK);
+        let blocks = Blocks::of(context.info());
+        let (passes, digit_bits) = blocks.passes_for(key_bits);
+        let Blocks { block, workgroup: workgroup_size, lanes: constant_lanes, .. } = blocks;
         let upsweep = |compact| {
             let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, compact };
             radix_upsweep::Stage::new(context, &spec)
         };
         let downsweep = |compact| {
-            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact };
+            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact, lanes: constant_lanes };
             radix_downsweep::Stage::new(context, &spec)
         };
         let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));
@@ -146,11 +146,6 @@ impl RadixSort {
             spine_groups: (1u32 << digit_bits).div_ceil(lanes),
             downsweep: downsweep(false)?,
         })
-    }
-
-    /// Width of the digits for keys of that many bits.
-    pub fn digit_bits_for(key_bits: u32) -> u32 {
-        passes_for(key_bits).1
     }
 
     /// Which of the two pairs of [`RadixSort::record`] the sorted ones end up in.

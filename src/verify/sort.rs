@@ -7,7 +7,7 @@ use crate::{
     pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
-        blocks::{BLOCK, block_counts_len, block_sums_len, digit_totals_len, items_per_group, passes_for},
+        blocks::{Blocks, DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
         dispatch_args,
         status::{self, Resource, Status},
     },
@@ -126,7 +126,7 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
         bench.push(row);
     }
     let index = gather.then_some(&index[..]);
-    let block = BLOCK as usize;
+    let block = Blocks::of(context.info()).block as usize;
     let reduced = reference::scan_reduce::scan_reduce(&values, index, block);
     let sums = reference::scan_spine::scan_spine(&reduced);
     let want = reference::scan_apply::scan_apply(&values, index, &sums, block);
@@ -137,7 +137,7 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
     // The block sums are scanned in place: that they are right says that both kernels are.
     for (stage, bytes) in [("scan_reduce", read + 4.0 * blocks), ("scan_spine", 8.0 * blocks)] {
         let mut row = bench.row(stage, &variant);
-        row.words(&got_sums, &sums);
+        row.words(&got_sums[..sums.len()], &sums);
         row.work.bytes = bytes;
         row.time = times.of(stage);
         bench.push(row);
@@ -153,7 +153,7 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
 
 fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Result<()> {
     let context = bench.context;
-    let (passes, bits) = passes_for(key_bits);
+    let (passes, bits) = Blocks::of(context.info()).passes_for(key_bits);
     // Every third has no key in a compacting sort.
     let key = |i: u32| if compact && noise(i).is_multiple_of(3) { NO_KEY } else { noise(i + 5) >> (32 - key_bits) };
     let keys: Vec<u32> = (0..items).map(key).collect();
@@ -164,8 +164,8 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
     let buffer = |name: &str, len: usize| Buffer::zeroed(context, name, len);
     let (a, b) = ((buffer("keys a", n)?, buffer("values a", n)?), (buffer("keys b", n)?, buffer("values b", n)?));
     let stage = RadixSort::new(context, key_bits, compact)?;
-    let block_counts = buffer("block counts", block_counts_len(items, bits))?;
-    let digit_totals = buffer("digit totals", digit_totals_len(bits))?;
+    let block_counts = buffer("block counts", block_counts_len(items, key_bits))?;
+    let digit_totals = buffer("digit totals", DIGIT_TOTALS)?;
     let pairs = [&a, &b].map(|p| Pairs { keys: &p.0, values: &p.1 });
     let times = bench.time(|recorder| {
         counted.record(recorder);
@@ -177,7 +177,7 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
     let (mut keys_now, mut values_now) = (keys, (!compact).then_some(values));
     let mut last = (vec![], vec![]);
     for pass in 0..passes {
-        let (shift, block) = (pass * bits, BLOCK as usize);
+        let (shift, block) = (pass * bits, Blocks::of(context.info()).block as usize);
         let counts = reference::radix_upsweep::radix_upsweep(&keys_now, shift, bits, values_now.is_none(), block);
         last = reference::radix_spine::radix_spine(&counts, bits);
         let (keys, values) = reference::radix_downsweep::radix_downsweep(
@@ -215,7 +215,7 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
         } else {
             // Scanned in place over the blocks: right only if both kernels are.
             row.words(&counters[..last.0.len().min(counters.len())], &last.0);
-            row.words(&totals, &last.1);
+            row.words(&totals[..last.1.len()], &last.1);
         }
         row.work = Work { bytes, operations: 0.0 };
         row.time = times.of(name);

@@ -77,11 +77,10 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
 }
 
 pub(super) fn tile_ranges(h: kernels::tile_ranges::Host<'_>) -> Outcome {
-    let isects = h.workgroups.threads().min(h.count[h.push.count_index as usize] as usize);
-    let ranges = twin::tile_ranges::tile_ranges(&h.isect_tiles[..isects], h.tile_ranges.len());
-    // The kernel writes where a tile's intersections begin and end, and nothing for a tile without any.
-    let found = h.tile_ranges.iter_mut().zip(ranges).filter(|(_, range)| range[1] > 0);
-    found.for_each(|(to, range)| *to = range);
+    let kernels::tile_ranges::Push { count_index, tile_count } = h.push;
+    let isects = h.count[count_index as usize] as usize;
+    let ranges = twin::tile_ranges::tile_ranges(&h.isect_tiles[..isects], tile_count as usize);
+    h.tile_ranges[..ranges.len()].copy_from_slice(&ranges);
     Ok(())
 }
 

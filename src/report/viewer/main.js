@@ -215,7 +215,7 @@ function interactive(scene, wish) {
     }));
     onhashchange = () => location.reload();
     element("panel").hidden = false;
-    ask();
+    frame(); // at once: a browser that is busy or shows another page would let it wait
 }
 
 /** Tells instead of throwing. */
