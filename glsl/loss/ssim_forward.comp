@@ -17,6 +17,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
+#include "../shared/runs.glsl"
 
 // Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
 layout(constant_id = 1) const bool TILE_LIST = false;
@@ -98,14 +99,15 @@ void main() {
             }
         }
         barrier();
-        float pixel_loss[RUN] = float[RUN](0, 0, 0, 0, 0, 0, 0, 0);
+        float pixel_loss[RUN];
+        if (LOSS_MAP) [[unroll]] for (uint step = 0; step < RUN; step++) pixel_loss[step] = 0;
         for (uint channel = first_channel; channel < end_channel; channel++) {
             Filter4 along = EMPTY4;
             uint at = row_first(channel, row) + run * RUN;
             for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
             ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
             uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
-            [[unroll]] for (uint step = 0; step < RUN; step++) {
+            for (uint step = 0; step < RUN; step++) {
                 vec4 m = feed(along, moments[at + 2 * RADIUS + step]);
                 float mx = m.x + MIDDLE;
                 float my = m.y + MIDDLE;

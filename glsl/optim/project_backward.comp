@@ -62,8 +62,9 @@ const uint UNROLL = 4; // guard: sum: several slots an iteration
 void main() {
     View view = views[push.view]; // as in project
     uint place = thread_index();
-    uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
-    bool live = place < push.stride && i < segment_first[push.segment + 1];
+    uint all_first = segment_first[push.segment], all_end = segment_first[push.segment + 1];
+    uint i = all_first + push.page_first + place; // Gaussian index
+    bool live = place < push.stride && i < all_end;
     if (status[STATUS_FAILED] != 0) return; // guard: nothing moves after an overflow
 
     // Sums over the view's intersections. Of a Gaussian with more than MANY the whole subgroup sums, so that one which fills the
@@ -224,7 +225,7 @@ void main() {
     }
 
     // Kheradmand 2024; of all Gaussians, those that the view does not blend too.
-    float of_all = float(segment_first[push.segment + 1] - segment_first[push.segment]);
+    float of_all = float(all_end - all_first);
     if (push.mean_opacity != 0.0) g.opacity += push.mean_opacity / of_all * opacity * sigmoid(-logit);
     if (push.mean_scale != 0.0) {
         g.log_scale += push.mean_scale / (3.0 * of_all) * exp(load_geometry3(LOG_SCALE, place));

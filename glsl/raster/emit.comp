@@ -66,8 +66,10 @@ Splat from_lane(Splat s, uint lane) {
 }
 
 void main() {
+    // Of a single frame read once, before the first branch (see project).
+    uvec2 size = uvec2(frames[push.frame_first].width, frames[push.frame_first].height);
     uint rank = thread_index();
-    uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT), size = uvec2(0);
+    uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT);
     bool live = rank < count[push.count_index];
     uint global = 0, slot = 0, room = 0, frame = 0;
     Splat s;
@@ -77,8 +79,10 @@ void main() {
         slot = rank_first_slot[rank];
         room = slot < push.capacity ? min(tile_counts[global], push.capacity - slot) : 0; // guard: emit keeps within its room
         s = splats[global];
-        if (BATCH) frame = splat_frames[global];
-        size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);
+        if (BATCH) {
+            frame = splat_frames[global];
+            size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);
+        }
         rows = tile_rows(s, tile, size);
         first_slot[global] = slot;
     }

@@ -3,7 +3,7 @@
 // workgroup, owns a block. No workgroup waits for another, so no forward progress between them is assumed.
 #include "blocks.glsl"
 
-// Width of the pass's digit, 1..11 bits.
+// Width of the pass's digit, 1..10 bits.
 layout(constant_id = 2) const uint DIGIT_BITS = 8;
 const uint DIGITS = 1u << DIGIT_BITS;
 

@@ -11,9 +11,6 @@ const uint WORKGROUP = 128;
 const uint TILE = 32;
 // Rows that pass through shared memory at a time.
 const uint STRIP = 8;
-// Consecutive pixels of a row that one thread filters.
-const uint RUN = 8;
-const uint RUNS = TILE / RUN;
 const int RADIUS = 5;
 // (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
 const float C1 = 0.01 * 0.01;
@@ -80,18 +77,4 @@ float target_channel(uint packed, uint channel) {
 // photograph, and has no gradient.
 bool counts(uint packed) {
     return packed >> 24 != 0;
-}
-
-// The partial derivatives lie in strips of TILE * STRIP pixels, 9 planes each (plane 3 * channel + which), and within a
-// plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
-// side. A frame has room for tiles_per_frame tiles.
-const uint STRIP_PIXELS = TILE * STRIP;
-const uint STRIP_SIZE = 9 * STRIP_PIXELS;
-
-uint partial_index(Frame frame, uint frame_index, uint tiles_per_frame, uint channel, ivec2 at) {
-    uint strip = frame_index * tiles_per_frame * (TILE / STRIP)
-        + uint(at.y) / STRIP * tiles_across(frame) + uint(at.x) / TILE;
-    uint run = uint(at.x) % TILE / RUN;
-    return strip * STRIP_SIZE + channel * 3 * STRIP_PIXELS
-        + uint(at.x) % RUN * (RUNS * STRIP) + run * STRIP + uint(at.y) % STRIP;
 }

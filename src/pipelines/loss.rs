@@ -5,7 +5,7 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
     stages::{
         loss_sum,
-        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len},
+        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, TILE, WORKGROUP, partials_len},
         ssim_backward, ssim_forward,
         types::{Frame, Loss},
     },
@@ -94,12 +94,14 @@ impl Photometric {
     /// Makes the pipelines and buffers of the loss.
     pub fn new(context: &Context, options: &LossOptions) -> Result<Self, GpuError> {
         let (workgroup_size, ssim_weight) = (WORKGROUP, SSIM_WEIGHT);
+        // A GPU wants threads, a CPU the fewest reads.
+        let run = if context.info().constant_lanes().is_some() { TILE } else { 8 };
         let forward = |wanted, tile_list, loss_map| {
-            let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map };
+            let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map, run };
             if wanted { ssim_forward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
         let backward = |wanted, tile_list| {
-            let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight };
+            let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight, run };
             if wanted { ssim_backward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
         let sum_spec = loss_sum::Spec { workgroup_size: SUM_WORKGROUP.min(context.info().max_workgroup), ssim_weight };
