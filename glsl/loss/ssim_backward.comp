@@ -55,42 +55,43 @@ void main() {
     for (int strip = -1; strip <= int(TILE / STRIP); strip++) {
         int top = corner.y + strip * int(STRIP);
         if (top >= int(frame.height) + RADIUS) break;
-        ivec2 pixel = ivec2(corner.x + int(run * RUN) - RADIUS, top + int(row));
-        uint at = (channel * STRIP + row) * PITCH + run * RUN;
-        Filter3 along = EMPTY3;
-        // A loop that does nothing where a branch would: a CPU goes through branches that no lane takes.
-        for (uint step = filters ? 0 : RUN + 2 * RADIUS; step < RUN + 2 * RADIUS; step++) {
-            vec3 p = vec3(0);
-            if (within(frame, pixel)) {
-                uint i = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
-                p = vec3(partials[i], partials[i + STRIP_PIXELS], partials[i + 2 * STRIP_PIXELS]);
-            }
-            pixel.x += 1;
-            vec3 done = feed(along, p);
-            if (step >= 2 * RADIUS) {
-                blurred[at] = done.x;
-                blurred[at + PLANE] = done.y;
-                blurred[at + 2 * PLANE] = done.z;
-                at += 1;
+        if (filters) {
+            ivec2 pixel = ivec2(corner.x + int(run * RUN) - RADIUS, top + int(row));
+            uint at = (channel * STRIP + row) * PITCH + run * RUN;
+            Filter3 along = EMPTY3;
+            for (uint step = 0; step < RUN + 2 * RADIUS; step++) {
+                vec3 p = vec3(0);
+                if (within(frame, pixel)) {
+                    uint i = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
+                    p = vec3(partials[i], partials[i + STRIP_PIXELS], partials[i + 2 * STRIP_PIXELS]);
+                }
+                pixel.x += 1;
+                vec3 done = feed(along, p);
+                if (step >= 2 * RADIUS) {
+                    blurred[at] = done.x;
+                    blurred[at + PLANE] = done.y;
+                    blurred[at + 2 * PLANE] = done.z;
+                    at += 1;
+                }
             }
         }
         barrier();
-        // Above and below the tile only its border; for threads without a column nothing.
-        uint begin = strip < 0 ? STRIP - RADIUS : 0, end = strip == int(TILE / STRIP) ? RADIUS : STRIP;
-        for (uint step = live ? begin : end; step < end; step++) {
-            uint at = (channel * STRIP + step) * PITCH + column;
-            vec3 p = feed(down, vec3(blurred[at], blurred[at + PLANE], blurred[at + 2 * PLANE]));
-            // Before the tile's first row has its whole window this is a row above the tile.
-            ivec2 pixel = ivec2(corner.x + int(column), top + int(step) - RADIUS);
-            if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {
-                uint i = uint(pixel.y) * frame.width + uint(pixel.x);
-                float x = image[frame.image_first + i][channel];
-                uint target = targets[frame.target_first + i];
-                float y = target_channel(target, channel);
-                float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
-                float gradient = scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
-                // guard: masks: gradients
-                image_grad[3 * (frame.image_first + i) + channel] = counts(target) ? gradient : 0;
+        if (live) {
+            for (uint step = 0; step < STRIP; step++) {
+                uint at = (channel * STRIP + step) * PITCH + column;
+                vec3 p = feed(down, vec3(blurred[at], blurred[at + PLANE], blurred[at + 2 * PLANE]));
+                // Before the tile's first row has its whole window this is a row above the tile.
+                ivec2 pixel = ivec2(corner.x + int(column), top + int(step) - RADIUS);
+                if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {
+                    uint i = uint(pixel.y) * frame.width + uint(pixel.x);
+                    float x = image[frame.image_first + i][channel];
+                    uint target = targets[frame.target_first + i];
+                    float y = target_channel(target, channel);
+                    float ssim = p.x + 2 * (x - MIDDLE) * p.y + (y - MIDDLE) * p.z;
+                    float gradient = scale * ((1 - SSIM_WEIGHT) * sign(x - y) - SSIM_WEIGHT * ssim);
+                    // guard: masks: gradients
+                    image_grad[3 * (frame.image_first + i) + channel] = counts(target) ? gradient : 0;
+                }
             }
         }
         barrier();
