@@ -66,8 +66,8 @@ Splat from_lane(Splat s, uint lane) {
 }
 
 void main() {
-    // Of a single frame read once, before the first branch (see project).
-    uvec2 size = uvec2(frames[push.frame_first].width, frames[push.frame_first].height);
+    uvec2 size = uvec2(0);
+    if (!BATCH) size = uvec2(frames[push.frame_first].width, frames[push.frame_first].height); // early, as in project
     uint rank = thread_index();
     uvec2 tile = uvec2(TILE_WIDTH, TILE_HEIGHT);
     bool live = rank < count[push.count_index];

@@ -1,8 +1,8 @@
 #version 460
 // Last of three kernels of a radix sort pass: every pair to its place, pairs of equal digit in their old order.
 //
-// A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from ballots over the digit's
-// bits. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
+// A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from the lanes
+// that have the same digit. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"

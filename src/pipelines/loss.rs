@@ -5,7 +5,7 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
     stages::{
         loss_sum,
-        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, TILE, WORKGROUP, partials_len},
+        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len, run_for},
         ssim_backward, ssim_forward,
         types::{Frame, Loss},
     },
@@ -94,8 +94,7 @@ impl Photometric {
     /// Makes the pipelines and buffers of the loss.
     pub fn new(context: &Context, options: &LossOptions) -> Result<Self, GpuError> {
         let (workgroup_size, ssim_weight) = (WORKGROUP, SSIM_WEIGHT);
-        // A GPU wants threads, a CPU the fewest reads.
-        let run = if context.info().constant_lanes().is_some() { TILE } else { 8 };
+        let run = run_for(context.info());
         let forward = |wanted, tile_list, loss_map| {
             let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map, run };
             if wanted { ssim_forward::Stage::new(context, &spec).map(Some) } else { Ok(None) }

@@ -121,7 +121,8 @@ impl RadixSort {
     pub fn new(context: &Context, key_bits: u32, compact: bool) -> Result<Self, GpuError> {
         let blocks = Blocks::of(context.info());
         let (passes, digit_bits) = blocks.passes_for(key_bits);
-        let Blocks { block, workgroup: workgroup_size, lanes: constant_lanes, .. } = blocks;
+        let Blocks { block, workgroup: workgroup_size, .. } = blocks;
+        let constant_lanes = context.info().constant_lanes().unwrap_or(0);
         let upsweep = |compact| {
             let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, compact };
             radix_upsweep::Stage::new(context, &spec)

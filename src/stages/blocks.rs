@@ -12,24 +12,21 @@ pub struct Blocks {
     pub workgroup: u32,
     /// Widest digit of a radix sort: so many bits are a pass.
     pub digit_bits: u32,
-    /// Lanes that kernels take one by one, each a constant; 0: they do not.
-    pub lanes: u32,
 }
 
-impl Blocks {
-    /// Blocks are large enough that the 256 digit counters of one are a quarter of what its keys and values occupy, small enough that
-    /// 10^5 items keep a GPU of 100 processors occupied; 64 is the largest subgroup, and keeps the digit counters of subgroups of 8
-    /// within 8 KiB of shared memory.
-    pub const GPU: Blocks = Blocks { block: 1024, workgroup: 64, digit_bits: 8, lanes: 0 };
+/// Blocks are large enough that the 256 digit counters of one are a quarter of what its keys and values occupy, small enough that
+/// 10^5 items keep a GPU of 100 processors occupied; 64 is the largest subgroup, and keeps the digit counters of subgroups of 8
+/// within 8 KiB of shared memory.
+const GPU: Blocks = Blocks { block: 1024, workgroup: 64, digit_bits: 8 };
+/// A CPU has few processors, and a pass costs it each item's reads and writes. So its digits are wide enough for the tiles of an image
+/// of 256 × 256, which are one pass then, and its blocks as many times their counters as a GPU's. Depths, of 32 bits, have four passes all
+/// the same: three of 11 bits took as long. 16 lanes are the most that a CPU's own subgroups have, and 8 KiB of counters for those of 8.
+const CPU: Blocks = Blocks { block: 4096, workgroup: 16, digit_bits: 10 };
 
-    /// A CPU has few processors, and a pass costs it each item's reads and writes, so that its digits are wide enough for the tiles of
-    /// an image of 256 x 256 and its blocks larger for that; depths, of 32 bits, have four passes all the same, as with three of 11
-    /// bits the counters cost more than they save. Of subgroups that are software's, which share memory, it takes what a GPU does.
+impl Blocks {
+    /// What suits a device.
     pub fn of(device: &DeviceInfo) -> Self {
-        match device.constant_lanes() {
-            Some(lanes) => Blocks { workgroup: lanes, lanes, ..CPU },
-            None => Blocks::GPU,
-        }
+        if device.constant_lanes().is_some() { CPU } else { GPU }
     }
 
     /// Passes that sort keys below 2^`key_bits`, and the digit's width in each: the passes are as few and the digits as narrow
@@ -43,9 +40,6 @@ impl Blocks {
         (keys.div_ceil(self.block).max(1) as usize) << self.passes_for(key_bits).1
     }
 }
-
-/// But for its lanes.
-const CPU: Blocks = Blocks { block: 4096, workgroup: 0, digit_bits: 10, lanes: 0 };
 
 /// Threads of the one workgroup that scans the sums of blocks: enough subgroups to hide the latency of reading 2^16 sums, few
 /// where each costs CPU time.
@@ -66,13 +60,13 @@ pub fn groups_for(items: u32, per_group: u32) -> [u32; 3] {
 
 /// Elements of `block_sums` for at most `items` items, on any device: one for each block and the total.
 pub fn block_sums_len(items: u32) -> usize {
-    items.div_ceil(Blocks::GPU.block) as usize + 1
+    items.div_ceil(GPU.block) as usize + 1
 }
 
 /// Elements of `block_counts` for at most `keys` keys below 2^`key_bits`, on any device: a counter of each digit for each block, of
 /// which there is at least one.
 pub fn block_counts_len(keys: u32, key_bits: u32) -> usize {
-    Blocks::GPU.counters(keys, key_bits).max(CPU.counters(keys, key_bits))
+    GPU.counters(keys, key_bits).max(CPU.counters(keys, key_bits))
 }
 
 /// Elements of `digit_totals`, on any device.
@@ -96,7 +90,7 @@ mod tests {
     #[test]
     fn passes_cover_the_bits_with_the_narrowest_digits() {
         let expected = [(1, 1), (1, 1), (1, 8), (2, 5), (2, 6), (2, 7), (4, 8), (4, 8)];
-        assert_eq!([0, 1, 8, 9, 12, 13, 32, 99].map(|bits| Blocks::GPU.passes_for(bits)), expected);
+        assert_eq!([0, 1, 8, 9, 12, 13, 32, 99].map(|bits| GPU.passes_for(bits)), expected);
         assert_eq!([1, 10, 12, 32].map(|bits| CPU.passes_for(bits)), [(1, 1), (1, 10), (2, 6), (4, 8)]);
     }
 }

@@ -1,6 +1,7 @@
 //! Sizes of the L1 + SSIM loss, whose workgroups take tiles.
 
 use super::types::Frame;
+use crate::gpu::DeviceInfo;
 
 pub use super::constants::ssim::{TILE, WORKGROUP};
 
@@ -8,6 +9,12 @@ pub use super::constants::ssim::{TILE, WORKGROUP};
 pub const SSIM_WEIGHT: f32 = 0.2;
 /// Threads that sum a frame's tiles: one of 1600 × 1064 pixels has 1700.
 pub const SUM_WORKGROUP: u32 = 256;
+
+/// Pixels of a row that one thread filters: on a GPU as few as give all but a quarter of a workgroup's threads a run of its 3 channels and
+/// 8 rows, on a CPU a whole row of a tile, as every run reads the border anew.
+pub fn run_for(device: &DeviceInfo) -> u32 {
+    if device.constant_lanes().is_some() { TILE } else { 8 }
+}
 
 /// Tiles of a frame. Tile t is column t mod ⌈width / [`TILE`]⌉; its number among all is frame × tiles_per_frame + t.
 pub fn tiles_for(frame: &Frame) -> u32 {

@@ -287,7 +287,7 @@ fn case(
     row.words(&isects.tile_ranges, &tile_ranges(&isects.isect_tiles, tiling.count()));
     row.chosen = chosen && !compensate;
     row.time = times.of("tile_ranges");
-    row.work.bytes = 4.0 * isect_count + 8.0 * tiling.count() as f64;
+    row.work.bytes = (4.0 * isect_count.max(2.0).log2() + 8.0) * tiling.count() as f64;
     bench.push(row);
 
     let image = plain.raster.buffers.image.download_range(0, scene.pixels())?;
