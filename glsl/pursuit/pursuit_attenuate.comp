@@ -2,9 +2,9 @@
 // Takes the candidates that nobody has beaten: what they explain of the residual in the views of a page is no longer there for others.
 //
 // One subgroup takes one candidate, a lane one view after the other. gains, beaten -> explained, and with `last` gain_keys: the complement of the gain's bits,
-// which orders by falling gain; NONE for what is not chosen. What remains of
-// a pixel falls by the factor 1 - share * exp(-d^2 / (2 deviation^2)), share = 1 - |after| / |before| within 0 and MOST. Its logarithm
-// is added up in whole numbers, `explained` = -HALVING * log2(what remains), so that the order in which candidates come does not matter.
+// which orders by falling gain; NONE for what is not chosen. Of the residual of a pixel it explains share * exp(-d^2 / (2 deviation^2)),
+// where share is what its change of the colour has of the residual, along it, from 0 to MOST. `explained` adds that up in whole numbers,
+// WHOLE for all of a residual, so that the order in which candidates come does not matter; two may explain more than there is.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -23,7 +23,7 @@ layout(set = 0, binding = 7, scalar) readonly buffer Beaten { uint beaten[]; };
 layout(set = 0, binding = 8, scalar) buffer Explained { uint explained[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer GainKeys { uint gain_keys[]; };
 
-const float MOST = 0.999; // so that a logarithm is at most 10
+const float MOST = 2.0; // more than that is as wrong as nothing
 
 void main() {
     uint i = subgroup_index();
@@ -39,16 +39,15 @@ void main() {
         float alpha = fit.opacity * lobe_factor(s.theta, fit.width);
         if (!(alpha > 0.0)) continue;
         float deviation = footprint_px(view, s.z, fit.sigma);
-        vec3 r, render;
-        look(plots[v], view, s.at, deviation, r, render);
-        vec3 after = r - alpha * (fit.colour - render);
-        float share = clamp(1.0 - length(after) / max(length(r), 1e-6), 0.0, MOST);
+        Ground g = look(plots[v], view, s.at, deviation);
+        vec3 r = 2.0 * g.difference, change = alpha * (fit.colour - g.render);
+        float share = clamp(dot(change, r) / max(dot(r, r), 1e-6), 0.0, MOST);
         uvec4 window = window_of(view, s, REACH * deviation);
         for (uint y = window.y; y <= window.w; ++y) {
             for (uint x = window.x; x <= window.z; ++x) {
                 vec2 d = (vec2(x, y) - vec2(s.pixel % view.width, s.pixel / view.width)) / deviation;
                 uint pixel = plots[v].pixel_first + y * view.width + x;
-                atomicAdd(explained[pixel], uint(-HALVING * log2(1.0 - share * exp(-0.5 * dot(d, d))) + 0.5));
+                atomicAdd(explained[pixel], uint(WHOLE * share * exp(-0.5 * dot(d, d)) + 0.5));
             }
         }
     }

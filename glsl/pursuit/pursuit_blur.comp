@@ -1,7 +1,8 @@
 #version 460
 // A level of a view's pyramid: from its unblurred texels, or from the level below, of which it has every other texel.
 //
-// One thread makes one texel. from_texels -> texels; weights beyond the image count nothing. Five texels across suffice for the first
+// One thread makes one texel: means, and covariance and variance about them, of what was below and of what differs there.
+// from_texels -> texels; weights beyond the image count nothing. Five texels across suffice for the first
 // level's deviation of 0.7, eight for the next ones' 1.2124: at least 2.8 deviations are within, 0.5 % of the weight beyond.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -26,18 +27,22 @@ void main() {
     ivec2 begin = HALVE ? 2 * at - 3 : at - 2;
     int across = HALVE ? 8 : 5;
     float deviation = HALVE ? NEXT_BLUR : FIRST_BLUR;
-    vec3 difference = vec3(0.0), render = vec3(0.0);
+    Ground sum = Ground(vec3(0.0), vec3(0.0), 0.0, 0.0);
     float total = 0.0;
     for (int y = max(begin.y, 0); y < min(begin.y + across, int(push.from_height)); ++y) {
         for (int x = max(begin.x, 0); x < min(begin.x + across, int(push.from_width)); ++x) {
             vec2 d = (vec2(x, y) + 0.5 - middle) / deviation;
             float weight = exp(-0.5 * dot(d, d));
-            vec3 some_difference, some_render;
-            unpack_texel(from_texels[push.from_first + uint(y) * push.from_width + uint(x)], some_difference, some_render);
-            difference += weight * some_difference;
-            render += weight * some_render;
+            Ground g = unpack_texel(from_texels[push.from_first + uint(y) * push.from_width + uint(x)]);
+            sum.difference += weight * g.difference;
+            sum.render += weight * g.render;
+            sum.covariance += weight * (g.covariance + dot(g.difference, g.render));
+            sum.variance += weight * (g.variance + dot(g.render, g.render));
             total += weight;
         }
     }
-    texels[push.first + i] = pack_texel(difference / total, render / total);
+    vec3 difference = sum.difference / total, render = sum.render / total;
+    float covariance = sum.covariance / total - dot(difference, render);
+    float variance = max(sum.variance / total - dot(render, render), 0.0);
+    texels[push.first + i] = pack_texel(Ground(difference, render, covariance, variance));
 }

@@ -2,8 +2,7 @@
 // What every candidate that is not chosen yet gains in the views of a page, given what the choices so far have explained there.
 //
 // One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits, gain_keys -> gains, which are
-// added to. Where a candidate makes a view better, its gain there falls with the square of what remains of the residual; where it makes
-// it worse, the loss stays as it is.
+// added to. See pursuit_score; of the residual there is what is left by now, which is less than nothing where too much was explained.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -36,16 +35,17 @@ void main() {
             float alpha = fit.opacity * lobe_factor(s.theta, fit.width);
             if (!(alpha > 0.0)) continue;
             float deviation = footprint_px(view, s.z, fit.sigma);
-            vec3 r, render;
-            look(plots[v], view, s.at, deviation, r, render);
-            vec3 after = r - alpha * (fit.colour - render);
-            float area = 4.0 * PI * deviation * deviation, l = alpha / fit.opacity;
+            Ground g = look(plots[v], view, s.at, deviation);
+            float left = 1.0 - float(int(explained[plots[v].pixel_first + s.pixel])) / WHOLE;
+            vec3 r = 2.0 * left * g.difference, after = r - alpha * (fit.colour - g.render);
+            float area = PI * deviation * deviation, l = alpha / fit.opacity;
+            float hidden = area * alpha * (4.0 * left * g.covariance + alpha * g.variance);
             // What is left with the colour that the other views ask for; where there are none, they predict nothing.
             float others = 1.0 - push.caution * area * l * l / fit.support;
             float here = area * (dot(r, r) - dot(after, after) / (others * others));
             if (!(others > 0.01)) here = min(area * (dot(r, r) - dot(after, after)), 0.0);
-            float left = exp2(-float(explained[plots[v].pixel_first + s.pixel]) / HALVING);
-            gain += here > 0.0 ? here * left * left : here;
+            here -= hidden;
+            gain += here;
         }
     }
     gains[i] = gain;

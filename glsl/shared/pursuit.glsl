@@ -15,7 +15,7 @@ const uint CELL = 2;            // px
 const float REACH = 2.5;        // standard deviations within which a choice changes what is left
 const float CORE = 0.5;         // standard deviations that a candidate has for itself in its round
 const float WINDOW_SLACK = 1e-3; // px: whole numbers of pixels, as 2.5 deviations of 2 px, are not rounded up for a rounding
-const float HALVING = 65536.0;  // of `explained`: half of a residual is explained
+const float WHOLE = 65536.0;    // of `explained`: all of a residual is explained
 const float WIDEST = 3.2;       // px: footprints beyond are scored as this one
 
 // Where a view lies in its page, and its errors among all.
@@ -26,21 +26,31 @@ struct Plot {
     uint block_first; // number of its first block of ERROR_BLOCK pixels, among those of all views
 };
 
-// Blurred photograph minus render, and render, sRGB: six halves.
+// What a footprint meets, sRGB: means of photograph minus render and of the render, and what varies about them, summed over channels.
+struct Ground {
+    vec3 difference;
+    vec3 render;
+    float covariance; // of difference and render
+    float variance;   // of the render
+};
+
+// The same in eight halves.
 struct Texel {
     uint difference_rg;
     uint difference_b_render_r;
     uint render_gb;
+    uint texture; // covariance, variance
 };
 
-Texel pack_texel(vec3 difference, vec3 render) {
-    return Texel(packHalf2x16(difference.rg), packHalf2x16(vec2(difference.b, render.r)), packHalf2x16(render.gb));
+Texel pack_texel(Ground g) {
+    return Texel(packHalf2x16(g.difference.rg), packHalf2x16(vec2(g.difference.b, g.render.r)), packHalf2x16(g.render.gb),
+                 packHalf2x16(vec2(g.covariance, g.variance)));
 }
 
-void unpack_texel(Texel t, out vec3 difference, out vec3 render) {
+Ground unpack_texel(Texel t) {
     vec2 a = unpackHalf2x16(t.difference_rg), b = unpackHalf2x16(t.difference_b_render_r), c = unpackHalf2x16(t.render_gb);
-    difference = vec3(a, b.x);
-    render = vec3(b.y, c);
+    vec2 d = unpackHalf2x16(t.texture);
+    return Ground(vec3(a, b.x), vec3(b.y, c), d.x, d.y);
 }
 
 // A drawn pixel's point on the surface that the base shows there.
@@ -113,8 +123,8 @@ struct Sight {
     float theta;   // between this camera and the one of the view that it was drawn in
 };
 
-// False where it is outside of the image, or the view's own surface is not within SAME_DEPTH of its depth: there it is hidden, or
-// hovers before what the view shows. The view that it was drawn in sees it always.
+// False where it is outside of the image, or lies SAME_DEPTH behind the view's own surface, which hides it. What hovers before a surface is
+// seen. The view that it was drawn in sees it always.
 const float SAME_DEPTH = 0.05;
 bool sees(uint v, View view, Candidate c, out Sight s) {
     vec3 at;
@@ -126,7 +136,7 @@ bool sees(uint v, View view, Candidate c, out Sight s) {
     if (!inside) return false;
     s.pixel = uint(at.y) * view.width + uint(at.x);
     float own = surface_depths[plots[v].pixel_first + s.pixel];
-    if (v != c.view && !(own > 0.0 && abs(at.z - own) < SAME_DEPTH * own)) return false; // guard: pursuit: hidden candidates
+    if (v != c.view && own > 0.0 && at.z - own >= SAME_DEPTH * own) return false; // guard: pursuit: hidden candidates
     s.theta = v == c.view ? 0.0 : angle_between(c.toward, view.eye - c.mean);
     return true;
 }
@@ -148,21 +158,23 @@ uvec4 window_of(View view, Sight s, float px) {
 #ifdef PURSUIT_TEXELS
 layout(set = 0, binding = PURSUIT_TEXELS, scalar) readonly buffer Texels { Texel texels[]; };
 
-// Photograph minus render, and render, blurred by about `deviation` px: the level that is nearest, between its four texels.
-void look(Plot plot, View view, vec2 at, float deviation, out vec3 difference, out vec3 render) {
+// What a footprint of about `deviation` px meets: the level that is nearest, between its four texels.
+Ground look(Plot plot, View view, vec2 at, float deviation) {
     uint k = uint(clamp(floor(log2(deviation / FIRST_BLUR) + 0.5), 0.0, float(LEVELS - 1)));
     uvec3 level = level_of(plot, view.width, view.height, k);
     vec2 place = at / float(1u << k) - 0.5, low = floor(place), share = place - low;
-    difference = vec3(0.0);
-    render = vec3(0.0);
+    Ground sum = Ground(vec3(0.0), vec3(0.0), 0.0, 0.0);
     for (uint corner = 0; corner < 4; ++corner) {
         vec2 step = vec2(corner & 1, corner >> 1);
         uvec2 texel = uvec2(clamp(low + step, vec2(0.0), vec2(level.yz - 1)));
         vec2 weights = mix(1.0 - share, share, step);
-        vec3 some_difference, some_render;
-        unpack_texel(texels[level.x + texel.y * level.y + texel.x], some_difference, some_render);
-        difference += weights.x * weights.y * some_difference;
-        render += weights.x * weights.y * some_render;
+        Ground g = unpack_texel(texels[level.x + texel.y * level.y + texel.x]);
+        float weight = weights.x * weights.y;
+        sum.difference += weight * g.difference;
+        sum.render += weight * g.render;
+        sum.covariance += weight * g.covariance;
+        sum.variance += weight * g.variance;
     }
+    return sum;
 }
 #endif

@@ -99,6 +99,7 @@ pub struct Texel {
     pub difference_rg: u32,
     pub difference_b_render_r: u32,
     pub render_gb: u32,
+    pub texture: u32,
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct View {
@@ -5188,7 +5189,7 @@ pub mod pursuit {
 #[doc = "standard deviations within which a choice changes what is left"] pub const REACH: f32 = 2.5;
 #[doc = "standard deviations that a candidate has for itself in its round"] pub const CORE: f32 = 0.5;
 #[doc = "px: whole numbers of pixels, as 2.5 deviations of 2 px, are not rounded up for a rounding"] pub const WINDOW_SLACK: f32 = 1e-3;
-#[doc = "of `explained`: half of a residual is explained"] pub const HALVING: f32 = 65536.0;
+#[doc = "of `explained`: all of a residual is explained"] pub const WHOLE: f32 = 65536.0;
 #[doc = "px: footprints beyond are scored as this one"] pub const WIDEST: f32 = 3.2;
 #[doc = ""] pub const SAME_DEPTH: f32 = 0.05;
 }

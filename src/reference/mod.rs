@@ -195,7 +195,7 @@ mod tests {
             ("REACH", pursuit::REACH, kernels::pursuit::REACH),
             ("CORE", pursuit::CORE, kernels::pursuit::CORE),
             ("WINDOW_SLACK", pursuit::WINDOW_SLACK, kernels::pursuit::WINDOW_SLACK),
-            ("HALVING", pursuit::HALVING, kernels::pursuit::HALVING),
+            ("WHOLE", pursuit::WHOLE, kernels::pursuit::WHOLE),
             ("WIDEST", pursuit::WIDEST, kernels::pursuit::WIDEST),
             ("SAME_DEPTH", pursuit::SAME_DEPTH, kernels::pursuit::SAME_DEPTH),
         ] {

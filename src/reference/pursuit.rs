@@ -16,25 +16,30 @@ pub(super) const NEXT_BLUR: f64 = 1.2124;
 pub(crate) const REACH: f64 = 2.5;
 pub(super) const CORE: f64 = 0.5;
 pub(super) const WINDOW_SLACK: f64 = 1e-3;
-pub(crate) const HALVING: f64 = 65536.0;
+pub(crate) const WHOLE: f64 = 65536.0;
 pub(super) const WIDEST: f64 = 3.2;
 pub(super) const SAME_DEPTH: f64 = 0.05;
 
-/// Photograph minus render, and render, sRGB.
+/// What a footprint meets, sRGB: means of photograph minus render and of the render, and what varies about them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Texel {
     /// Photograph minus render; 0 where the pixel does not count.
     pub difference: DVec3,
     /// 0 to 1.
     pub render: DVec3,
+    /// Of difference and render, summed over channels.
+    pub covariance: f64,
+    /// Of the render, summed over channels.
+    pub variance: f64,
 }
 
 impl Texel {
-    /// As three words of two halves hold it.
+    /// As four words of two halves hold it.
     pub fn unpack(t: &types::Texel) -> Self {
         let halves = |word: u32| [word as u16, (word >> 16) as u16].map(|bits| f16::from_bits(bits).to_f64());
         let ([a, b], [c, d], [e, f]) = (halves(t.difference_rg), halves(t.difference_b_render_r), halves(t.render_gb));
-        Texel { difference: DVec3::new(a, b, c), render: DVec3::new(d, e, f) }
+        let [covariance, variance] = halves(t.texture);
+        Texel { difference: DVec3::new(a, b, c), render: DVec3::new(d, e, f), covariance, variance }
     }
 
     /// Rounded to halves.
@@ -44,13 +49,26 @@ impl Texel {
             let bits = |v: f64| u32::from(f16::from_f64(v).to_bits());
             bits(low) | bits(high) << 16
         };
-        types::Texel { difference_rg: word(d.x, d.y), difference_b_render_r: word(d.z, r.x), render_gb: word(r.y, r.z) }
+        types::Texel {
+            difference_rg: word(d.x, d.y),
+            difference_b_render_r: word(d.z, r.x),
+            render_gb: word(r.y, r.z),
+            texture: word(self.covariance, self.variance),
+        }
     }
 
-    /// The six numbers.
-    pub fn values(&self) -> [f64; 6] {
+    /// The eight numbers.
+    pub fn values(&self) -> [f64; 8] {
         let (d, r) = (self.difference, self.render);
-        [d.x, d.y, d.z, r.x, r.y, r.z]
+        [d.x, d.y, d.z, r.x, r.y, r.z, self.covariance, self.variance]
+    }
+
+    /// Adds another one, `weight` times.
+    pub(super) fn add(&mut self, weight: f64, t: &Texel) {
+        self.difference += weight * t.difference;
+        self.render += weight * t.render;
+        self.covariance += weight * t.covariance;
+        self.variance += weight * t.variance;
     }
 }
 
@@ -150,7 +168,7 @@ impl Ground<'_> {
         let (at, z) = project_point(view, c.mean)?;
         let pixel = at.y as u32 * view.width + at.x as u32;
         let own = self.surface_depths[(self.plots[v as usize].pixel_first + pixel) as usize];
-        if v != c.view && !(own > 0.0 && (z - own).abs() < SAME_DEPTH * own) {
+        if v != c.view && own > 0.0 && z - own >= SAME_DEPTH * own {
             return None;
         }
         let theta = if v == c.view { 0.0 } else { angle_between(c.toward, view.eye - c.mean) };
@@ -163,7 +181,7 @@ impl Ground<'_> {
         (first..end).filter_map(|v| Some((v, self.sees(v, c)?)))
     }
 
-    /// Difference and render, blurred by about `deviation` px.
+    /// What a footprint of about `deviation` px meets.
     pub fn look(&self, v: u32, at: DVec2, deviation: f64) -> Texel {
         let view = &self.views[v as usize];
         let k = ((deviation / FIRST_BLUR).log2() + 0.5).floor().clamp(0.0, f64::from(LEVELS - 1)) as u32;
@@ -177,8 +195,7 @@ impl Ground<'_> {
             let texel = (low + step).clamp(DVec2::ZERO, most);
             let weights = (1.0 - share) * (1.0 - step) + share * step;
             let t = &self.texels[(first + texel.y as u32 * width + texel.x as u32) as usize];
-            sum.difference += weights.x * weights.y * t.difference;
-            sum.render += weights.x * weights.y * t.render;
+            sum.add(weights.x * weights.y, t);
         }
         sum
     }
@@ -253,7 +270,12 @@ mod tests {
 
     #[test]
     fn texels_come_back_within_a_half() {
-        let t = Texel { difference: DVec3::new(-0.3, 0.25, 1e-3), render: DVec3::new(1.0, 0.0, 0.7) };
+        let t = Texel {
+            difference: DVec3::new(-0.3, 0.25, 1e-3),
+            render: DVec3::new(1.0, 0.0, 0.7),
+            covariance: -0.01,
+            variance: 2e-3,
+        };
         for (a, b) in t.values().into_iter().zip(Texel::unpack(&t.pack()).values()) {
             assert!((a - b).abs() <= a.abs() / 2048.0, "{a} {b}");
         }

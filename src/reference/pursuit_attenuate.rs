@@ -2,26 +2,26 @@
 
 use glam::DVec2;
 
-use super::pursuit::{Candidate, Fit, Ground, HALVING, REACH};
+use super::pursuit::{Candidate, Fit, Ground, REACH, WHOLE};
 
-/// So that a logarithm is at most 10.
-const MOST: f64 = 0.999;
+/// What explains more than this is as wrong as nothing.
+const MOST: f64 = 2.0;
 
 /// Adds to `explained`, by pixel of the page.
 pub fn pursuit_attenuate(ground: &Ground<'_>, c: &Candidate, fit: &Fit, explained: &mut [u32]) {
     for (v, s) in ground.sights(c) {
         let Some((alpha, t, deviation)) = ground.meets(v, &s, fit) else { continue };
-        let after = t.difference - alpha * (fit.colour - t.render);
-        let share = (1.0 - after.length() / t.difference.length().max(1e-6)).clamp(0.0, MOST);
+        let (before, change) = (2.0 * t.difference, alpha * (fit.colour - t.render));
+        let share = (change.dot(before) / before.length_squared().max(1e-6)).clamp(0.0, MOST);
         let width = ground.views[v as usize].width;
         let [x0, y0, x1, y1] = ground.window(v, &s, REACH * deviation);
         let middle = DVec2::new(f64::from(s.pixel % width), f64::from(s.pixel / width));
         for y in y0..=y1 {
             for x in x0..=x1 {
                 let d = (DVec2::new(f64::from(x), f64::from(y)) - middle) / deviation;
-                let left = 1.0 - share * (-0.5 * d.length_squared()).exp();
+                let part = share * (-0.5 * d.length_squared()).exp();
                 explained[(ground.plots[v as usize].pixel_first + y * width + x) as usize] +=
-                    (-HALVING * left.log2() + 0.5) as u32;
+                    (WHOLE * part + 0.5) as u32;
             }
         }
     }

@@ -19,12 +19,15 @@ pub fn pursuit_blur(from: &[Texel], from_size: [u32; 2], [width, height]: [u32; 
                 let d = DVec2::new(u as f64 + 0.5 - middle(x), v as f64 + 0.5 - middle(y)) / deviation;
                 let weight = (-0.5 * d.length_squared()).exp();
                 let t = &from[(v * from_width + u) as usize];
-                sum.difference += weight * t.difference;
-                sum.render += weight * t.render;
+                // Second moments, until the means are known.
+                let covariance = t.covariance + t.difference.dot(t.render);
+                sum.add(weight, &Texel { covariance, variance: t.variance + t.render.length_squared(), ..*t });
                 total += weight;
             }
         }
-        Texel { difference: sum.difference / total, render: sum.render / total }
+        let (difference, render) = (sum.difference / total, sum.render / total);
+        let covariance = sum.covariance / total - difference.dot(render);
+        Texel { difference, render, covariance, variance: (sum.variance / total - render.length_squared()).max(0.0) }
     };
     (0..width * height).map(one).collect()
 }
@@ -61,12 +64,67 @@ mod tests {
         }
     }
 
+    /// What varies within a texel of any level is what varies in the image under the level's whole weight.
+    #[test]
+    fn variances_of_levels_are_those_of_the_image() {
+        let size = 64u32;
+        let wave = |i: u32, k: u32| ((i * k % 97) as f64 * 0.9).sin();
+        let one = |i: u32| Texel {
+            difference: 0.2 * DVec3::new(wave(i, 3), wave(i, 5), wave(i, 7) + wave(i, 5)),
+            render: DVec3::splat(0.5) + 0.3 * DVec3::new(wave(i, 5), wave(i, 11), wave(i, 13)),
+            ..Default::default()
+        };
+        let image: Vec<Texel> = (0..size * size).map(one).collect();
+        let first = pursuit_blur(&image, [size; 2], [size; 2], false);
+        let second = pursuit_blur(&first, [size; 2], [size / 2; 2], true);
+        // Texel (16, 16) of the second level is the pixels' corner (33, 33); its taps end 3 + 4 px from there.
+        let (mut total, mut weights) = (Texel::default(), 0.0);
+        let tap = |d: f64, deviation: f64| (-0.5 * (d / deviation).powi(2)).exp();
+        let across = |p: u32| -> f64 {
+            // Of a pixel: over the texels of the first level that the second is made from, each of weights that sum to 1.
+            let norm = |deviation: f64, reach: f64, offset: f64| {
+                let mut sum = 0.0;
+                let mut d = offset - reach;
+                while d <= offset + reach {
+                    sum += tap(d, deviation);
+                    d += 1.0;
+                }
+                sum
+            };
+            let mut weight = 0.0;
+            for u in 29..37u32 {
+                let near = f64::from(p) - f64::from(u);
+                if near.abs() <= 2.0 {
+                    weight +=
+                        tap(f64::from(u) + 0.5 - 33.0, NEXT_BLUR) * tap(near, FIRST_BLUR) / norm(FIRST_BLUR, 2.0, 0.0);
+                }
+            }
+            weight
+        };
+        for y in 26..40u32 {
+            for x in 26..40u32 {
+                let (weight, t) = (across(x) * across(y), &image[(y * size + x) as usize]);
+                let (covariance, variance) = (t.difference.dot(t.render), t.render.length_squared());
+                total.add(weight, &Texel { covariance, variance, ..*t });
+                weights += weight;
+            }
+        }
+        let (difference, render) = (total.difference / weights, total.render / weights);
+        let found = &second[(16 * size / 2 + 16) as usize];
+        assert!((found.difference - difference).length() < 1e-12 && (found.render - render).length() < 1e-12);
+        let covariance = total.covariance / weights - difference.dot(render);
+        let variance = total.variance / weights - render.length_squared();
+        assert!((found.covariance - covariance).abs() < 1e-12 && (found.variance - variance).abs() < 1e-12);
+        assert!(variance > 0.01 && covariance.abs() > 1e-3, "{variance} {covariance}");
+    }
+
     #[test]
     fn what_is_even_stays_even_up_to_the_border() {
-        let even = Texel { difference: DVec3::splat(-0.2), render: DVec3::splat(0.6) };
+        let even = Texel { difference: DVec3::splat(-0.2), render: DVec3::splat(0.6), ..Default::default() };
         for (size, halve) in [([5, 3], false), ([3, 2], true), ([1, 1], false)] {
             for t in pursuit_blur(&[even; 15], [5, 3], size, halve) {
                 assert!((t.difference - even.difference).length() < 1e-15 && (t.render - even.render).length() < 1e-15);
+                assert!(t.covariance.abs() < 1e-15 && t.variance < 1e-15);
             }
         }
     }

@@ -4,21 +4,21 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::pursuit::{Candidate, Fit, Ground, HALVING};
+use super::pursuit::{Candidate, Fit, Ground, WHOLE};
 
 /// Over the views of a page; `explained` by pixel of the page.
 pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit, caution: f64) -> f64 {
     let one = |(v, s)| {
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
-        let after = t.difference - alpha * (fit.colour - t.render);
-        let (area, l) = (4.0 * PI * deviation * deviation, alpha / fit.opacity);
-        let others = 1.0 - caution * area * l * l / fit.support;
-        let [before, after] = [t.difference, after].map(DVec3::length_squared);
-        let predicted = area * (before - after / (others * others));
-        let here = if others > 0.01 { predicted } else { (area * (before - after)).min(0.0) };
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
-        let left = (-f64::from(explained[pixel]) / HALVING).exp2();
-        Some(if here > 0.0 { here * left * left } else { here })
+        let left = 1.0 - f64::from(explained[pixel] as i32) / WHOLE;
+        let before = 2.0 * left * t.difference;
+        let after = before - alpha * (fit.colour - t.render);
+        let (area, l) = (PI * deviation * deviation, alpha / fit.opacity);
+        let others = 1.0 - caution * area * l * l / fit.support;
+        let [before, after] = [before, after].map(DVec3::length_squared);
+        let mean = if others > 0.01 { before - after / (others * others) } else { (before - after).min(0.0) };
+        Some(area * (mean - alpha * (4.0 * left * t.covariance + alpha * t.variance)))
     };
     ground.sights(c).filter_map(one).sum()
 }
@@ -30,9 +30,10 @@ mod tests {
     use super::*;
     use crate::{
         reference::{
-            View,
+            DILATION, View,
             pursuit::{Texel, lobe_width, sigma_of},
             pursuit_attenuate::pursuit_attenuate,
+            pursuit_blur::pursuit_blur,
             pursuit_score::pursuit_score,
         },
         scene::Camera,
@@ -64,6 +65,8 @@ mod tests {
         let one = |i| Texel {
             difference: 0.3 * DVec3::new(wave(i, 0.1), wave(i, 0.2), 0.5 + 0.5 * wave(i, 0.05)),
             render: DVec3::splat(0.4) + 0.3 * DVec3::new(wave(i, 0.3), wave(i, 0.07), wave(i, 0.11)),
+            covariance: 0.02 * wave(i, 0.17),
+            variance: 0.05 + 0.05 * wave(i, 0.13),
         };
         (0..3 * TEXELS).map(one).collect()
     }
@@ -104,28 +107,97 @@ mod tests {
     #[test]
     fn what_is_explained_is_gained_no_more() {
         let (views, plots, c) = scene();
-        let texels = vec![Texel { difference: DVec3::X * 0.4, render: DVec3::ZERO }; TEXELS as usize];
+        let texels = vec![Texel { difference: DVec3::X * 0.4, ..Default::default() }; TEXELS as usize];
         let ground =
             Ground { views: &views[..1], plots: &plots, surface_depths: &[2.0; 256], texels: &texels, range: (0, 1) };
         let fit = Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0 };
         let mut explained = vec![0; 256];
         let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
-        // s² = (0.1 · 20 / 2)² + 0.3 px², the error falls from 0.16 to 0.04.
-        assert!((before - 4.0 * PI * 1.3 * 0.12).abs() < 1e-12, "{before}");
+        // s² = (0.1 · 20 / 2)² + 0.3 px². An even residual of 0.4 is that of a footprint which is 0.8 in the middle; a quarter is explained.
+        assert!((before - PI * 1.3 * (0.8f64.powi(2) - 0.6f64.powi(2))).abs() < 1e-12, "{before}");
         pursuit_attenuate(&ground, &c, &fit, &mut explained);
-        // Half of the residual is left in the middle: one halving.
-        assert_eq!(explained[c.pixel as usize], HALVING as u32);
+        assert_eq!(explained[c.pixel as usize], WHOLE as u32 / 4);
         let after = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
-        assert!((after - 0.25 * before).abs() < 1e-12, "{after}");
-        // Two pixels beside, 1 - 0.5 exp(-2/1.3) is left; beyond 2.5 s = 2.85 px, so from 4 px on, nothing is explained.
-        let beside = -HALVING * (1.0 - 0.5 * (-2.0f64 / 1.3).exp()).log2();
+        assert!((after - PI * 1.3 * (0.6f64.powi(2) - 0.4f64.powi(2))).abs() < 1e-12, "{after}");
+        // Two pixels beside; beyond 2.5 s = 2.85 px, so from 4 px on, nothing is explained.
+        let beside = 0.25 * WHOLE * (-2.0f64 / 1.3).exp();
         assert!((f64::from(explained[c.pixel as usize + 2]) - beside).abs() <= 0.5);
         assert!(explained[c.pixel as usize + 3] > 0 && explained[c.pixel as usize + 4] == 0);
         assert_eq!(explained.iter().filter(|&&e| e > 0).count(), 49);
-        // A loss stays as it is.
+        // Four of them explain all; the fifth makes it worse.
+        (0..3).for_each(|_| pursuit_attenuate(&ground, &c, &fit, &mut explained));
+        assert_eq!(explained[c.pixel as usize], WHOLE as u32);
+        let fifth = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
+        assert!((fifth + PI * 1.3 * 0.2f64.powi(2)).abs() < 1e-12, "{fifth}");
+        // What goes the wrong way explains nothing, though it is a loss.
         let worse = Fit { colour: DVec3::Y, ..fit };
-        let loss = pursuit_gain(&ground, &explained, &c, &worse, 0.0);
-        assert!(loss < 0.0 && loss == pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0));
+        let mut same = explained.clone();
+        pursuit_attenuate(&ground, &c, &worse, &mut same);
+        assert!(same == explained && pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0) < 0.0);
+    }
+
+    /// A gain is the fall of the squared error of the image that the Gaussian is blended over, what it hides of the texture included.
+    #[test]
+    fn a_gain_is_the_fall_of_the_squared_error() {
+        const SIDE: u32 = 64;
+        let (f, middle) = (40.0, f64::from(SIDE) / 2.0);
+        let (rotation, translation) = (DMat3::IDENTITY, DVec3::ZERO);
+        let view = View::from_camera(&Camera {
+            width: SIDE,
+            height: SIDE,
+            fx: f,
+            fy: f,
+            cx: middle,
+            cy: middle,
+            rotation,
+            translation,
+        });
+        let depth = 2.0;
+        // A board of light and dark pixels, upon which the residual depends too.
+        let board = |i: u32| if (i % SIDE + i / SIDE).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let (mean_r, mean_b) = (DVec3::new(0.05, -0.03, 0.02), DVec3::new(0.5, 0.4, 0.6));
+        let image: Vec<Texel> = (0..SIDE * SIDE)
+            .map(|i| Texel {
+                difference: mean_r - DVec3::splat(0.01 * board(i)),
+                render: mean_b + DVec3::splat(0.2 * board(i)),
+                ..Default::default()
+            })
+            .collect();
+        let mut texels = pursuit_blur(&image, [SIDE; 2], [SIDE; 2], false);
+        let mut from = texels.clone();
+        for k in 1..3 {
+            from = pursuit_blur(&from, [SIDE >> (k - 1); 2], [SIDE >> k; 2], true);
+            texels.extend(&from);
+        }
+        let plot = Plot { texel_first: 0, pixel_first: 0, cell_first: 0, block_first: 0 };
+        let depths = vec![depth; (SIDE * SIDE) as usize];
+        let ground = Ground { views: &[view], plots: &[plot], surface_depths: &depths, texels: &texels, range: (0, 1) };
+        let at = DVec2::splat(middle + 0.5);
+        let mean = DVec3::new(0.5 / f * depth, 0.5 / f * depth, depth);
+        let (pixel, toward) = (SIDE * SIDE / 2 + SIDE / 2, -mean.normalize());
+        let c = Candidate { mean, toward, px: depth / f, theta_bar: 0.1, view: 0, pixel };
+        for deviation in [1.4, 2.8] {
+            for (opacity, colour, gains) in [
+                (0.1, mean_b + 5.0 * mean_r, true),
+                (0.6, mean_b + mean_r, false),
+                (0.9, DVec3::new(0.9, 0.1, 0.4), false),
+            ] {
+                let sigma = (deviation * deviation - DILATION).sqrt() * c.px;
+                let fit = Fit { sigma, opacity, width: 0.0, colour, gain: 1.0, support: 1.0 };
+                let found = pursuit_gain(&ground, &vec![0; depths.len()], &c, &fit, 0.0);
+                let fall = |i: u32| {
+                    let d = DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5 - at;
+                    let alpha = opacity * (-0.5 * d.length_squared() / (deviation * deviation)).exp();
+                    let t = &image[i as usize];
+                    t.difference.length_squared() - (t.difference - alpha * (colour - t.render)).length_squared()
+                };
+                let fell: f64 = (0..SIDE * SIDE).map(fall).sum();
+                // A board's mean under 1.4 px is its own mean to within 1e-4, that under their squares, 1 px, to within 1 %.
+                let scale = PI * deviation * deviation * (opacity * opacity * 0.12 + opacity * 0.04);
+                assert!((found - fell).abs() < 0.03 * scale, "{deviation} {opacity}: {found} {fell}");
+                assert_eq!(fell > 0.0, gains, "{deviation} {opacity}: {fell}");
+            }
+        }
     }
 
     /// Between four texels, each of which counts by the overlap.

@@ -32,7 +32,7 @@ pub fn pursuit_residual(image: &[[f64; 4]], targets: &[u32], depths: &[f64]) -> 
         let seen = depth > NEAR && depth <= FLOAT_MAX;
         let mean = difference.abs().element_sum() / 3.0;
         squares.push(difference.length_squared());
-        out.texels.push(Texel { difference, render });
+        out.texels.push(Texel { difference, render, ..Default::default() });
         out.depths.push(if seen { depth } else { 0.0 });
         out.errors.push(if seen { mean * mean } else { 0.0 });
     }
@@ -53,7 +53,7 @@ mod tests {
         let found = pursuit_residual(&image, &[white, 0xFF_FFFF, white, white], &[1.0, 1.0, 1.0, 0.1]);
         assert_eq!(
             found.texels[0],
-            Texel { difference: DVec3::new(0.75, 0.5, 0.0), render: DVec3::new(0.25, 0.5, 1.0) }
+            Texel { difference: DVec3::new(0.75, 0.5, 0.0), render: DVec3::new(0.25, 0.5, 1.0), ..Default::default() }
         );
         let error = (1.25f64 / 3.0).powi(2);
         assert_eq!((found.errors, found.sums), (vec![error, 0.0, 0.0, 0.0], vec![error]));

@@ -13,7 +13,7 @@ use crate::{
     },
     reference::{
         self as twin, NONE, View,
-        pursuit::{Candidate, Fit, Ground, HALVING, REACH, Texel, lobe_width, sigma_of},
+        pursuit::{Candidate, Fit, Ground, REACH, Texel, WHOLE, lobe_width, sigma_of},
         pursuit_draw::Drawn,
         pursuit_fit::best_of,
         pursuit_score::Sums,
@@ -96,7 +96,7 @@ fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn values(texels: &[types::Texel]) -> Vec<[f64; 6]> {
+fn values(texels: &[types::Texel]) -> Vec<[f64; 8]> {
     texels.iter().map(|t| Texel::unpack(t).values()).collect()
 }
 
@@ -127,7 +127,7 @@ impl Here<'_> {
         let want = twin::pursuit_residual::pursuit_residual(&image64, &targets, &wide(depths));
         let mut row = bench.row("pursuit_residual", "");
         row.time = times.of("pursuit_residual");
-        row.work = Work { bytes: 16.0 + 4.0 + 4.0 + 12.0 + 12.0, operations: 30.0 };
+        row.work = Work { bytes: 16.0 + 4.0 + 4.0 + 16.0 + 12.0, operations: 30.0 };
         row.work.bytes *= pixels as f64;
         row.work.operations *= pixels as f64;
         let halves = |texels: &[Texel]| values(&texels.iter().map(Texel::pack).collect::<Vec<_>>());
@@ -163,7 +163,7 @@ impl Here<'_> {
                 row.time = times.nth("pursuit_blur", k as usize);
                 let taps = if k > 0 { 64.0 } else { 25.0 };
                 row.work =
-                    Work { bytes: 12.0 * (from.len() + got.len()) as f64, operations: 10.0 * taps * got.len() as f64 };
+                    Work { bytes: 16.0 * (from.len() + got.len()) as f64, operations: 10.0 * taps * got.len() as f64 };
                 let got = values(&got);
                 row.numbers(
                     got.as_flattened().iter().map(|&v| v as f32).zip(halves(&want).as_flattened().iter().copied()),
@@ -255,7 +255,7 @@ impl Here<'_> {
             }
             let pixel = (x.max(0.0) as u32).min(view.width - 1) + (y.max(0.0) as u32).min(view.height - 1) * view.width;
             let own = ground.surface_depths[(ground.plots[v].pixel_first + pixel) as usize];
-            near(x, 1.0) || near(y, 1.0) || (((z - own) / (0.05 * own)).abs() - 1.0).abs() < 1e-3
+            near(x, 1.0) || near(y, 1.0) || ((z - own) / (0.05 * own) - 1.0).abs() < 1e-3
         })
     }
 
@@ -285,7 +285,7 @@ impl Here<'_> {
         row.time = times.of("pursuit_score");
         let meetings = (items * self.cameras.len()) as f64;
         row.work = Work {
-            bytes: 12.0 * texels.len() as f64 + 4.0 * got.len() as f64 + 40.0 * count as f64,
+            bytes: 16.0 * texels.len() as f64 + 4.0 * got.len() as f64 + 40.0 * count as f64,
             operations: meetings * (80.0 + 25.0 * f64::from(WIDTHS)),
         };
         // One in twenty at most, so that what is compared is nearly all.
@@ -377,7 +377,7 @@ impl Here<'_> {
         let all: Vec<(Candidate, Fit)> =
             candidates.iter().map(Candidate::from).zip(fits.iter().map(Fit::from)).collect();
         let views = (all.len() * self.cameras.len()) as f64;
-        let table = 12.0 * texels.len() as f64 + 68.0 * all.len() as f64;
+        let table = 16.0 * texels.len() as f64 + 68.0 * all.len() as f64;
 
         let gains = w.gains.download()?;
         let mut row = bench.row("pursuit_gain", "");
@@ -438,7 +438,7 @@ impl Here<'_> {
         row.unequal(u64::from(taken == 0));
         // As it is used: what remains. Where a window's reach is as near to where it is rounded up as float32 can tell, a pixel outside of
         // its border may be within; it is REACH deviations away or more.
-        let left = |explained: u32| (-f64::from(explained) / HALVING).exp2();
+        let left = |explained: u32| 1.0 - f64::from(explained as i32) / WHOLE;
         let pairs: Vec<(f32, f64)> =
             page.explained.download()?.iter().zip(&want).map(|(&got, &want)| (left(got) as f32, left(want))).collect();
         let off = |&(got, want): &(f32, f64)| (f64::from(got) - want).abs();
