@@ -186,7 +186,7 @@ fn a_single_view_says_nothing() {
     photos[1] = words(&striped(1));
     let of = |caution| {
         let options = PursuitOptions { caution, kinds: Kinds::Lobes, ..Default::default() };
-        place(&gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
+        place(&gpu, &wall_of(15), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
     };
     let [bold, cautious] = [0.0, 1.0].map(of);
     assert!(bold > 10 && 5 * cautious < bold, "{bold} {cautious}");
