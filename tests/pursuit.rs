@@ -109,7 +109,6 @@ fn four(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
 #[test]
 fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
     let Outcome { placed, .. } = four(&Gpu::new(), 60, PursuitOptions::default());
-    assert!(placed.count() > 20, "{}", placed.count());
     let (mut spots, mut stripes) = (0, 0);
     for lift in &placed.lifts {
         let [x, y, z] = lift.mean;
@@ -178,7 +177,7 @@ fn nothing_is_placed_where_nothing_is_lacking() {
     assert_eq!(place(&gpu, &wall(), &away, &photos, 40, PursuitOptions::default()).placed.count(), 0);
 }
 
-/// What one view says alone is no evidence, unless nobody asks for any.
+/// What one view says alone is no evidence, unless nobody asks for any. On a wall that fills all views: beyond its rim they would say something.
 #[test]
 fn a_single_view_says_nothing() {
     let gpu = Gpu::new();

@@ -169,7 +169,7 @@ fn two_runs_give_the_same_bits_and_a_smaller_error() {
     assert_eq!(a.placed, b.placed);
     assert_eq!(a.errors.map(f64::to_bits), b.errors.map(f64::to_bits));
     assert!(a.added[0] > 0 && a.added[1] > 0, "{:?}", a.added);
-    // Room for 20 is a small part of three stripes of 50 rows: a thirteenth of the error goes.
+    // Room for 20 is a small part of three stripes of 50 rows.
     assert!(a.errors[1] < 0.95 * a.errors[0], "{:?}", a.errors);
 }
 

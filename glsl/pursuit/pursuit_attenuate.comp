@@ -23,7 +23,8 @@ layout(set = 0, binding = 7, scalar) readonly buffer Beaten { uint beaten[]; };
 layout(set = 0, binding = 8, scalar) buffer Explained { uint explained[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer GainKeys { uint gain_keys[]; };
 
-const float MOST = 2.0; // more than that is as wrong as nothing
+const float MOST = 2.0;    // of a residual: with twice as much as there is, as much is lacking as before
+const float LEAST = 1e-6;  // square of a residual that is none: a quarter of a step of 8 bits
 
 void main() {
     uint i = subgroup_index();
@@ -39,9 +40,9 @@ void main() {
         float alpha = fit.opacity * lobe_factor(s.theta, fit.width);
         if (!(alpha > 0.0)) continue;
         float deviation = footprint_px(view, s.z, fit.sigma);
-        Ground g = look(plots[v], view, s.at, deviation);
-        vec3 r = 2.0 * g.difference, change = alpha * (fit.colour - g.render);
-        float share = clamp(dot(change, r) / max(dot(r, r), 1e-6), 0.0, MOST);
+        Beneath under = look(plots[v], view, s.at, deviation);
+        vec3 r = 2.0 * under.difference, change = alpha * (fit.colour - under.render);
+        float share = clamp(dot(change, r) / max(dot(r, r), LEAST), 0.0, MOST);
         uvec4 window = window_of(view, s, REACH * deviation);
         for (uint y = window.y; y <= window.w; ++y) {
             for (uint x = window.x; x <= window.z; ++x) {

@@ -1,9 +1,9 @@
 #version 460
 // A level of a view's pyramid: from its unblurred texels, or from the level below, of which it has every other texel.
 //
-// One thread makes one texel: means, and covariance and variance about them, of what was below and of what differs there.
-// from_texels -> texels; weights beyond the image count nothing. Five texels across suffice for the first
-// level's deviation of 0.7, eight for the next ones' 1.2124: at least 2.8 deviations are within, 0.5 % of the weight beyond.
+// One thread makes one texel: means, covariance and variance of all pixels under its weights. from_texels -> texels; weights beyond the
+// image count nothing. Five texels across suffice for the first level's deviation of 0.7, eight for the next ones' 1.2124: at least 2.8
+// deviations are within, 0.5 % of the weight beyond.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -27,22 +27,22 @@ void main() {
     ivec2 begin = HALVE ? 2 * at - 3 : at - 2;
     int across = HALVE ? 8 : 5;
     float deviation = HALVE ? NEXT_BLUR : FIRST_BLUR;
-    Ground sum = Ground(vec3(0.0), vec3(0.0), 0.0, 0.0);
+    Beneath sum = Beneath(vec3(0.0), vec3(0.0), 0.0, 0.0);
     float total = 0.0;
     for (int y = max(begin.y, 0); y < min(begin.y + across, int(push.from_height)); ++y) {
         for (int x = max(begin.x, 0); x < min(begin.x + across, int(push.from_width)); ++x) {
             vec2 d = (vec2(x, y) + 0.5 - middle) / deviation;
             float weight = exp(-0.5 * dot(d, d));
-            Ground g = unpack_texel(from_texels[push.from_first + uint(y) * push.from_width + uint(x)]);
-            sum.difference += weight * g.difference;
-            sum.render += weight * g.render;
-            sum.covariance += weight * (g.covariance + dot(g.difference, g.render));
-            sum.variance += weight * (g.variance + dot(g.render, g.render));
+            Beneath under = unpack_texel(from_texels[push.from_first + uint(y) * push.from_width + uint(x)]);
+            // Second moments, until the means are known.
+            under.covariance += dot(under.difference, under.render);
+            under.variance += dot(under.render, under.render);
+            add_texel(sum, weight, under);
             total += weight;
         }
     }
     vec3 difference = sum.difference / total, render = sum.render / total;
     float covariance = sum.covariance / total - dot(difference, render);
     float variance = max(sum.variance / total - dot(render, render), 0.0);
-    texels[push.first + i] = pack_texel(Ground(difference, render, covariance, variance));
+    texels[push.first + i] = pack_texel(Beneath(difference, render, covariance, variance));
 }

@@ -35,17 +35,16 @@ void main() {
             float alpha = fit.opacity * lobe_factor(s.theta, fit.width);
             if (!(alpha > 0.0)) continue;
             float deviation = footprint_px(view, s.z, fit.sigma);
-            Ground g = look(plots[v], view, s.at, deviation);
-            float left = 1.0 - float(int(explained[plots[v].pixel_first + s.pixel])) / WHOLE;
-            vec3 r = 2.0 * left * g.difference, after = r - alpha * (fit.colour - g.render);
+            Beneath under = look(plots[v], view, s.at, deviation);
+            float left = 1.0 - float(explained[plots[v].pixel_first + s.pixel]) / WHOLE;
+            vec3 r = 2.0 * left * under.difference, after = r - alpha * (fit.colour - under.render);
             float area = PI * deviation * deviation, l = alpha / fit.opacity;
-            float hidden = area * alpha * (4.0 * left * g.covariance + alpha * g.variance);
+            float hidden = alpha * (4.0 * left * under.covariance + alpha * under.variance);
             // What is left with the colour that the other views ask for; where there are none, they predict nothing.
             float others = 1.0 - push.caution * area * l * l / fit.support;
-            float here = area * (dot(r, r) - dot(after, after) / (others * others));
-            if (!(others > 0.01)) here = min(area * (dot(r, r) - dot(after, after)), 0.0);
-            here -= hidden;
-            gain += here;
+            float here = dot(r, r) - dot(after, after) / (others * others) - hidden;
+            if (!(others > 0.01)) here = min(dot(r, r) - dot(after, after) - hidden, 0.0);
+            gain += area * here;
         }
     }
     gains[i] = gain;

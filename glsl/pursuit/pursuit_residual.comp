@@ -42,7 +42,7 @@ void main() {
         float depth = depths[pixel];
         bool seen = depth > NEAR && depth <= FLOAT_MAX;
         float mean = dot(abs(difference), vec3(1.0 / 3.0)), error = seen ? mean * mean : 0.0;
-        texels[pixel] = pack_texel(Ground(difference, render, 0.0, 0.0));
+        texels[pixel] = pack_texel(Beneath(difference, render, 0.0, 0.0));
         surface_depths[plot.pixel_first + pixel] = seen ? depth : 0.0;
         errors[plot.pixel_first + pixel] = error;
         explained[plot.pixel_first + pixel] = 0;

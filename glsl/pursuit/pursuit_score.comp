@@ -4,9 +4,9 @@
 //
 // One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums, which are added to: plane
 // (width * SUMS + s) of item candidate * sizes + size. A page goes on where the one before ended, so pages change no rounding.
-// With r photograph minus render, b the render, l the lobe's factor and g = exp(-d^2 / 2 s^2) the footprint, an opacity o and colour c
-// change the squared error of a view by -S (|r|^2 - |r - o l g (c - b)|^2) over its pixels. With a = pi s^2 and <x> the mean of x under g,
-// S g x = 2 a <x>, and S g^2 x = a <x> as far as the mean under g^2 is the same. Summed over the views that see it the gain is
+// With r photograph minus render, b the render, l the lobe's factor and q = exp(-d^2 / 2 s^2) the footprint, an opacity o and colour c
+// change the squared error of a view by -S (|r|^2 - |r - o l q (c - b)|^2) over its pixels. With a = pi s^2 and <x> the mean of x under q,
+// S q x = 2 a <x>, and S q^2 x = a <x> as far as the mean under q^2 is the same. Summed over the views that see it the gain is
 // 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S 2 a l <r>, B = S a l^2 <b>, C = S a l^2, D = S 2 a l <r.b>,
 // E = S a l^2 <|b|^2>. The means of products are what tells of the texture that a footprint hides.
 #extension GL_GOOGLE_include_directive : require
@@ -46,13 +46,13 @@ void main() {
             Sight s;
             if (!sees(v, view, c, s)) continue;
             float deviation = footprint_px(view, s.z, sigma), area = PI * deviation * deviation;
-            Ground g = look(plots[v], view, s.at, deviation);
-            vec3 r = 2.0 * g.difference;
-            float r_b = dot(r, g.render) + 2.0 * g.covariance, b_b = dot(g.render, g.render) + g.variance;
+            Beneath under = look(plots[v], view, s.at, deviation);
+            vec3 r = 2.0 * under.difference;
+            float r_b = dot(r, under.render) + 2.0 * under.covariance, b_b = dot(under.render, under.render) + under.variance;
             [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
                 float l = lobe_factor(s.theta, lobe_width(w, c.theta_bar)), l1 = area * l, l2 = l1 * l;
                 a[w] += l1 * r;
-                b[w] += l2 * g.render;
+                b[w] += l2 * under.render;
                 cde[w] += vec3(l2, l1 * r_b, l2 * b_b);
             }
         }

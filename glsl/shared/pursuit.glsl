@@ -26,8 +26,8 @@ struct Plot {
     uint block_first; // number of its first block of ERROR_BLOCK pixels, among those of all views
 };
 
-// What a footprint meets, sRGB: means of photograph minus render and of the render, and what varies about them, summed over channels.
-struct Ground {
+// What lies beneath a footprint, sRGB: means of photograph minus render and of the render, and what varies about them, summed over channels.
+struct Beneath {
     vec3 difference;
     vec3 render;
     float covariance; // of difference and render
@@ -42,15 +42,22 @@ struct Texel {
     uint texture; // covariance, variance
 };
 
-Texel pack_texel(Ground g) {
-    return Texel(packHalf2x16(g.difference.rg), packHalf2x16(vec2(g.difference.b, g.render.r)), packHalf2x16(g.render.gb),
-                 packHalf2x16(vec2(g.covariance, g.variance)));
+Texel pack_texel(Beneath under) {
+    return Texel(packHalf2x16(under.difference.rg), packHalf2x16(vec2(under.difference.b, under.render.r)), packHalf2x16(under.render.gb),
+                 packHalf2x16(vec2(under.covariance, under.variance)));
 }
 
-Ground unpack_texel(Texel t) {
+Beneath unpack_texel(Texel t) {
     vec2 a = unpackHalf2x16(t.difference_rg), b = unpackHalf2x16(t.difference_b_render_r), c = unpackHalf2x16(t.render_gb);
     vec2 d = unpackHalf2x16(t.texture);
-    return Ground(vec3(a, b.x), vec3(b.y, c), d.x, d.y);
+    return Beneath(vec3(a, b.x), vec3(b.y, c), d.x, d.y);
+}
+
+void add_texel(inout Beneath sum, float weight, Beneath under) {
+    sum.difference += weight * under.difference;
+    sum.render += weight * under.render;
+    sum.covariance += weight * under.covariance;
+    sum.variance += weight * under.variance;
 }
 
 // A drawn pixel's point on the surface that the base shows there.
@@ -158,22 +165,17 @@ uvec4 window_of(View view, Sight s, float px) {
 #ifdef PURSUIT_TEXELS
 layout(set = 0, binding = PURSUIT_TEXELS, scalar) readonly buffer Texels { Texel texels[]; };
 
-// What a footprint of about `deviation` px meets: the level that is nearest, between its four texels.
-Ground look(Plot plot, View view, vec2 at, float deviation) {
+// What lies beneath a footprint of about `deviation` px: the level that is nearest, between its four texels.
+Beneath look(Plot plot, View view, vec2 at, float deviation) {
     uint k = uint(clamp(floor(log2(deviation / FIRST_BLUR) + 0.5), 0.0, float(LEVELS - 1)));
     uvec3 level = level_of(plot, view.width, view.height, k);
     vec2 place = at / float(1u << k) - 0.5, low = floor(place), share = place - low;
-    Ground sum = Ground(vec3(0.0), vec3(0.0), 0.0, 0.0);
+    Beneath sum = Beneath(vec3(0.0), vec3(0.0), 0.0, 0.0);
     for (uint corner = 0; corner < 4; ++corner) {
         vec2 step = vec2(corner & 1, corner >> 1);
         uvec2 texel = uvec2(clamp(low + step, vec2(0.0), vec2(level.yz - 1)));
         vec2 weights = mix(1.0 - share, share, step);
-        Ground g = unpack_texel(texels[level.x + texel.y * level.y + texel.x]);
-        float weight = weights.x * weights.y;
-        sum.difference += weight * g.difference;
-        sum.render += weight * g.render;
-        sum.covariance += weight * g.covariance;
-        sum.variance += weight * g.variance;
+        add_texel(sum, weights.x * weights.y, unpack_texel(texels[level.x + texel.y * level.y + texel.x]));
     }
     return sum;
 }

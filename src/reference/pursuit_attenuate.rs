@@ -4,15 +4,17 @@ use glam::DVec2;
 
 use super::pursuit::{Candidate, Fit, Ground, REACH, WHOLE};
 
-/// What explains more than this is as wrong as nothing.
+/// With twice as much as there is, as much is lacking as before.
 const MOST: f64 = 2.0;
+/// Square of a residual that is none: a quarter of a step of 8 bits.
+const LEAST: f64 = 1e-6;
 
 /// Adds to `explained`, by pixel of the page.
 pub fn pursuit_attenuate(ground: &Ground<'_>, c: &Candidate, fit: &Fit, explained: &mut [u32]) {
     for (v, s) in ground.sights(c) {
         let Some((alpha, t, deviation)) = ground.meets(v, &s, fit) else { continue };
         let (before, change) = (2.0 * t.difference, alpha * (fit.colour - t.render));
-        let share = (change.dot(before) / before.length_squared().max(1e-6)).clamp(0.0, MOST);
+        let share = (change.dot(before) / before.length_squared().max(LEAST)).clamp(0.0, MOST);
         let width = ground.views[v as usize].width;
         let [x0, y0, x1, y1] = ground.window(v, &s, REACH * deviation);
         let middle = DVec2::new(f64::from(s.pixel % width), f64::from(s.pixel / width));

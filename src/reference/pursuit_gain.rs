@@ -11,14 +11,15 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
     let one = |(v, s)| {
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
-        let left = 1.0 - f64::from(explained[pixel] as i32) / WHOLE;
+        let left = 1.0 - f64::from(explained[pixel]) / WHOLE;
         let before = 2.0 * left * t.difference;
         let after = before - alpha * (fit.colour - t.render);
         let (area, l) = (PI * deviation * deviation, alpha / fit.opacity);
         let others = 1.0 - caution * area * l * l / fit.support;
         let [before, after] = [before, after].map(DVec3::length_squared);
-        let mean = if others > 0.01 { before - after / (others * others) } else { (before - after).min(0.0) };
-        Some(area * (mean - alpha * (4.0 * left * t.covariance + alpha * t.variance)))
+        let hidden = alpha * (4.0 * left * t.covariance + alpha * t.variance);
+        let alone = (before - after - hidden).min(0.0);
+        Some(area * if others > 0.01 { before - after / (others * others) - hidden } else { alone })
     };
     ground.sights(c).filter_map(one).sum()
 }
@@ -198,6 +199,20 @@ mod tests {
                 assert_eq!(fell > 0.0, gains, "{deviation} {opacity}: {fell}");
             }
         }
+    }
+
+    /// Only what lies 5 % and more behind a view's own surface is hidden; the view that drew it sees it always.
+    #[test]
+    fn what_hovers_is_seen_and_what_lies_behind_is_not() {
+        let (views, plots, c) = scene();
+        let seen = |own: f64| {
+            let depths = vec![own; 3 * 256];
+            let ground = Ground { views: &views, plots: &plots, surface_depths: &depths, texels: &[], range: (0, 3) };
+            ground.sights(&c).map(|(v, _)| v).collect::<Vec<_>>()
+        };
+        // Depths are 2; 2/1.05 is 1.905. 0: the view shows no surface there.
+        assert_eq!([1.91, 2.0, 40.0, 0.0].map(seen), [(); 4].map(|()| vec![0, 1, 2]));
+        assert_eq!([1.0, 1.9].map(seen), [(); 2].map(|()| vec![0]));
     }
 
     /// Between four texels, each of which counts by the overlap.

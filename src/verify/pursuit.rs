@@ -438,7 +438,7 @@ impl Here<'_> {
         row.unequal(u64::from(taken == 0));
         // As it is used: what remains. Where a window's reach is as near to where it is rounded up as float32 can tell, a pixel outside of
         // its border may be within; it is REACH deviations away or more.
-        let left = |explained: u32| 1.0 - f64::from(explained as i32) / WHOLE;
+        let left = |explained: u32| 1.0 - f64::from(explained) / WHOLE;
         let pairs: Vec<(f32, f64)> =
             page.explained.download()?.iter().zip(&want).map(|(&got, &want)| (left(got) as f32, left(want))).collect();
         let off = |&(got, want): &(f32, f64)| (f64::from(got) - want).abs();
