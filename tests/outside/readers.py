@@ -1,0 +1,30 @@
+"""Asks programs of others for two PLY files, an augmented scene and its base alone: readers.py AUGMENTED BASE. To every one of them both
+must be the same. Run by tools/readers, where the packages are installed."""
+
+import sys
+
+import numpy
+import open3d
+import pymeshlab
+
+
+def open3d_reads(path):
+    point = open3d.t.io.read_point_cloud(path).point
+    return [point[name].numpy() for name in sorted(point)]
+
+
+def pymeshlab_reads(path):
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(path)
+    mesh = meshes.current_mesh()
+    return [mesh.vertex_matrix(), mesh.vertex_normal_matrix()]
+
+
+failed = False
+for name, read in [("open3d", open3d_reads), ("pymeshlab", pymeshlab_reads)]:
+    augmented, base = (read(path) for path in sys.argv[1:3])
+    numbers = sum(values.size for values in augmented)
+    same = numbers > 0 and len(augmented) == len(base) and all(map(numpy.array_equal, augmented, base))
+    failed |= not same
+    print(f"{'the base' if same else 'NOT THE BASE'}  {name}: {numbers} numbers")
+sys.exit(failed)
