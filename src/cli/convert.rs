@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, SceneFile, SceneFormat, read_scene, write_scene_as},
+    data::{Photo, SceneFile, SceneFormat, read_scene, write_scene_as},
     pipelines::{
         layers::{Layer, Layers},
         render::RenderOptions,
@@ -122,6 +122,8 @@ impl Args {
                 format.greatest_sh_degree() + 1
             ));
         }
+        // What cannot be compared is told before anything is written.
+        let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
         write_scene_as(output, format, &file)?;
         let report = Report {
             gaussians: file.scene.base.len(),
@@ -129,7 +131,10 @@ impl Args {
             sh_degree: degree.min(format.greatest_sh_degree()),
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
-            psnr: dataset.map(|dataset| self.compare(&file.scene, &dataset)).transpose()?,
+            psnr: match (&dataset, &photos) {
+                (Some(dataset), Some(photos)) => Some(self.compare(&file.scene, photos, dataset.background)?),
+                _ => None,
+            },
         };
         match self.json {
             true => print_json(&report)?,
@@ -139,9 +144,8 @@ impl Args {
     }
 
     /// Mean PSNR over the views.
-    fn compare(&self, before: &Scene, dataset: &Dataset) -> Outcome<f64> {
+    fn compare(&self, before: &Scene, photos: &[&Photo], background: [f32; 3]) -> Outcome<f64> {
         let after = read_scene(&self.output)?;
-        let photos = photos_of(dataset, self.split.split())?;
         self.device.with(|context| {
             let cameras = || photos.iter().map(|photo| &photo.camera);
             let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
@@ -151,7 +155,7 @@ impl Args {
             let mut sum = 0.0;
             for camera in cameras() {
                 let color = |layers: &mut Layers| -> Result<Vec<f32>> {
-                    Ok(layers.render(Layer::Whole, camera, dataset.background)?.color)
+                    Ok(layers.render(Layer::Whole, camera, background)?.color)
                 };
                 sum += psnr(&color(&mut before)?, &color(&mut after)?);
                 progress.advance();
@@ -176,9 +180,11 @@ impl Report {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
         let _ = write!(text, ", SH degree {}, {now:.3} MB of {before:.3}", self.sh_degree);
-        if let Some(psnr) = self.psnr {
-            let _ = write!(text, ", renders {psnr:.2} dB from those of the input");
-        }
+        let _ = match self.psnr {
+            Some(psnr) if psnr.is_infinite() => write!(text, ", renders as the input does"),
+            Some(psnr) => write!(text, ", renders {psnr:.2} dB from those of the input"),
+            None => Ok(()),
+        };
         text + "\n"
     }
 }

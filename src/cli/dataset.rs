@@ -68,6 +68,14 @@ impl DatasetArgs {
     }
 }
 
+/// Tells how many photos were left out since masks leave out all of them.
+pub(super) fn note_uncounted(photos: usize) {
+    if photos > 0 {
+        let s = if photos == 1 { "" } else { "s" };
+        note(format!("{photos} test photo{s} left out: masks leave out every pixel"));
+    }
+}
+
 /// Fails where no training photo sees any of these Gaussians, upon which nothing would be learned in hours; tells where some
 /// photos see none.
 pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<()> {
@@ -75,7 +83,7 @@ pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<(
     if seeing == 0 && !gaussians.is_empty() {
         return Err(Error::Usage(format!(
             "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \
-             {NEAR} scene units (the cameras stand within {:.3e} of their middle); is the dataset scaled, or the scene another's?",
+             {NEAR} scene units (the cameras stand within {:.3} of their middle); is the dataset scaled, or the scene another's?",
             gaussians.len(),
             dataset.extent() / 1.1
         )));

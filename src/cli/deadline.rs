@@ -14,8 +14,8 @@ const FIRST: u32 = 100_000;
 const PILOT: u32 = 64;
 /// Fractions of the run at which it is planned anew. The last is what the end can be off by, times what the rate still changes.
 const MARKS: [f64; 7] = [0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95];
-/// Steps of a run at most.
-const MOST: f64 = 1e7;
+/// Steps of a run at most: the losses of so many, 16 bytes each, any device binds at once.
+pub(super) const MOST: u32 = 8_000_000;
 
 /// When a run ends, and how it is planned until then.
 pub(super) struct Deadline {
@@ -40,11 +40,13 @@ pub(super) struct Plan {
 
 /// `step` of `total` steps are done, the last took `each` seconds, and `left` seconds are left.
 fn plan(step: u32, total: u32, each: f64, left: f64) -> Plan {
-    let fraction = f64::from(step) / f64::from(total.max(1));
-    let steps = (left.max(0.0) / each.max(1e-9)).min(MOST);
+    // A run that came to its end while it was asked goes on as one that lacks a step.
+    let step = step.min(total.max(1) - 1);
+    let [before, of, most] = [step, total.max(1), MOST].map(f64::from);
+    let steps = (left.max(0.0) / each.max(1e-9)).min(most);
     // At least one step more, so that the run has an end of its own.
-    let all = (steps / (1.0 - fraction).max(1e-6)).clamp(1.0, MOST);
-    let done = (fraction * all).floor();
+    let all = (steps * of / (of - before)).clamp(1.0, most);
+    let done = (all * before / of).floor();
     Plan { total: (all.round() as u32).max(done as u32 + 1), done: done as u32 }
 }
 
@@ -107,7 +109,10 @@ mod tests {
         // No time is left: one step more.
         assert_eq!(plan(50, 100, 0.1, 0.0), Plan { total: 1, done: 0 });
         assert_eq!(plan(99, 100, 1.0, 0.0).total, 1);
-        assert!(plan(10, 100, 0.0, 1e9).total <= 10_000_000);
+        assert!(plan(10, 100, 0.0, 1e9).total <= MOST);
+        // At its end it is as a run that lacks one step: five more of these are 500 hundredths.
+        assert_eq!(plan(100, 100, 0.01, 0.05), Plan { total: 500, done: 495 });
+        assert_eq!(plan(100, 100, 0.01, 0.0), Plan { total: 1, done: 0 });
     }
 
     #[test]

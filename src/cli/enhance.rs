@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    dataset::check_sight,
-    deadline::{Deadline, duration},
+    dataset::{check_sight, note_uncounted},
+    deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
     names::stems,
@@ -408,8 +408,11 @@ impl Args {
                     photos.len()
                 ));
             } else if found.lifted + plain == 0 {
-                note(match found.spending.as_ref().map_or(0, |plan| plan.below_training_on) {
-                    0 => "nothing was added: no view had anything left that more Gaussians made better",
+                let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
+                note(match (below, beyond) {
+                    _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
+                    (0, 0) => "nothing was added: no view had anything left that more Gaussians made better",
+                    (0, _) => "nothing was added: the budget has no room for what would gain something",
                     _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
                 });
             }
@@ -529,8 +532,10 @@ fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) ->
     };
     let (before, after) = (compare(base)?, compare(&found.scene)?);
     let base_alone = if found.original.is_some() { before.augmented } else { after.base };
+    let views = after.views.len();
+    note_uncounted(photos.len() - views);
     let (before, after) = (before.augmented, after.augmented);
-    Ok(Some(Gain { views: photos.len(), before, after, base_alone }))
+    Ok(Some(Gain { views, before, after, base_alone }))
 }
 
 impl Gain {
@@ -633,7 +638,7 @@ pub(super) fn run_with_progress(
                     let (passed, left) = (begun.elapsed(), end.saturating_duration_since(Instant::now()));
                     // A pass took that long; all placements together take less than two.
                     let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
-                    enhancer.take_steps((passes * views.cameras.len() as f64).min(MOST_STEPS) as u32);
+                    enhancer.take_steps((passes * views.cameras.len() as f64).min(MOST.into()) as u32);
                 }
             }
             Event::Planned => {
@@ -723,9 +728,6 @@ pub(super) fn run_with_progress(
     }
     enhancer.finish(views)
 }
-
-/// Steps of a joint phase that has much time.
-const MOST_STEPS: f64 = 1e7;
 
 /// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
 /// come place as many Gaussians each as those before, they fill the budget after so many.

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    dataset::note_uncounted,
     names::stems,
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -97,7 +98,7 @@ impl Args {
             self.replace.check_files(folder, names.iter().map(String::as_str), &inputs)?;
             self.replace.make_folder(folder, &inputs)?;
         }
-        let (mut page, mut next) = (Page::new(augmented), stems.iter());
+        let mut page = Page::new(augmented);
         let mut distances = Vec::new();
         let (found, parts) = self.device.with(|context| {
             let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
@@ -109,7 +110,8 @@ impl Args {
                 if let Some(lpips) = &lpips {
                     distances.push(lpips.of_view(view)?);
                 }
-                let (Some(folder), Some(stem)) = (&self.report, next.next()) else { return Ok(()) };
+                let at = photos.iter().position(|photo| std::ptr::eq(*photo, view.photo));
+                let (Some(folder), Some(stem)) = (&self.report, at.map(|at| &stems[at])) else { return Ok(()) };
                 let pictures = pictures(view, augmented);
                 for (what, picture) in &pictures {
                     let path = folder.join(format!("{stem}.{what}.png"));
@@ -119,6 +121,7 @@ impl Args {
             })?;
             Ok((found, parts))
         })?;
+        note_uncounted(photos.len() - found.views.len());
         let distances = lpips.is_some().then(|| Distances::of(distances));
         let numbers = Numbers { found: &found, decomposition: parts.as_ref(), lpips: distances.as_ref() };
         if let Some(folder) = &self.report {

@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{
+    dataset::note_uncounted,
     output::{Inputs, OutputArgs},
     progress::{Progress, note},
 };
@@ -95,8 +96,14 @@ impl<'a> History<'a> {
             names.sort();
             let pictures =
                 names.iter().map(String::as_str).filter(|name| name.starts_with(STEP) && name.ends_with(".png"));
-            return replace.check_files(&self.folder, pictures, inputs);
+            replace.check_files(&self.folder, pictures.clone(), inputs)?;
+            // Those that may be replaced are of another run.
+            return pictures
+                .map(|name| self.folder.join(name))
+                .try_for_each(|path| fs::remove_file(&path).map_err(|error| Error::io(&path, error)));
         };
+        // The run before may have kept no history.
+        replace.make_folder(&self.folder, inputs)?;
         let text = match fs::read_to_string(&self.path) {
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
@@ -115,6 +122,12 @@ impl<'a> History<'a> {
         Ok(())
     }
 
+    /// Whether there is a line of `step`.
+    pub(super) fn has(&self, step: u32) -> bool {
+        let of = |line: &str| serde_json::from_str::<Value>(line).is_ok_and(|value| value["step"] == step);
+        self.lines.lines().any(of)
+    }
+
     /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error.
     pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<()> {
         let Moment { step, seconds, bytes, loss } = moment;
@@ -128,6 +141,9 @@ impl<'a> History<'a> {
             Ok(())
         })?;
         drop(progress);
+        if self.lines.is_empty() {
+            note_uncounted(self.photos.len() - found.views.len());
+        }
         let line = Line {
             name: &self.name,
             step,

@@ -397,7 +397,8 @@ impl SceneArgs {
     fn open_file(&self, path: &Path) -> Result<SceneFile> {
         // Reading a folder would blame the machine.
         if path.is_dir() && !data::is_scene_folder(path) {
-            let what = "is a folder, expected a scene (the scene comes before the dataset)";
+            let what =
+                "is a folder, expected a scene's file (where both are arguments, the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
         if !self.lenient {

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::{
     DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
     dataset::check_sight,
-    deadline::{Deadline, Plan, duration},
+    deadline::{Deadline, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
@@ -71,7 +71,7 @@ pub(super) struct Args {
     #[serde(skip)]
     output: PathBuf,
     /// Steps, one photo each
-    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
     iterations: u32,
     /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
     /// they take, and all schedules end with the last
@@ -284,6 +284,8 @@ impl Args {
             if let Some(history) = &mut history {
                 history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
             }
+            let looked = |step| history.as_ref().is_some_and(|history| history.has(step));
+            let looked = found.as_ref().is_some_and(|found| looked(found.step));
             let resumed = match &found {
                 Some(checkpoint) => {
                     trainer.resume(&model, checkpoint, timed)?;
@@ -319,6 +321,11 @@ impl Args {
                     Some(deadline) => deadline.next(),
                     None => evaluation(resumed),
                 };
+                // A run that ended just when it was to be looked at is looked at now.
+                let due = |every| resumed > 0 && resumed < iterations && resumed.is_multiple_of(every);
+                if self.eval_every.is_some_and(due) && !looked {
+                    look(resumed, &trainer, &model.download()?)?;
+                }
                 trainer.go_on_to(stop.unwrap_or(iterations));
                 while !interrupt.asked() {
                     if let Some(done) = trainer.advance(&model, &views)? {
@@ -388,7 +395,7 @@ impl Args {
                 iterations_resumed: resumed,
                 seed,
                 seconds,
-                steps_per_second: f64::from(ran) / seconds,
+                steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
                 final_loss: pass_loss(last),
                 largest_exposure,
                 buffers_grown: trained.steps.grown,

@@ -143,7 +143,9 @@ fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(|shot| shot.path.is_some());
     if let Some(Shot { name, expected, listed_in, .. }) = missing.first() {
         let others = if missing.len() == 1 { String::new() } else { format!(" (and {} more)", missing.len() - 1) };
-        let what = format!("image `{name}` is listed, but {} is missing{others}", expected.display());
+        let why =
+            expected.try_exists().err().map_or("is missing".into(), |error| format!("cannot be looked at: {error}"));
+        let what = format!("image `{name}` is listed, but {} {why}{others}", expected.display());
         if there.is_empty() {
             return Err(Error::input(listed_in, what));
         }

@@ -43,6 +43,11 @@ pub struct Image {
 }
 
 impl Image {
+    /// Whether any pixel says something of the scene.
+    pub fn any_counts(&self) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask.contains(&true))
+    }
+
     /// The pixels as the device has them: R in the low byte, and in the high one 255 where the pixel counts, else 0.
     pub fn packed(&self) -> Vec<u32> {
         let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);

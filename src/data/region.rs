@@ -232,10 +232,12 @@ fn axis(camera: &Camera) -> DVec3 {
     camera.rotation.row(2)
 }
 
-/// Mean of the centres and the largest distance from it.
+/// Mean of the centres and the largest distance from it; 0 where it is what rounding makes of one place.
 fn spread(cameras: &[Camera]) -> (DVec3, f64) {
     let mean = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len().max(1) as f64;
-    (mean, cameras.iter().map(|c| c.eye().distance(mean)).fold(0.0, f64::max))
+    let farthest = cameras.iter().map(|c| c.eye().distance(mean)).fold(0.0, f64::max);
+    let largest = cameras.iter().map(|c| c.eye().abs().max_element()).fold(0.0, f64::max);
+    (mean, if farthest > 1e-12 * largest { farthest } else { 0.0 })
 }
 
 fn sees(camera: &Camera, world: DVec3) -> bool {
@@ -418,5 +420,9 @@ mod tests {
         }
         assert_eq!(dataset(Vec::new()).random_points(10, 0), PointCloud::default());
         assert_eq!(dataset(Vec::new()).extent(), 0.0);
+        // What the mean of seven times the same place is off by is no distance.
+        let place = DVec3::new(0.1, 0.7, -3.3);
+        let turned = |i| look(place, place + DVec3::new(1.0, 0.1 * f64::from(i), 0.0));
+        assert_eq!(dataset((0..7).map(turned).collect()).extent(), 0.0);
     }
 }

@@ -61,10 +61,12 @@ impl Allowance {
     }
 
     /// Of so many Gaussians and bytes that may be there once placement `index` of `placements` is done, what is left beside those that
-    /// are there: half of all may be after the first.
+    /// are there: half of all may be after the first, and one at least where the bytes suffice for it.
     pub fn left(&self, [index, placements]: [u32; 2], plain: u32, lobes: u32) -> (u32, Option<u64>) {
         let gaussians = allowed(self.gaussians.into(), index, placements) as u32;
-        let bytes = self.bytes.map(|bytes| allowed(bytes, index, placements).saturating_sub(self.taken(plain, lobes)));
+        let one = |bytes: u64| bytes.min(self.lobe_bytes).min(self.plain_bytes);
+        let most = |bytes| allowed(bytes, index, placements).max(one(bytes));
+        let bytes = self.bytes.map(|bytes| most(bytes).saturating_sub(self.taken(plain, lobes)));
         (gaussians.saturating_sub(plain.saturating_add(lobes)), bytes)
     }
 

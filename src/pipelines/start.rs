@@ -39,14 +39,20 @@ pub fn upload_photos(
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let views = Views::without_photographs(context, origin_for(&cameras), &cameras, true)?;
-    let mut done = 0;
+    let (mut done, mut any_counts) = (0, photos.is_empty());
     load_photos(photos, background, |image| {
+        any_counts |= image.any_counts();
         let packed = image.packed();
         views.upload_photograph(done, &packed)?;
         done += 1;
         progress(done, &packed);
         Ok(())
     })?;
+    if !any_counts {
+        return Err(Error::Usage(
+            "no pixel of the training photos counts: masks or lenses leave out all of them".into(),
+        ));
+    }
     Ok(views)
 }
 

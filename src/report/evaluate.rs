@@ -33,7 +33,7 @@ pub struct Evaluation {
     pub base: Quality,
     /// The whole scene.
     pub augmented: Quality,
-    /// In the order of the photos.
+    /// In the order of the photos, but for those of which no pixel counts.
     pub views: Vec<ViewQuality>,
 }
 
@@ -52,10 +52,10 @@ pub struct Compared<'a> {
 }
 
 /// Compares renders of `scene`, unquantised and clamped, with `photos`, which are the dataset's with its background. One view
-/// is held at a time, and shown to `each`.
+/// is held at a time, and shown to `each`. Photos of which no pixel counts are left out.
 ///
 /// # Errors
-/// [`Error::Usage`] where there are no photos, or one of which no pixel counts; those of the files, of the device and of `each`.
+/// [`Error::Usage`] where no photo is left; those of the files, of the device and of `each`.
 pub fn evaluate(
     context: &Context,
     scene: &Scene,
@@ -69,6 +69,9 @@ pub fn evaluate(
     let mut views = Vec::with_capacity(photos.len());
     for photo in photos {
         let truth = photo.load(background)?;
+        if !truth.any_counts() {
+            continue;
+        }
         let base = layers.render(Layer::Base, &photo.camera, background)?;
         let whole = if augmented { Some(layers.render(Layer::Whole, &photo.camera, background)?) } else { None };
         let (width, height, mask) = (truth.width, truth.height, truth.mask.as_deref());
@@ -82,11 +85,21 @@ pub fn evaluate(
         views.push(quality);
     }
     let mean = |of: fn(&ViewQuality) -> Quality| Quality::mean(&views.iter().map(of).collect::<Vec<_>>());
-    let none = || Error::Usage("there are no photos to compare with".into());
+    let none = || nothing_to_compare(photos.len());
     Ok(Evaluation {
         base: mean(|v| v.base).ok_or_else(none)?,
         augmented: mean(|v| v.augmented).ok_or_else(none)?,
         views,
+    })
+}
+
+fn nothing_to_compare(photos: usize) -> Error {
+    Error::Usage(match photos {
+        0 => "there are no photos to compare with".into(),
+        n => format!(
+            "there is nothing to compare with: masks leave out every pixel of {n} photo{}",
+            if n == 1 { "" } else { "s" }
+        ),
     })
 }
 
@@ -120,7 +133,7 @@ pub fn render_parts(layers: &mut Layers, photo: &Photo, background: [f32; 3]) ->
 /// Compares the parts of `scene` with the true ones that lie beside `photos` (see [`Photo::part`]).
 ///
 /// # Errors
-/// [`Error::Usage`] where there are no photos, or a part beside one is missing; those of the files and of the device.
+/// [`Error::Usage`] where no photo is left, or a part beside one is missing; those of the files and of the device.
 pub fn evaluate_parts(
     context: &Context,
     scene: &Scene,
@@ -143,12 +156,15 @@ pub fn evaluate_parts(
     let mut views = Vec::with_capacity(photos.len());
     for (photo, [diffuse, specular]) in photos.iter().zip(&truths) {
         let (diffuse, specular) = (diffuse.load(background)?, specular.load(background)?);
+        if !diffuse.any_counts() {
+            continue;
+        }
         let parts = render_parts(&mut layers, photo, background)?;
         let quality = judge(&parts, &diffuse.rgb, &specular.rgb, diffuse.mask.as_deref())
             .map_err(|error| Error::Usage(format!("photo `{}`: {error}", photo.name)))?;
         views.push(ViewParts { name: photo.name.clone(), quality });
     }
-    let none = || Error::Usage("there are no photos to compare with".into());
+    let none = || nothing_to_compare(photos.len());
     let mean = PartsQuality::mean(&views.iter().map(|v| v.quality).collect::<Vec<_>>()).ok_or_else(none)?;
     Ok(PartsEvaluation { mean, views })
 }

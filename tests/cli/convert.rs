@@ -59,6 +59,10 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         let convert = format!("convert base.ply v{version}.spz --spz-version {version} --compare data --json");
         assert!(work.json(&convert)["psnr"].as_f64().unwrap() > 20.0);
     }
+    assert!(work.ok("convert base.ply same.ply --compare data").contains("renders as the input does"));
+    // What cannot be compared is not written.
+    work.refused("convert base.ply x.spz --compare data --holdout none --split test", &["test split"]);
+    assert!(!work.path("x.spz").exists());
     assert_eq!(read_scene(work.path("v3.spz")).unwrap(), read_scene(work.path("a.spz")).unwrap());
     work.refused("convert base.ply v.sog --spz-version 3", &["v.sog", "--spz-version"]);
     let report = work.json("enhance data --base a.sog -o x.ply --method augs --preset quick --ratio 0.05 --json");

@@ -128,6 +128,36 @@ fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
     assert!(notes.contains("1 of 7 training photos see no Gaussian"), "{notes}");
 }
 
+/// A photo of which no pixel counts is left out of what is measured, and where none counts nothing is learned or measured.
+#[test]
+fn photos_that_masks_hide_whole_are_left_out() {
+    let work = Work::new();
+    let black = image::GrayImage::new(32, 24);
+    let hide = |name: &str| {
+        let path = work.path("data/masks").join(format!("{name}.png"));
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        black.save(path).unwrap();
+    };
+    work.ok("train data -o base.ply --iterations 20");
+    let all = work.json("eval base.ply data --json");
+    hide("a.png");
+    let notes = work.notes("eval base.ply data --report page");
+    assert!(notes.contains("1 test photo left out"), "{notes}");
+    let found = work.json("eval base.ply data --json");
+    assert_eq!(found["views"], serde_json::json!([all["views"][1]]));
+    assert_eq!(found["base"], all["views"][1]["base"]);
+    assert!(
+        super::files(&work.path("page")).iter().any(|name| name.starts_with("i."))
+            && !work.path("page/a.whole.png").exists()
+    );
+    hide("i.png");
+    work.refused("eval base.ply data", &["nothing to compare", "2 photos"]);
+    NAMES.iter().for_each(|name| hide(name));
+    work.refused("train data -o none.ply --iterations 20", &["no pixel of the training photos counts"]);
+    work.refused("enhance data --base base.ply -o none.ply", &["no pixel of the training photos counts"]);
+    assert!(!work.path("none.ply").exists());
+}
+
 /// A third of each training photo is noise, which masks leave out: what is learned of the rest is better than with it.
 #[test]
 fn masks_keep_what_they_hide_out_of_the_scene() {

@@ -107,6 +107,20 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
+/// A run that ended at a step at which it was to be looked at is looked at when it goes on.
+#[test]
+fn an_evaluation_that_a_kill_took_is_made_up_for() {
+    let work = Work::new();
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    // As many steps as a submission has, after which checkpoints are written.
+    let report = work.json(&format!("{TRAIN} -o out.ply --eval-every 16 --json"));
+    let resumed = report["iterations_resumed"].as_u64().unwrap();
+    let text = fs::read_to_string(work.path("out.history.jsonl")).unwrap();
+    let lines = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let steps: Vec<u64> = lines.map(|line| line["step"].as_u64().unwrap()).collect();
+    assert_eq!((resumed % 16, steps), (0, (resumed..=400).step_by(16).collect()));
+}
+
 #[test]
 fn exposures_that_were_killed_go_on_to_the_same_bits() {
     let work = Work::new();

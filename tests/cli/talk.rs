@@ -159,6 +159,10 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();
     assert!(page.contains("<h2>Plan of a.ply</h2>") && page.contains("Gaussians with lobes"));
     work.refused("report data a=a.ply -o x --plan base.ply", &["base.ply"]);
+    // Half of 120 bytes holds none, all of them one; of fewer it is said why there is none.
+    let report = work.json("enhance data --base base.ply -o one.ply --bytes 120 --json");
+    assert_eq!(report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap(), 1);
+    assert!(stderr(&work, "enhance data --base base.ply -o none.ply --bytes 10").contains("less than one Gaussian"));
     // Until what training on gains, as long as there is time.
     let started = std::time::Instant::now();
     let said = work.ok("enhance data --base base.ply -o b.ply --time 2s");

@@ -51,6 +51,9 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     fs::remove_file(work.path("out.history.jsonl")).unwrap();
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["step-000024.png", "--force"]);
     work.refused(&format!("{TRAIN} -o none.ply --eval-every 24 --holdout none"), &["test split"]);
+    // Pictures of a run that is replaced are not left among the new ones.
+    work.ok(&format!("{TRAIN} -o out.ply --eval-every 40 --force"));
+    assert_eq!(files(&work.path("out.history")), ["step-000040.png", "step-000064.png"]);
 }
 
 /// What photos' maps are is told at the end; evaluations know nothing of them, and `eval` finds what the last of them did.
