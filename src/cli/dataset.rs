@@ -83,7 +83,7 @@ pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<(
     if seeing == 0 && !gaussians.is_empty() {
         return Err(Error::Usage(format!(
             "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \
-             {NEAR} scene units (the cameras stand within {:.3} of their middle); is the dataset scaled, or the scene another's?",
+             {NEAR} scene units (the cameras stand within {:.3e} of their middle); is the dataset scaled, or the scene another's?",
             gaussians.len(),
             dataset.extent() / 1.1
         )));

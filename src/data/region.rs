@@ -232,12 +232,13 @@ fn axis(camera: &Camera) -> DVec3 {
     camera.rotation.row(2)
 }
 
-/// Mean of the centres and the largest distance from it; 0 where it is what rounding makes of one place.
+/// Mean of the centres and the largest distance from it; 0 where that is less than a billionth of the coordinates, a hundredth of what
+/// float32 tells apart: what rounding makes of one place.
 fn spread(cameras: &[Camera]) -> (DVec3, f64) {
     let mean = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len().max(1) as f64;
     let farthest = cameras.iter().map(|c| c.eye().distance(mean)).fold(0.0, f64::max);
     let largest = cameras.iter().map(|c| c.eye().abs().max_element()).fold(0.0, f64::max);
-    (mean, if farthest > 1e-12 * largest { farthest } else { 0.0 })
+    (mean, if farthest > 1e-9 * largest { farthest } else { 0.0 })
 }
 
 fn sees(camera: &Camera, world: DVec3) -> bool {
