@@ -292,7 +292,7 @@ fn bytes_and_gaussians_are_never_more_than_asked_for() {
         let options = EnhanceOptions { bytes: Some(bytes), ..short(Weigh::Not) };
         let (_, plan) = weighed(&gpu, lit(true, true), options);
         assert_eq!(u64::from(plan.gaussians_allowed), 41.min(bytes / gaussian_bytes(0, false)));
-        assert!(plan.training_on_db.is_none() && (plan.placed() > 0) == (bytes >= 1_000), "{plan:?}");
+        assert!(plan.training_on_db.is_none() && (plan.placed() > 0) == (bytes >= 80), "{plan:?}");
     }
 }
 
