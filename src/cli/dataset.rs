@@ -68,11 +68,11 @@ impl DatasetArgs {
     }
 }
 
-/// Tells how many photos were left out since masks leave out all of them.
+/// Tells how many photos `evaluate` left out.
 pub(super) fn note_uncounted(photos: usize) {
     if photos > 0 {
         let s = if photos == 1 { "" } else { "s" };
-        note(format!("{photos} test photo{s} left out: masks leave out every pixel"));
+        note(format!("{photos} photo{s} left out: masks leave out every pixel"));
     }
 }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    dataset::note_uncounted,
     output::{Inputs, OutputArgs},
     print,
     progress::Progress,
@@ -171,6 +172,7 @@ pub(super) fn compare(
         found.photos.clear();
         found.entries.push(entry(context, shown, photos, options, background, &progress, &mut found.photos)?);
     }
+    note_uncounted(photos.len() - found.photos.len());
     Ok(found)
 }
 

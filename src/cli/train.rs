@@ -284,8 +284,7 @@ impl Args {
             if let Some(history) = &mut history {
                 history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
             }
-            let looked = |step| history.as_ref().is_some_and(|history| history.has(step));
-            let looked = found.as_ref().is_some_and(|found| looked(found.step));
+            let looked = found.as_ref().zip(history.as_ref()).is_some_and(|(found, history)| history.has(found.step));
             let resumed = match &found {
                 Some(checkpoint) => {
                     trainer.resume(&model, checkpoint, timed)?;

@@ -379,6 +379,10 @@ mod tests {
         std::fs::write(&json, text.replace("\"05\"", "\"./04\"")).unwrap();
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
         assert!(message.contains("`04`") && message.contains("twice"), "{message}");
+        // What the system says of a file is handed on: this name is longer than any may be.
+        std::fs::write(&json, text.replace("\"05\"", &format!("\"{}\"", "5".repeat(300)))).unwrap();
+        let notes = Dataset::open(folder.path(), &options).unwrap().notes;
+        assert!(notes[0].contains("cannot be looked at"), "{notes:?}");
         // None is there.
         std::fs::write(&json, text).unwrap();
         (0..17).for_each(|i| drop(std::fs::remove_file(folder.path().join(format!("{i:02}.png")))));

@@ -119,7 +119,7 @@ pub struct PartsEvaluation {
     /// Mean over the views.
     #[serde(flatten)]
     pub mean: PartsQuality,
-    /// In the dataset's order.
+    /// In the dataset's order, but for photos of which no pixel counts.
     pub views: Vec<ViewParts>,
 }
 
@@ -155,10 +155,11 @@ pub fn evaluate_parts(
     let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), options)?;
     let mut views = Vec::with_capacity(photos.len());
     for (photo, [diffuse, specular]) in photos.iter().zip(&truths) {
-        let (diffuse, specular) = (diffuse.load(background)?, specular.load(background)?);
-        if !diffuse.any_counts() {
+        // The photo decides, so that these are the views of `evaluate`.
+        if !photo.load(background)?.any_counts() {
             continue;
         }
+        let (diffuse, specular) = (diffuse.load(background)?, specular.load(background)?);
         let parts = render_parts(&mut layers, photo, background)?;
         let quality = judge(&parts, &diffuse.rgb, &specular.rgb, diffuse.mask.as_deref())
             .map_err(|error| Error::Usage(format!("photo `{}`: {error}", photo.name)))?;

@@ -142,7 +142,7 @@ fn photos_that_masks_hide_whole_are_left_out() {
     let all = work.json("eval base.ply data --json");
     hide("a.png");
     let notes = work.notes("eval base.ply data --report page");
-    assert!(notes.contains("1 test photo left out"), "{notes}");
+    assert!(notes.contains("1 photo left out"), "{notes}");
     let found = work.json("eval base.ply data --json");
     assert_eq!(found["views"], serde_json::json!([all["views"][1]]));
     assert_eq!(found["base"], all["views"][1]["base"]);
