@@ -68,9 +68,12 @@ struct Args {
     /// Joint steps for each view
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Seeds 0 to N - 1 of every row
+    /// Seeds of every row
     #[arg(long, default_value_t = 1)]
     seeds: u64,
+    /// The first of them
+    #[arg(long, default_value_t = 0)]
+    first_seed: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
     /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
@@ -218,7 +221,7 @@ fn run(args: &Args) -> Result<()> {
     for row in &args.rows {
         let options = options_of(row, args)?;
         let mut found = Vec::new();
-        for seed in 0..args.seeds {
+        for seed in (args.first_seed..).take(args.seeds as usize) {
             let (session, started) = (session(seed), Instant::now());
             let (scene, lobes, plain, place) = match options {
                 None => {
