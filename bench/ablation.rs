@@ -77,7 +77,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
     /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
-    /// placements, worth, degree (of lobes), pace, decay
+    /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -147,6 +147,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "placements" => options.pursuit.placements = value as u32,
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
+            "newton" => options.join.newton = value,
             "degree" => options.pursuit.lobe_degree = Some(value as u32),
             "worth" => options.pursuit.lobe_worth = value,
             _ => return Err(bad()),

@@ -85,6 +85,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("density: refinements of a budget", density::BUDGET_EVENTS.into()),
         ("density: steps to a scored one", density::SCORED_NTH.into()),
         ("density: last rates, of the first", density::LAST_RATE),
+        ("density: last rates of rotations and opacities, of these", density::SETTLED_RATE),
         ("density: power of a shorter run", density::RATE_POWER),
         ("exposure: first rate", exposure::RATES[0]),
         ("exposure: last rate", exposure::RATES[1]),

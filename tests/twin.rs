@@ -101,6 +101,9 @@ const EXPOSURE: Stages = &[
     ("exposure_step", Near::Within(1e-3)),
 ];
 
+/// All three steps are probed.
+const NEWTON: Stages = &[("loss_probe", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
+
 const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
 
 const MOVES: Stages = &[("gather", Near::Same), ("recount", Near::Same)];
@@ -159,7 +162,7 @@ const PURSUIT: Stages = &[
 
 #[test]
 fn every_twin_stands_in_somewhere() {
-    let lists = [VIEW, FRAMES, TRAINING, EXPOSURE, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
+    let lists = [VIEW, FRAMES, TRAINING, EXPOSURE, NEWTON, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
     let mut tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
     // Those of reductions are tried where the device can.
     tried.extend(twins().iter().map(|twin| twin.stage).filter(|name| name.starts_with("blend_backward")));
@@ -296,7 +299,7 @@ fn every_reduction_has_a_twin() {
 
 /// A base that learns all, or a base that learns its opacities where it is seen and a supplement that learns all; three steps of
 /// one view or of two.
-fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposure: bool) -> Outcome {
+fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposure: bool, newton: bool) -> Outcome {
     let scene = random_scene(44, 400, if supplement { 150 } else { 0 }, 1);
     let cameras = [random_camera(48, 36), random_camera(36, 48)];
     let photo = |camera: &Camera| -> Vec<u8> { (0..3 * camera.pixels()).map(|i| (i / 7 % 200) as u8).collect() };
@@ -304,7 +307,7 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposur
     let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
     let session = Session { background: BACKGROUND, ..session(gpu) };
     let model = Model::upload(gpu, &scene, 0).unwrap();
-    let lesson = |segment, opacity_only| Lesson { opacity_only, sparse, ..Lesson::new(segment) };
+    let lesson = |segment, opacity_only| Lesson { opacity_only, sparse, newton, ..Lesson::new(segment) };
     let lessons = match supplement {
         true => vec![lesson(Segment::Base, true), lesson(Segment::Supplement, false)],
         false => vec![lesson(Segment::Base, false)],
@@ -326,12 +329,13 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposur
 
 #[test]
 fn the_stages_of_training_have_twins() {
-    stand_in(|gpu| train(gpu, false, false, 1, false), TRAINING);
+    stand_in(|gpu| train(gpu, false, false, 1, false, false), TRAINING);
     let sparse = [("project_backward", Near::Within(1e-3)), ("blend_backward", Near::Within(1e-3))];
-    stand_in(|gpu| train(gpu, true, true, 1, false), &sparse);
-    stand_in(|gpu| train(gpu, false, false, 1, true), EXPOSURE);
-    stand_in(|gpu| train(gpu, true, true, 2, false), SEVERAL_VIEWS);
-    stand_in(|gpu| train(gpu, false, false, 2, false), &SEVERAL_VIEWS[..1]);
+    stand_in(|gpu| train(gpu, true, true, 1, false, false), &sparse);
+    stand_in(|gpu| train(gpu, false, false, 1, true, false), EXPOSURE);
+    stand_in(|gpu| train(gpu, false, false, 1, false, true), NEWTON);
+    stand_in(|gpu| train(gpu, true, true, 2, false, false), SEVERAL_VIEWS);
+    stand_in(|gpu| train(gpu, false, false, 2, false, false), &SEVERAL_VIEWS[..1]);
 }
 
 /// Thirty steps with a refinement or two.

@@ -14,6 +14,8 @@ layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the s
 layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
 layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that no view of the step blends
 
+const bool NEWTON = false;
+
 #include "../shared/rates.glsl"
 
 layout(push_constant, scalar) uniform Push {

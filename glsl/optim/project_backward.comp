@@ -1,11 +1,12 @@
 #version 460
-// From intersection records to gradients of a Gaussian's parameters, and the Adam step on them in the same pass.
+// From intersection records to gradients of a Gaussian's parameters, and the step on them in the same pass.
 //
 // One thread takes one Gaussian of a page and sums its records, see shared/records.glsl.
 // population, records, first_slot, tile_counts, splat_colours (by Gaussian index), views, geometry, sh, lobes, moments (by place)
 // -> geometry, sh, lobes, moments
 // With ACCUMULATE the gradients are added to planes of their own, bound where the moments are, and nothing else changes: `adam`
 // steps when all views of the step are in. Plane GEOMETRY_PLANES counts the views that blend the Gaussian.
+// With NEWTON steps go by the curvature that records of a loss_probe have told before; those change no parameter.
 // EWA backward as in 3DGS, in the whitened form of ARCHITECTURE.md; Adam (Kingma 2014), SparseAdam where SPARSE.
 // Limits: a Gaussian whose gradient is not finite is left as it is; where coefficients so large that their product with it is not finite
 // make it so, they alone step. Nothing moves once status says that a step did not fit.
@@ -20,6 +21,7 @@ layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the s
 layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
 layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that this view does not blend
 layout(constant_id = 5) const bool ACCUMULATE = false;   // add gradients up, do not step
+layout(constant_id = 7) const bool NEWTON = false;       // steps by curvature, which probes tell
 
 #include "../shared/rates.glsl"
 

@@ -1,8 +1,8 @@
-// The Adam step (Kingma 2014) with the settings of 3DGS, on the parameters of one Gaussian; shared by project_backward, which
-// steps as soon as it has a gradient, and adam, which steps on gradients of several views.
+// The step on the parameters of one Gaussian, Adam's (Kingma 2014) with the settings of 3DGS or Newton's; shared by project_backward,
+// which steps as soon as it has a gradient, and adam, which steps on gradients of several views.
 //
-// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates` and
-// `push.page_first`.
+// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates`,
+// `push.page_first` and NEWTON: second moments are curvatures.
 #include "adam_one.glsl"
 #include "packed.glsl"
 
@@ -23,10 +23,17 @@ float first_word(Moments m, uint plane, uint place) {
     return PACKED ? uintBitsToFloat(pack_moments(m, dither_of(push.page_first + place, plane, push.rates.step))) : m.first;
 }
 
+float change_of(float g, float rate, inout Moments m, float c1, float c2) {
+    if (!NEWTON) return adam(g, rate, m.first, m.second, c1, c2);
+    if (push.rates.probe == 0) return newton(g, rate, push.rates.newton, m.first, m.second);
+    m.second = curvature(g, m.second);
+    return 0.0;
+}
+
 void step_geometry(uint p, uint moment, uint place, float g, float rate) {
     uint at = MOMENTS * moment * push.stride + place;
     Moments m = moments_of(geometry_moments[at], PACKED ? 0.0 : geometry_moments[at + push.stride]);
-    float change = adam(g, rate, m.first, m.second, push.rates.first_correction, push.rates.second_correction);
+    float change = change_of(g, rate, m, push.rates.first_correction, push.rates.second_correction);
     store_geometry(p, place, load_geometry(p, place) + change);
     geometry_moments[at] = first_word(m, p, place);
     if (!PACKED) geometry_moments[at + push.stride] = m.second;
@@ -36,7 +43,7 @@ void step_geometry(uint p, uint moment, uint place, float g, float rate) {
 void step_sh(uint p, uint place, float value, float g, float rate) {
     uint at = MOMENTS * p * push.stride + place;
     Moments m = moments_of(sh_moments[at], PACKED ? 0.0 : sh_moments[at + push.stride]);
-    float change = adam(g, rate, m.first, m.second, push.rates.first_correction, push.rates.second_correction);
+    float change = change_of(g, rate, m, push.rates.first_correction, push.rates.second_correction);
     store_sh(p, place, value + change);
     sh_moments[at] = first_word(m, p, place);
     if (!PACKED) sh_moments[at + push.stride] = m.second;
@@ -45,7 +52,7 @@ void step_sh(uint p, uint place, float value, float g, float rate) {
 void step_lobe(uint p, uint place, float g, float rate, float lo, float hi) {
     uint at = MOMENTS * p * push.stride + place;
     Moments m = moments_of(lobe_moments[at], PACKED ? 0.0 : lobe_moments[at + push.stride]);
-    float change = adam(g, rate, m.first, m.second, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
+    float change = change_of(g, rate, m, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
     store_lobe(p, place, clamp(load_lobe(p, place) + change, lo, hi));
     lobe_moments[at] = first_word(m, p, place);
     if (!PACKED) lobe_moments[at + push.stride] = m.second;

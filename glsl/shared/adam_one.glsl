@@ -1,4 +1,4 @@
-// One number's Adam step (Kingma 2014) with the settings of 3DGS.
+// One number's step: Adam's (Kingma 2014) with the settings of 3DGS, or Newton's.
 const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
 
 // The change that one step makes.
@@ -10,4 +10,22 @@ float adam(float g, float rate, inout float m, inout float v, float c1, float c2
     m = mix(g, m, BETA1);
     v = mix(g * g, v, BETA2);
     return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
+}
+
+// What is known of a number's curvature once a probe has made the gradient g (method, section 5): a mean that forgets, in which the first
+// probe stands for all before it.
+const float CURVATURE_DECAY = 0.95;
+float curvature(float g, float d) {
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
+    return d > 0.0 ? mix(g * g, d, CURVATURE_DECAY) : g * g;
+}
+
+// The change that Newton's step makes, each number by itself: `part` of the way to where the mean gradient would be 0, and at most
+// NEWTON_REACH rates. None before a probe has seen the number.
+const float NEWTON_REACH = 10.0;
+float newton(float g, float rate, float part, inout float m, float d) {
+    g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
+    m = mix(g, m, BETA1);
+    float bound = NEWTON_REACH * rate;
+    return d > 0.0 ? clamp(-part * m / d, -bound, bound) : 0.0; // guard: curvature that is not known
 }

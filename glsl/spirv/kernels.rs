@@ -93,6 +93,8 @@ pub struct StepRates {
     pub lobe_first_correction: f32,
     pub lobe_second_correction: f32,
     pub step: u32,
+    pub newton: f32,
+    pub probe: u32,
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Texel {
@@ -121,7 +123,7 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 56] = [
+pub const ALL: [KernelInfo; 57] = [
     KernelInfo::of::<density_apply::Kernel>(),
     KernelInfo::of::<density_draw::Kernel>(),
     KernelInfo::of::<density_image::Kernel>(),
@@ -139,6 +141,7 @@ pub const ALL: [KernelInfo; 56] = [
     KernelInfo::of::<lift_join::Kernel>(),
     KernelInfo::of::<lift_pca::Kernel>(),
     KernelInfo::of::<lift_points::Kernel>(),
+    KernelInfo::of::<loss_probe::Kernel>(),
     KernelInfo::of::<loss_sum::Kernel>(),
     KernelInfo::of::<ssim_backward::Kernel>(),
     KernelInfo::of::<ssim_forward::Kernel>(),
@@ -180,7 +183,7 @@ pub const ALL: [KernelInfo; 56] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
 /// `glsl/density/density_apply.comp`
 pub mod density_apply {
 #[allow(unused_imports)] use super::types::*;
@@ -1617,6 +1620,78 @@ impl crate::gpu::Kernel for Kernel {
     }
 }
 }
+/// `glsl/loss/loss_probe.comp`
+pub mod loss_probe {
+#[allow(unused_imports)] use super::types::*;
+#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Push {
+    pub frame: u32,
+    pub step: u32,
+}
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    pub workgroup_size: u32,
+    pub ssim_weight: f32,
+}
+#[derive(Clone, Copy)]
+pub struct Buffers<'a> {
+    /// ReadOnly
+    pub frames: &'a crate::gpu::Buffer<Frame>,
+    /// ReadOnly
+    pub image: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub targets: &'a crate::gpu::Buffer<u32>,
+    /// WriteOnly
+    pub image_grad: &'a crate::gpu::Buffer<f32>,
+}
+/// What a twin of the kernel is given; see [`crate::gpu::Twin`].
+pub struct Host<'a> {
+    pub workgroups: crate::gpu::Workgroups,
+    pub spec: Spec,
+    pub push: Push,
+    /// ReadOnly
+    pub frames: &'a [Frame],
+    /// ReadOnly
+    pub image: &'a [[f32; 4]],
+    /// ReadOnly
+    pub targets: &'a [u32],
+    /// WriteOnly
+    pub image_grad: &'a mut [f32],
+}
+impl<'a> Host<'a> {
+    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, ssim_weight: f32::from_bits(call.constant(1)), }, bytemuck::pod_read_unaligned(&call.push));
+        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), }
+    }
+}
+pub struct Kernel;
+pub type Stage = crate::gpu::Pipeline<Kernel>;
+impl crate::gpu::Kernel for Kernel {
+    const NAME: &'static str = "loss_probe";
+    const LABEL: &'static std::ffi::CStr = c"loss_probe";
+    const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
+    const BINDINGS: &'static [crate::gpu::Binding] = &[
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+    ];
+    const CONSTANTS: &'static [crate::gpu::Constant] = &[
+        crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
+    ];
+    const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
+    const SUBGROUPS: bool = false;
+    const BARRIERS: bool = false;
+    const FEATURES: &'static [crate::gpu::Feature] = &[];
+    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.ssim_weight.to_bits())] }
+    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
+        with(&[b.frames.raw(), b.image.raw(), b.targets.raw(), b.image_grad.raw()])
+    }
+}
+}
 /// `glsl/loss/loss_sum.comp`
 pub mod loss_sum {
 #[allow(unused_imports)] use super::types::*;
@@ -2176,6 +2251,7 @@ pub struct Spec {
     pub sparse: bool,
     pub accumulate: bool,
     pub packed: bool,
+    pub newton: bool,
     pub sh_degree: u32,
 }
 #[derive(Clone, Copy)]
@@ -2249,7 +2325,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, newton: call.constant(7) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), }
     }
@@ -2285,6 +2361,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 4, name: c"sparse", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 5, name: c"accumulate", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 6, name: c"packed", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 7, name: c"newton", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
@@ -2292,7 +2369,7 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (10, spec.sh_degree as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (7, spec.newton as u32), (10, spec.sh_degree as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
     }
@@ -5116,6 +5193,8 @@ pub mod adam {
 }
 pub mod adam_one {
 #[doc = ""] pub const GRADIENT_MAX: f32 = 1e17;
+#[doc = ""] pub const CURVATURE_DECAY: f32 = 0.95;
+#[doc = ""] pub const NEWTON_REACH: f32 = 10.0;
 }
 pub mod cluster {
 #[doc = "points: PCA needs three"] pub const GROUP_MIN: u32 = 3;

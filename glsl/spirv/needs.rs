@@ -3,4 +3,4 @@ pub const SUBGROUP_OPERATIONS: u32 = 31;
 /// Of the kernel that binds most.
 pub const STORAGE_BUFFERS: u32 = 15;
 /// Of the kernel that takes most.
-pub const PUSH_BYTES: u32 = 84;
+pub const PUSH_BYTES: u32 = 92;

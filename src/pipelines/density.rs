@@ -96,6 +96,9 @@ pub const BUDGET_EVENTS: u32 = 40;
 pub const SCORED_NTH: u32 = 3;
 /// The budget: what the rates of a run end with, of what they began with.
 pub const LAST_RATE: f64 = 0.6;
+/// The budget: from the last of [`BUDGET_SPAN`] on, when no more Gaussians come, the rates of rotations and opacities fall to this part
+/// of what they would be.
+pub const SETTLED_RATE: f64 = 0.1;
 /// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
 pub const RATE_POWER: f64 = 0.2;
 
@@ -163,13 +166,15 @@ impl DensityOptions {
             }
             Strategy::Budget => {
                 let shorter = (FULL_RUN / f64::from(self.iterations.max(1))).max(1.0).powf(RATE_POWER);
-                let late = LAST_RATE.powf(self.part(step));
+                let (part, end) = (self.part(step), BUDGET_SPAN[2]);
+                let late = LAST_RATE.powf(part);
+                let settled = late * SETTLED_RATE.powf(((part - end) / (1.0 - end)).clamp(0.0, 1.0));
                 let times = |rate: f32, by: f64| (f64::from(rate) * by) as f32;
                 Rates {
                     mean: times(rates.mean, shorter),
                     log_scale: times(rates.log_scale, shorter * late),
-                    quat: times(rates.quat, shorter * late),
-                    opacity: times(OPACITY_RATE, late),
+                    quat: times(rates.quat, shorter * settled),
+                    opacity: times(OPACITY_RATE, settled),
                     dc: times(rates.dc, shorter * shorter * late),
                     sh: times(rates.sh, shorter * shorter * late),
                     ..rates
@@ -578,12 +583,15 @@ mod tests {
         let (rates, weights) = at(Strategy::Mcmc, 1000, 0);
         near(rates, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
         assert_eq!(weights, [0.01; 2]);
-        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that.
+        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that, and those of rotations
+        // and opacities to a tenth of it in the end: by half of the time for that, at 0.925, to √0.1 0.6^0.925 = 0.197147.
         let (rates, weights) = at(Strategy::Budget, 1000, 0);
         near(rates, [6.31792e-4, 9.87175e-3, 1.97435e-3, 0.05, 9.74515e-3, 4.872575e-4]);
         assert_eq!(weights, [0.0; 2]);
         let (rates, _) = at(Strategy::Budget, 1000, 1000);
-        near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-3, 0.03, 5.84709e-3, 2.923545e-4]);
+        near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-4, 0.003, 5.84709e-3, 2.923545e-4]);
+        let (rates, _) = at(Strategy::Budget, 1000, 925);
+        near([rates[2], rates[3], 1.0, 1.0, 1.0, 1.0], [1.97435e-3 * 0.197147, 0.05 * 0.197147, 1.0, 1.0, 1.0, 1.0]);
         near(at(Strategy::Budget, 30_000, 0).0, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
 
         let first = from_points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]], &[[9; 3]; 3], 0);

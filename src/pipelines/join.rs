@@ -23,12 +23,22 @@ pub struct JoinOptions {
     pub pace: f32,
     /// What share of them is left at the end.
     pub decay: f32,
+    /// What part of the way to the minimum Newton's steps go at first; 0 for Adam's. Both where everything learns; moments in half
+    /// precision are Adam's only.
+    pub newton: f32,
 }
 
 impl Default for JoinOptions {
     /// The paper's.
     fn default() -> Self {
-        JoinOptions { steps_per_view: 30, bias_correction: false, everything: false, pace: 1.0, decay: 1.0 }
+        JoinOptions {
+            steps_per_view: 30,
+            bias_correction: false,
+            everything: false,
+            pace: 1.0,
+            decay: 1.0,
+            newton: 0.0,
+        }
     }
 }
 
@@ -47,13 +57,15 @@ impl JoinOptions {
             sharpness: 2e-3,
             ..Default::default()
         };
-        rates.times(self.pace * self.decay.powf(done))
+        let left = self.decay.powf(done);
+        Rates { newton: self.newton * left, ..rates.times(self.pace * left) }
     }
 
     /// What base and supplement learn.
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let bias_correction = self.bias_correction;
         let Policy { compensate, packed, .. } = session.policy;
+        let newton = self.newton > 0.0 && self.everything && !packed;
         [
             Lesson {
                 segment: Segment::Base,
@@ -62,6 +74,7 @@ impl JoinOptions {
                 bias_correction,
                 compensate,
                 packed,
+                newton,
             },
             Lesson {
                 segment: Segment::Supplement,
@@ -70,6 +83,7 @@ impl JoinOptions {
                 bias_correction,
                 compensate,
                 packed,
+                newton,
             },
         ]
     }

@@ -1,5 +1,5 @@
-//! What a segment's Gaussians learn from a view's gradient records: gradients and an Adam step at once, or gradients of several
-//! views first and then one step.
+//! What a segment's Gaussians learn from a view's gradient records: gradients and a step at once, or gradients of several views first
+//! and then one step. Steps are Adam's, or Newton's by a curvature that probes tell.
 
 use super::{
     model::{Model, Planes, Segment},
@@ -37,6 +37,8 @@ pub struct Rates {
     pub mean_opacity: f32,
     /// The same of the mean of its scales, per scene unit.
     pub mean_scale: f32,
+    /// Of Newton's step: its part of the way to the minimum. A rate then bounds the step, ten times as long at most.
+    pub newton: f32,
 }
 
 impl Rates {
@@ -69,14 +71,27 @@ pub struct Lesson {
     pub compensate: bool,
     /// See [`Policy::packed`](super::session::Policy::packed).
     pub packed: bool,
+    /// Steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's. Neither packed nor of several views.
+    pub newton: bool,
 }
 
 impl Lesson {
     /// Everything learns in every step, with Adam's bias correction.
     pub fn new(segment: Segment) -> Self {
-        Lesson { segment, opacity_only: false, sparse: false, bias_correction: true, compensate: false, packed: false }
+        Lesson {
+            segment,
+            opacity_only: false,
+            sparse: false,
+            bias_correction: true,
+            compensate: false,
+            packed: false,
+            newton: false,
+        }
     }
 }
+
+/// Of so many steps with [`Lesson::newton`] one is probed first.
+pub const PROBED_NTH: u32 = 8;
 
 /// Planes of moments for each plane that learns.
 pub(super) fn moments_of(packed: bool) -> usize {
@@ -129,7 +144,7 @@ struct Accumulated {
 pub struct Learner {
     /// What is learned.
     pub lesson: Lesson,
-    /// First and second, in pages as the model's.
+    /// First and second, or first and curvature, in pages as the model's.
     pub moments: Beside,
     /// By degree of harmonics, for the fused step.
     fused: Vec<project_backward::Stage>,
@@ -158,7 +173,7 @@ impl Learner {
     pub fn new(model: &Model, lesson: Lesson, accumulate: bool) -> Result<Self, GpuError> {
         let context = model.context();
         let has_lobes = lesson.segment == Segment::Supplement;
-        let Lesson { opacity_only, sparse, compensate, packed, .. } = lesson;
+        let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // What is frozen does not look at its colour.
         let degrees = if opacity_only { 0..=0 } else { 0..=model.part(lesson.segment).sh_degree };
         let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
@@ -170,6 +185,7 @@ impl Learner {
                 sparse: sparse && !accumulate,
                 accumulate,
                 packed,
+                newton,
                 sh_degree,
             };
             degrees.clone().map(|degree| project_backward::Stage::new(context, &spec(degree))).collect()
@@ -209,6 +225,13 @@ impl Learner {
     /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
     pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
         self.record_backward(recorder, seen, &self.fused, &self.moments, rates, self.step_rates(rates, step));
+    }
+
+    /// What the records say of the curvature, which are those of [`record_probe`](super::loss::Photometric::record_probe). No parameter
+    /// moves.
+    pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>) {
+        let rates = StepRates { probe: 1, ..Default::default() };
+        self.record_backward(recorder, seen, &self.fused, &self.moments, &Rates::default(), rates);
     }
 
     /// Begins a step of several views.
@@ -338,6 +361,8 @@ impl Learner {
             lobe_first_correction: lobe[0],
             lobe_second_correction: lobe[1],
             step,
+            newton: rates.newton,
+            probe: 0,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::plan::{Plan, buffers};
 use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
     stages::{
-        loss_sum,
+        loss_probe, loss_sum,
         ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len, run_for},
         ssim_backward, ssim_forward,
         types::{Frame, Loss},
@@ -35,6 +35,8 @@ pub struct LossOptions {
     pub listed: bool,
     /// The gradient will be asked for.
     pub backward: bool,
+    /// And [`Photometric::record_probe`].
+    pub probe: bool,
 }
 
 /// The frames of a batch, what they show and what they should.
@@ -87,6 +89,7 @@ pub struct Photometric {
     forward: [Option<ssim_forward::Stage>; 3],
     backward: [Option<ssim_backward::Stage>; 3],
     sum: loss_sum::Stage,
+    probe: Option<loss_probe::Stage>,
     unused: Unused,
 }
 
@@ -103,6 +106,10 @@ impl Photometric {
             let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight, run };
             if wanted { ssim_backward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
+        let probe = |wanted| {
+            let spec = loss_probe::Spec { workgroup_size: crate::stages::WORKGROUP, ssim_weight };
+            if wanted { loss_probe::Stage::new(context, &spec).map(Some) } else { Ok(None) }
+        };
         let sum_spec = loss_sum::Spec { workgroup_size: SUM_WORKGROUP.min(context.info().max_workgroup), ssim_weight };
         Ok(Photometric {
             forward: [
@@ -112,6 +119,7 @@ impl Photometric {
             ],
             backward: [backward(options.backward, false)?, None, backward(options.backward && options.listed, true)?],
             sum: loss_sum::Stage::new(context, &sum_spec)?,
+            probe: probe(options.probe)?,
             buffers: LossBuffers::new(context, options)?,
             losses: Buffer::new(context, "losses", options.losses as usize, Location::Readback)?,
             unused: Unused::new(context)?,
@@ -186,6 +194,22 @@ impl Photometric {
             Some(lists) => stage.record_indirect(recorder, &buffers, &push, &lists.args, 1),
             None => stage.record(recorder, &buffers, &push, tile_count),
         }
+    }
+
+    /// In place of the gradient of the batch's only frame one that is drawn anew in each step, from which
+    /// [`Learner::record_probe`](super::learn::Learner::record_probe) learns of curvature.
+    pub fn record_probe(
+        &self,
+        recorder: &mut Recorder,
+        batch: &Batch<'_>,
+        image_grad: &Buffer<f32>,
+        pixels: u32,
+        step: u32,
+    ) {
+        let Some(stage) = &self.probe else { return };
+        let Batch { frames, frame_first: frame, image, targets, .. } = *batch;
+        let buffers = loss_probe::Buffers { frames, image, targets, image_grad };
+        stage.record(recorder, &buffers, &loss_probe::Push { frame, step }, pixels);
     }
 
     /// Sums the tiles of all frames into [`Photometric::losses`] from `first` on.

@@ -131,8 +131,14 @@ pub fn base_losses(session: &Session, renderer: &mut Renderer, model: &Model, vi
     let batches = batches(context, views);
     let all_frames: Vec<Vec<Frame>> = batches.iter().map(|b| frames_of(views, b)).collect();
     let sizes = all_frames.iter().map(|f| ScreenSizes::of_frames(f, 0)).fold(ScreenSizes::default(), ScreenSizes::max);
-    let options =
-        LossOptions { tiles: sizes.loss_tiles, map_pixels: 0, losses: sizes.frames, listed: false, backward: false };
+    let options = LossOptions {
+        tiles: sizes.loss_tiles,
+        map_pixels: 0,
+        losses: sizes.frames,
+        listed: false,
+        backward: false,
+        probe: false,
+    };
     let loss = Photometric::new(context, &options)?;
     let images = Buffer::new(context, "base_renders", sizes.pixels as usize, Location::Device)?;
     let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;

@@ -10,7 +10,7 @@ use super::{
     checkpoint::Checkpoint,
     density::{Density, DensityOptions, ScoredView, Strategy},
     exposure::Exposure,
-    learn::{Learner, Lesson, Rates, Seen},
+    learn::{Learner, Lesson, PROBED_NTH, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
     raster::Grid,
@@ -94,6 +94,9 @@ impl Trainer {
         plan: impl Fn(u32) -> StepPlan + Send + 'static,
     ) -> Result<Self> {
         let whole = views_per_step > 0 && (schedule.len() as u32).is_multiple_of(views_per_step);
+        if views_per_step > 1 && lessons.iter().any(|lesson| lesson.newton) {
+            return Err(Error::Usage("Newton's steps see one view each".into()));
+        }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
         }
@@ -108,6 +111,7 @@ impl Trainer {
             losses: schedule.len() as u32,
             listed: false,
             backward: true,
+            probe: lessons.iter().any(|lesson| lesson.newton),
         };
         let learner = |&lesson: &Lesson| Learner::new(model, lesson, views_per_step > 1);
         Ok(Trainer {
@@ -377,6 +381,11 @@ impl On<'_> {
         }
     }
 
+    /// All steps of the first pass over the views, then one in [`PROBED_NTH`].
+    fn is_probed(&self, step: u32) -> bool {
+        step < self.views.cameras.len() as u32 || step.is_multiple_of(PROBED_NTH)
+    }
+
     /// The gradient records of one view.
     fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<Grid> {
         let On { training, model, views } = self;
@@ -390,14 +399,25 @@ impl On<'_> {
             exposure.record_apply(recorder, views, view, buffers);
         }
         loss.record_forward(recorder, &batch, Tiles::All, None);
+        // Segments before the first that learns more than its opacity need no other gradient.
+        let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
+        let blend_backward = |recorder: &mut Recorder| {
+            renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
+        };
+        let mut newton = training.learners.iter().filter(|learner| learner.lesson.newton).peekable();
+        if newton.peek().is_some() && self.is_probed(at) {
+            let pixels = views.cameras[view as usize].pixels();
+            loss.record_probe(recorder, &batch, &buffers.image_grad, pixels, at);
+            blend_backward(recorder);
+            let seen = Seen { model, views, view, raster: &renderer.raster, degree, status };
+            newton.for_each(|learner| learner.record_probe(recorder, &seen));
+        }
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
         if let Some(exposure) = &training.exposure {
             exposure.record_backward(recorder, views, view, buffers);
         }
         loss.record_sum(recorder, &batch, at);
-        // Segments before the first that learns more than its opacity need no other gradient.
-        let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
-        renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
+        blend_backward(recorder);
         Ok(grid)
     }
 }

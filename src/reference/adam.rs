@@ -1,4 +1,4 @@
-//! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS.
+//! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS; and Newton's step by a curvature that probes tell.
 
 use super::{FLOAT_MAX, FLOAT_MIN};
 use crate::scene::layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH};
@@ -78,6 +78,32 @@ pub fn adam_one(
     let v = BETA2 * *second + (1.0 - BETA2) * g * g;
     (*first, *second) = (m, v);
     *param -= plane.rate * (m / correct1) / ((v / correct2).sqrt() + EPSILON);
+    if let Some((low, high)) = plane.range {
+        *param = param.max(low).min(high);
+    }
+}
+
+/// Decay of what is known of a curvature; how many rates a step of Newton's has at most.
+pub const CURVATURE_DECAY: f64 = 0.95;
+/// See [`CURVATURE_DECAY`].
+pub const NEWTON_REACH: f64 = 10.0;
+
+/// What is known of a curvature once a probe has made `gradient` (method, section 5).
+pub fn curvature_one(gradient: f64, curvature: &mut f64) {
+    let g = gradient.clamp(-GRADIENT_MAX, GRADIENT_MAX);
+    // The first stands for all before it.
+    let before = if *curvature > 0.0 { *curvature } else { g * g };
+    *curvature = CURVATURE_DECAY * before + (1.0 - CURVATURE_DECAY) * g * g;
+}
+
+/// One step of one parameter, `part` of the way to where the mean gradient would be 0.
+pub fn newton_one(param: &mut f64, gradient: f64, first: &mut f64, curvature: f64, plane: &PlaneRate, part: f64) {
+    let g = gradient.clamp(-GRADIENT_MAX, GRADIENT_MAX);
+    *first = BETA1 * *first + (1.0 - BETA1) * g;
+    if curvature > 0.0 {
+        let bound = NEWTON_REACH * plane.rate;
+        *param -= (part * *first / curvature).clamp(-bound, bound);
+    }
     if let Some((low, high)) = plane.range {
         *param = param.max(low).min(high);
     }

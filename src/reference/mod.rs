@@ -38,6 +38,7 @@ pub mod lift_join;
 pub mod lift_pca;
 pub mod lift_points;
 pub mod lobe;
+pub mod loss_probe;
 pub mod loss_sum;
 pub mod median_depth;
 pub mod project;

@@ -85,6 +85,28 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
             bench.push(sum);
         }
     }
+    probe(bench, &masked, sizes)
+}
+
+/// The gradient that is drawn.
+fn probe(bench: &mut Bench<'_>, batch: &Batch, sizes: &[(u32, u32)]) -> Result<()> {
+    let (there, step) = (There::new(bench, batch)?, 12_345);
+    let times = bench.time(|recorder| {
+        for (f, &(width, height)) in sizes.iter().enumerate() {
+            let batch = there.batch(f as u32, 1);
+            there.loss.record_probe(recorder, &batch, &there.image_grad, width * height, step);
+        }
+    })?;
+    let got = there.image_grad.download()?;
+    let mut row = bench.row("loss_probe", "");
+    for (f, frame) in batch.frames.iter().enumerate() {
+        let (image, targets) = batch.pixels(frame);
+        let want = reference::loss_probe::loss_probe(&image, targets, f as u32, step);
+        row.numbers(got[3 * frame.image_first as usize..].iter().copied().zip(want.into_iter().flatten()));
+    }
+    row.work.bytes = 32.0 * batch.image.len() as f64;
+    row.time = times.of("loss_probe");
+    bench.push(row);
     Ok(())
 }
 
@@ -205,6 +227,7 @@ impl There {
             losses: frame_count,
             listed: true,
             backward: true,
+            probe: true,
         };
         let lists = TileLists::new(context, &options.tiles)?;
         lists.forward_tiles.upload(0, &list)?;
@@ -226,10 +249,13 @@ impl There {
         })
     }
 
+    fn batch(&self, frame_first: u32, frame_count: u32) -> pipeline::Batch<'_> {
+        let There { frames, image, targets, tiles_per_frame, .. } = self;
+        pipeline::Batch { frames, frame_first, frame_count, tiles_per_frame: *tiles_per_frame, image, targets }
+    }
+
     fn record(&self, recorder: &mut Recorder, tiles: Tiles) {
-        let There { frames, image, targets, frame_count, tiles_per_frame, .. } = self;
-        let (frame_count, tiles_per_frame) = (*frame_count, *tiles_per_frame);
-        let batch = pipeline::Batch { frames, frame_first: 0, frame_count, tiles_per_frame, image, targets };
+        let batch = self.batch(0, self.frame_count);
         self.loss.record_forward(recorder, &batch, tiles, Some(&self.lists));
         // The gradient has no variant with a map.
         let of = if tiles == Tiles::Map { Tiles::All } else { tiles };

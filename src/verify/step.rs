@@ -15,7 +15,7 @@ use crate::{
     },
     reference::{
         self, Options, Params,
-        adam::{PlaneRate, adam, dither_of, pack_moments, unpack_moments},
+        adam::{PlaneRate, adam, curvature_one, dither_of, newton_one, pack_moments, unpack_moments},
         blend::Margin,
         blend_backward::{Record, blend_backward_magnitudes},
         project_backward::{magnitudes, project_backward, sum_records},
@@ -40,6 +40,7 @@ const RATES: Rates = Rates {
     sharpness: 0.019,
     mean_opacity: 0.0,
     mean_scale: 0.0,
+    newton: 0.3,
 };
 /// Step of the bias correction: the second moment's is 2 there, and steps are about as long as the rate.
 const STEP: u32 = 700;
@@ -83,6 +84,9 @@ pub(super) fn cases(
                     let lesson = Lesson { packed, ..part.lesson(options, opacity_only, sparse) };
                     step(bench, scene, ordered, part, lesson, &want.touched)?;
                 }
+            }
+            if !options.compensate && !opacity_only {
+                newton(bench, scene, ordered, part)?;
             }
         }
     }
@@ -335,6 +339,66 @@ fn step(
         bench.push(row);
     }
     write(parameters, &original)
+}
+
+/// A probe of the curvature and one step of Newton's, judged by the kernel's own gradients.
+fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) -> Result<()> {
+    let (model, count) = (&scene.model, part.count);
+    let parameters = model.part(part.segment);
+    let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
+    let before = read(parameters)?;
+    let (own, _) = part.gradients(bench, scene, ordered, Lesson::new(part.segment))?;
+    let learner = Learner::new(model, Lesson { newton: true, ..Lesson::new(part.segment) }, false)?;
+    let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
+    // Curvatures of which a step of some rates follows, or one that is cut off; of a third nothing is known.
+    let moments = |array: usize| -> Vec<Vec<f32>> {
+        let of_plane = |(p, plane): (usize, &Vec<f32>)| {
+            let rms = (plane.iter().map(|g| g * g).sum::<f32>() / count as f32).sqrt() + 1e-6;
+            let first = (0..count).map(|i| rms * (unit(p * count + i) - 0.5)).collect();
+            let second = |i: usize| if i.is_multiple_of(3) { 0.0 } else { rms * 10.0 * (unit(p * count + i) + 0.05) };
+            [first, (0..count).map(second).collect()]
+        };
+        own[array].iter().take(beside_planes(&learner)[array] / 2).enumerate().flat_map(of_plane).collect()
+    };
+    let start: Columns = [moments(0), moments(1), moments(2)];
+    let seen = part.seen(scene, ordered);
+    for probe in [true, false] {
+        let prepare = || -> Result<()> {
+            write(parameters, &before)?;
+            write(learner.moments.all(), &start)
+        };
+        let times = bench.time_after(prepare, |recorder| match probe {
+            true => learner.record_probe(recorder, &seen),
+            false => learner.record_step(recorder, &seen, &RATES, STEP - 1),
+        })?;
+        let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
+        let name = if probe { "probe" } else { "Newton's step" };
+        let mut row = bench.row("project_backward", format!("{}, {name}{}", part.name, scene.suffix(false)));
+        for (group, rate) in part.groups(scene, false) {
+            let array = group.array as usize;
+            for p in group.planes.clone() {
+                let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
+                let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][p]));
+                let (mut first, mut second) = (wide(&start[array][2 * p]), wide(&start[array][2 * p + 1]));
+                for i in 0..count {
+                    match probe {
+                        true => curvature_one(gradients[i], &mut second[i]),
+                        false => {
+                            let part = f64::from(RATES.newton);
+                            newton_one(&mut value[i], gradients[i], &mut first[i], second[i], &rate, part);
+                        }
+                    }
+                }
+                row.numbers(after[array][p].iter().copied().zip(value));
+                row.numbers(after_moments[array][2 * p].iter().copied().zip(first));
+                row.numbers(after_moments[array][2 * p + 1].iter().copied().zip(second));
+            }
+        }
+        row.time = times.of("project_backward");
+        row.work = part.work(scene, ordered, &learner.lesson, true);
+        bench.push(row);
+    }
+    write(parameters, &before)
 }
 
 /// Whether two words of moments may be of the same numbers, rounded otherwise: the second moment by one step, the first, which is counted

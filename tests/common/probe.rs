@@ -37,6 +37,7 @@ pub const RATES: Rates = Rates {
     sharpness: 2e-3,
     mean_opacity: 0.0,
     mean_scale: 0.0,
+    newton: 0.3,
 };
 
 #[derive(Clone, Copy)]

@@ -143,6 +143,7 @@ impl Screen {
             losses: sizes.frames,
             listed: true,
             backward: true,
+            probe: false,
         }
     }
 

@@ -6,7 +6,9 @@ use super::{Outcome, failed, page, params, records_of, view, wide};
 use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
-        adam::{PlaneRate, adam_one, dither_of, pack_moments, unit_before_step, unpack_moments},
+        adam::{
+            PlaneRate, adam_one, curvature_one, dither_of, newton_one, pack_moments, unit_before_step, unpack_moments,
+        },
         blend_backward::Record,
         lobe,
         project_backward::{regularise, sum_records},
@@ -34,6 +36,7 @@ struct Planes<'a> {
     stride: usize,
     page_first: u32,
     packed: bool,
+    newton: bool,
 }
 
 /// What moves.
@@ -88,13 +91,13 @@ impl Planes<'_> {
         }
     }
 
-    /// One Adam step of the places that `steps` names.
+    /// One step of the places that `steps` names, or what a probe says of their curvature.
     fn step(&mut self, grads: &Params, steps: &[bool], moves: Moves, r: &StepRates) {
         let rates =
             [r.mean, r.log_scale, r.quat, r.opacity, r.dc, r.sh, r.direction, r.width, r.sharpness].map(f64::from);
         // The kernel multiplies by what the twin divides by.
         let correct = |corrections: [f32; 2]| corrections.map(|c| 1.0 / f64::from(c));
-        let Planes { stride, page_first, packed, .. } = *self;
+        let Planes { stride, page_first, packed, newton, .. } = *self;
         for (number, group) in moves.groups() {
             let rate = PlaneRate::of(&group, rates[number]);
             let correct = match group.array {
@@ -112,7 +115,11 @@ impl Planes<'_> {
                         false => [moments[first + place], moments[first + stride + place]].map(f64::from),
                     };
                     let mut param = f64::from(params[at]);
-                    adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct);
+                    match (newton, r.probe) {
+                        (false, _) => adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct),
+                        (true, 0) => newton_one(&mut param, grads[at], &mut m, v, &rate, r.newton.into()),
+                        (true, _) => curvature_one(grads[at], &mut v),
+                    }
                     params[at] = param as f32;
                     if packed {
                         let dither = dither_of(page_first + place as u32, p as u32, r.step);
@@ -176,7 +183,8 @@ pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     let steps: Vec<bool> =
         (0..count).map(|place| (!sparse || blended(place)) && is_sound(&grads, moves, place)).collect();
     let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
-    let mut planes = Planes { geometry: h.geometry, sh: h.sh, lobes: h.lobes, beside, stride, page_first, packed };
+    let [geometry, sh, lobes] = [h.geometry, h.sh, h.lobes];
+    let mut planes = Planes { geometry, sh, lobes, beside, stride, page_first, packed, newton: false };
     // What is made a unit vector has the gradient of that vector: longer by the length.
     for place in (0..count).filter(|&place| steps[place] && !opacity_only) {
         scale(&mut grads.geometry, QUAT..QUAT + 4, stride, place, || {
@@ -226,6 +234,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         sparse,
         accumulate,
         packed,
+        newton,
         sh_degree,
         ..
     } = h.spec;
@@ -264,7 +273,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
 
     let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
     let [geometry, sh, lobes] = [h.geometry, h.sh, h.lobes];
-    let mut planes = Planes { geometry, sh, lobes, beside, stride: stride as usize, page_first, packed };
+    let mut planes = Planes { geometry, sh, lobes, beside, stride: stride as usize, page_first, packed, newton };
     let read =
         |planes: &Planes<'_>| params([planes.geometry, planes.sh, planes.lobes], count, stride, has_lobes, sh_degree);
     if !opacity_only && !accumulate {

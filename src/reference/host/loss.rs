@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-twins!(loss_sum, ssim_backward, ssim_forward);
+twins!(loss_probe, loss_sum, ssim_backward, ssim_forward);
 
 /// The twins have the weight of the method.
 fn check(ssim_weight: f32) -> Outcome {
@@ -136,6 +136,19 @@ pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
             let to = &mut h.image_grad[3 * (frame.image_first as usize + pixel)..][..3];
             to.iter_mut().zip(grads[pixel]).for_each(|(to, g)| *to = g as f32);
         }
+    }
+    Ok(())
+}
+
+pub(super) fn loss_probe(h: kernels::loss_probe::Host<'_>) -> Outcome {
+    let kernels::loss_probe::Push { frame: index, step } = h.push;
+    check(h.spec.ssim_weight)?;
+    let frame = &h.frames[index as usize];
+    let (image, targets) = read(frame, h.image, h.targets);
+    let probe = twin::loss_probe::loss_probe(&image, targets, index, step);
+    let grads = h.image_grad[3 * frame.image_first as usize..].chunks_exact_mut(3);
+    for (to, from) in grads.zip(&probe).take(h.workgroups.threads()) {
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from as f32);
     }
     Ok(())
 }
