@@ -68,7 +68,7 @@ impl EnhanceOptions {
     pub fn pursuit() -> Self {
         EnhanceOptions {
             method: Method::Pursuit,
-            join: JoinOptions { everything: true, pace: 3.0, decay: 0.1, newton: 0.05, ..JoinOptions::default() },
+            join: JoinOptions { everything: true, pace: 3.0, decay: 0.1, newton: 0.02, ..JoinOptions::default() },
             ..Self::paper()
         }
     }
