@@ -17,7 +17,7 @@ use glint::{
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         frames::{Blend, Frame, FrameView, Frames, Instance, Light, Limits, Target, Texel, Transform},
-        learn::Lesson,
+        learn::{Lesson, Newton},
         lift::{LiftOptions, LiftPhase},
         model::{Model, Rearrange, Room, Segment, Sources},
         pursuit::{Pursuit, PursuitOptions},
@@ -307,6 +307,7 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposur
     let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
     let session = Session { background: BACKGROUND, ..session(gpu) };
     let model = Model::upload(gpu, &scene, 0).unwrap();
+    let newton = if newton { Newton::Always } else { Newton::Never };
     let lesson = |segment, opacity_only| Lesson { opacity_only, sparse, newton, ..Lesson::new(segment) };
     let lessons = match supplement {
         true => vec![lesson(Segment::Base, true), lesson(Segment::Supplement, false)],

@@ -22,7 +22,7 @@ float curvature(float g, float d) {
 
 // The change that Newton's step makes, each number by itself: `part` of the way to where the mean gradient would be 0, and at most
 // NEWTON_REACH rates. None before a probe has seen the number.
-const float NEWTON_REACH = 10.0;
+const float NEWTON_REACH = 3.0;
 float newton(float g, float rate, float part, inout float m, float d) {
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
     m = mix(g, m, BETA1);

@@ -5190,11 +5190,12 @@ impl crate::gpu::Kernel for Kernel {
 pub mod constants {
 pub mod adam {
 #[doc = "bound of a parameter that has none"] pub const FREE: f32 = 1e30;
+#[doc = "what was there before was Adam's"] pub const PROBE_FIRST: u32 = 2;
 }
 pub mod adam_one {
 #[doc = ""] pub const GRADIENT_MAX: f32 = 1e17;
 #[doc = ""] pub const CURVATURE_DECAY: f32 = 0.95;
-#[doc = ""] pub const NEWTON_REACH: f32 = 10.0;
+#[doc = ""] pub const NEWTON_REACH: f32 = 3.0;
 }
 pub mod cluster {
 #[doc = "points: PCA needs three"] pub const GROUP_MIN: u32 = 3;

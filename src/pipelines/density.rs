@@ -5,7 +5,7 @@
 //! Gaussians there are afterwards is the device's to know; every dispatch follows.
 
 use super::{
-    learn::{Beside, Rates, moments_of},
+    learn::{Beside, NEWTON_PART, Rates, moments_of},
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
     plan::buffers,
@@ -168,7 +168,8 @@ impl DensityOptions {
                 let shorter = (FULL_RUN / f64::from(self.iterations.max(1))).max(1.0).powf(RATE_POWER);
                 let (part, end) = (self.part(step), BUDGET_SPAN[2]);
                 let late = LAST_RATE.powf(part);
-                let settled = late * SETTLED_RATE.powf(((part - end) / (1.0 - end)).clamp(0.0, 1.0));
+                let left = SETTLED_RATE.powf(((part - end) / (1.0 - end)).clamp(0.0, 1.0));
+                let settled = late * left;
                 let times = |rate: f32, by: f64| (f64::from(rate) * by) as f32;
                 Rates {
                     mean: times(rates.mean, shorter),
@@ -177,6 +178,7 @@ impl DensityOptions {
                     opacity: times(OPACITY_RATE, settled),
                     dc: times(rates.dc, shorter * shorter * late),
                     sh: times(rates.sh, shorter * shorter * late),
+                    newton: if part < end { 0.0 } else { (f64::from(NEWTON_PART) * left) as f32 },
                     ..rates
                 }
             }
@@ -591,6 +593,14 @@ mod tests {
         let (rates, _) = at(Strategy::Budget, 1000, 1000);
         near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-4, 0.003, 5.84709e-3, 2.923545e-4]);
         let (rates, _) = at(Strategy::Budget, 1000, 925);
+        let parts = [849, 850, 925, 1000].map(|step| {
+            let rates = BaseOptions { iterations: 1000, sh_degree: 3, ..Default::default() }.plan(2.0, step).rates;
+            of(Strategy::Budget, 1000).rates(rates, step).newton
+        });
+        near(
+            [1.0 + f64::from(parts[0]), parts[1].into(), parts[2].into(), parts[3].into(), 1.0, 1.0],
+            [1.0, 0.02, 0.02 * 0.1f64.sqrt(), 0.002, 1.0, 1.0],
+        );
         near([rates[2], rates[3], 1.0, 1.0, 1.0, 1.0], [1.97435e-3 * 0.197147, 0.05 * 0.197147, 1.0, 1.0, 1.0, 1.0]);
         near(at(Strategy::Budget, 30_000, 0).0, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
 

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::{
     checkpoint::Checkpoint,
     join::{JoinOptions, course, join_for},
+    learn::NEWTON_PART,
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
     pursuit::{self, Placed, Pursuit, PursuitOptions},
@@ -68,7 +69,13 @@ impl EnhanceOptions {
     pub fn pursuit() -> Self {
         EnhanceOptions {
             method: Method::Pursuit,
-            join: JoinOptions { everything: true, pace: 3.0, decay: 0.1, newton: 0.02, ..JoinOptions::default() },
+            join: JoinOptions {
+                everything: true,
+                pace: 3.0,
+                decay: 0.1,
+                newton: NEWTON_PART,
+                ..JoinOptions::default()
+            },
             ..Self::paper()
         }
     }

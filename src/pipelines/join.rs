@@ -1,7 +1,7 @@
 //! The joint phase (method, section 5): the supplementary Gaussians learn everything, the base only its opacities.
 
 use super::{
-    learn::{Lesson, Rates},
+    learn::{Lesson, Newton, Rates},
     model::{Model, Segment},
     session::{Policy, Session},
     train::{StepPlan, Trainer, permutations},
@@ -65,7 +65,10 @@ impl JoinOptions {
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let bias_correction = self.bias_correction;
         let Policy { compensate, packed, .. } = session.policy;
-        let newton = self.newton > 0.0 && self.everything && !packed;
+        let newton = match self.newton > 0.0 && self.everything && !packed {
+            true => Newton::Always,
+            false => Newton::Never,
+        };
         [
             Lesson {
                 segment: Segment::Base,

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
     scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
-    stages::{WORKGROUP, adam, project_backward, types::StepRates},
+    stages::{WORKGROUP, adam, constants::adam::PROBE_FIRST, project_backward, types::StepRates},
 };
 
 /// Learning rates by parameter, per step.
@@ -37,7 +37,7 @@ pub struct Rates {
     pub mean_opacity: f32,
     /// The same of the mean of its scales, per scene unit.
     pub mean_scale: f32,
-    /// Of Newton's step: its part of the way to the minimum. A rate then bounds the step, ten times as long at most.
+    /// Of Newton's step: its part of the way to the minimum. A rate then bounds the step, three times as long at most.
     pub newton: f32,
 }
 
@@ -71,8 +71,20 @@ pub struct Lesson {
     pub compensate: bool,
     /// See [`Policy::packed`](super::session::Policy::packed).
     pub packed: bool,
-    /// Steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's. Neither packed nor of several views.
-    pub newton: bool,
+    /// Whether steps are Newton's. Those are neither packed nor of several views.
+    pub newton: Newton,
+}
+
+/// Which steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Newton {
+    /// None.
+    #[default]
+    Never,
+    /// Those from the first on whose [`Rates::newton`] is above 0.
+    Late,
+    /// All.
+    Always,
 }
 
 impl Lesson {
@@ -85,13 +97,15 @@ impl Lesson {
             bias_correction: true,
             compensate: false,
             packed: false,
-            newton: false,
+            newton: Newton::Never,
         }
     }
 }
 
-/// Of so many steps with [`Lesson::newton`] one is probed first.
+/// Of so many of Newton's steps one is probed first.
 pub const PROBED_NTH: u32 = 8;
+/// What part of the way to the minimum they go at first.
+pub const NEWTON_PART: f32 = 0.02;
 
 /// Planes of moments for each plane that learns.
 pub(super) fn moments_of(packed: bool) -> usize {
@@ -146,8 +160,8 @@ pub struct Learner {
     pub lesson: Lesson,
     /// First and second, or first and curvature, in pages as the model's.
     pub moments: Beside,
-    /// By degree of harmonics, for the fused step.
-    fused: Vec<project_backward::Stage>,
+    /// By degree of harmonics, for the fused step: Adam's and Newton's.
+    fused: [Vec<project_backward::Stage>; 2],
     accumulated: Option<Accumulated>,
 }
 
@@ -176,7 +190,7 @@ impl Learner {
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // What is frozen does not look at its colour.
         let degrees = if opacity_only { 0..=0 } else { 0..=model.part(lesson.segment).sh_degree };
-        let backward = |accumulate: bool| -> Result<Vec<_>, GpuError> {
+        let backward = |wanted: bool, accumulate: bool, newton: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),
                 compensate,
@@ -188,7 +202,11 @@ impl Learner {
                 newton,
                 sh_degree,
             };
-            degrees.clone().map(|degree| project_backward::Stage::new(context, &spec(degree))).collect()
+            degrees
+                .clone()
+                .filter(|_| wanted)
+                .map(|degree| project_backward::Stage::new(context, &spec(degree)))
+                .collect()
         };
         let step = |sh_degree| {
             let spec = adam::Spec {
@@ -205,14 +223,17 @@ impl Learner {
             false => None,
             true => Some(Accumulated {
                 gradients: Beside::new(model, &lesson, 1, 1)?,
-                add: backward(true)?,
+                add: backward(true, true, false)?,
                 step: degrees.clone().map(step).collect::<Result<_, _>>()?,
             }),
         };
         Ok(Learner {
             lesson,
             moments: Beside::new(model, &lesson, moments_of(packed), 0)?,
-            fused: if accumulate { Vec::new() } else { backward(false)? },
+            fused: [
+                backward(!accumulate && newton != Newton::Always, false, false)?,
+                backward(!accumulate && newton != Newton::Never, false, true)?,
+            ],
             accumulated,
         })
     }
@@ -222,16 +243,23 @@ impl Learner {
         self.accumulated.as_ref().map(|a| &a.gradients)
     }
 
-    /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
+    /// Gradients of one view and the step on them: Newton's where `rates` says so. `step` counts from 0 in the life of the moments.
     pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
-        self.record_backward(recorder, seen, &self.fused, &self.moments, rates, self.step_rates(rates, step));
+        let stages = &self.fused[usize::from(self.is_newton(rates))];
+        self.record_backward(recorder, seen, stages, &self.moments, rates, self.step_rates(rates, step));
+    }
+
+    /// Whether a step with such rates is Newton's.
+    pub fn is_newton(&self, rates: &Rates) -> bool {
+        self.lesson.newton == Newton::Always || self.lesson.newton == Newton::Late && rates.newton > 0.0
     }
 
     /// What the records say of the curvature, which are those of [`record_probe`](super::loss::Photometric::record_probe). No parameter
-    /// moves.
-    pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>) {
-        let rates = StepRates { probe: 1, ..Default::default() };
-        self.record_backward(recorder, seen, &self.fused, &self.moments, &Rates::default(), rates);
+    /// moves. With `first` nothing is known before.
+    pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>, first: bool) {
+        let probe = if first { PROBE_FIRST } else { 1 };
+        let rates = StepRates { probe, ..Default::default() };
+        self.record_backward(recorder, seen, &self.fused[1], &self.moments, &Rates::default(), rates);
     }
 
     /// Begins a step of several views.

@@ -10,12 +10,12 @@ use super::{
     checkpoint::Checkpoint,
     density::{Density, DensityOptions, ScoredView, Strategy},
     exposure::Exposure,
-    learn::{Learner, Lesson, PROBED_NTH, Rates, Seen},
+    learn::{Learner, Lesson, Newton, PROBED_NTH, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
     raster::Grid,
     render::{Needs, RenderOptions, Renderer, Show},
-    session::Session,
+    session::{Policy, Session},
     steps::{Looped, StepReport, Steps},
     views::Views,
 };
@@ -59,6 +59,8 @@ struct Training {
     exposure: Option<Exposure>,
     /// Segments may come to have other numbers of Gaussians while it goes on.
     varies: bool,
+    /// The first of Newton's steps.
+    newton_from: Option<u32>,
 }
 
 /// What a training loop did.
@@ -94,7 +96,8 @@ impl Trainer {
         plan: impl Fn(u32) -> StepPlan + Send + 'static,
     ) -> Result<Self> {
         let whole = views_per_step > 0 && (schedule.len() as u32).is_multiple_of(views_per_step);
-        if views_per_step > 1 && lessons.iter().any(|lesson| lesson.newton) {
+        let newton = lessons.iter().any(|lesson| lesson.newton != Newton::Never);
+        if views_per_step > 1 && newton {
             return Err(Error::Usage("Newton's steps see one view each".into()));
         }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
@@ -111,7 +114,7 @@ impl Trainer {
             losses: schedule.len() as u32,
             listed: false,
             backward: true,
-            probe: lessons.iter().any(|lesson| lesson.newton),
+            probe: newton,
         };
         let learner = |&lesson: &Lesson| Learner::new(model, lesson, views_per_step > 1);
         Ok(Trainer {
@@ -127,6 +130,7 @@ impl Trainer {
                 density: None,
                 exposure: None,
                 varies: false,
+                newton_from: None,
             },
             steps: Steps::new(context, BATCH)?,
         })
@@ -177,6 +181,7 @@ impl Trainer {
             model.set_count(segment, count)?;
         }
         self.work.write_losses(losses);
+        self.work.newton_from = (0..step).find(|&step| self.work.is_newton(step));
         self.steps.start_at(step, total, timed)
     }
 
@@ -303,6 +308,8 @@ impl Trainer {
         self.work.loss.make_room(&session.context, schedule.len())?;
         self.work.write_losses(&moved);
         (self.work.schedule, self.work.plan) = (schedule, Box::new(plan));
+        // Steps have other numbers now.
+        self.work.newton_from = self.work.newton_from.map(|_| 0);
         self.steps.count_anew(done, self.total())
     }
 
@@ -339,6 +346,12 @@ const LOSSES: &str = "losses";
 impl Training {
     fn total(&self) -> u32 {
         self.schedule.len() as u32 / self.views_per_step
+    }
+
+    /// Whether a step is Newton's for some learner.
+    fn is_newton(&self, step: u32) -> bool {
+        let rates = (self.plan)(step).rates;
+        self.learners.iter().any(|learner| learner.is_newton(&rates))
     }
 
     /// Those of the first steps. Of their parts nothing is known.
@@ -381,9 +394,9 @@ impl On<'_> {
         }
     }
 
-    /// All steps of the first pass over the views, then one in [`PROBED_NTH`].
-    fn is_probed(&self, step: u32) -> bool {
-        step < self.views.cameras.len() as u32 || step.is_multiple_of(PROBED_NTH)
+    /// Of Newton's steps all of the first pass over the views, then one in [`PROBED_NTH`].
+    fn is_probed(&self, newtons: u32) -> bool {
+        newtons < self.views.cameras.len() as u32 || newtons.is_multiple_of(PROBED_NTH)
     }
 
     /// The gradient records of one view.
@@ -404,13 +417,13 @@ impl On<'_> {
         let blend_backward = |recorder: &mut Recorder| {
             renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
         };
-        let mut newton = training.learners.iter().filter(|learner| learner.lesson.newton).peekable();
-        if newton.peek().is_some() && self.is_probed(at) {
+        if let Some(first) = training.newton_from.filter(|&first| self.is_probed(at - first.min(at))) {
             let pixels = views.cameras[view as usize].pixels();
             loss.record_probe(recorder, &batch, &buffers.image_grad, pixels, at);
             blend_backward(recorder);
             let seen = Seen { model, views, view, raster: &renderer.raster, degree, status };
-            newton.for_each(|learner| learner.record_probe(recorder, &seen));
+            let newton = training.learners.iter().filter(|learner| learner.lesson.newton != Newton::Never);
+            newton.for_each(|learner| learner.record_probe(recorder, &seen, at == first));
         }
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
         if let Some(exposure) = &training.exposure {
@@ -424,6 +437,9 @@ impl On<'_> {
 
 impl Looped for On<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        if self.training.newton_from.is_none() && self.training.is_newton(step) {
+            self.training.newton_from = Some(step);
+        }
         let On { training, model, views } = &*self;
         let StepPlan { rates, active_degree: degree } = (training.plan)(step);
         let (views_per_step, raster) = (training.views_per_step, &training.renderer.raster);
@@ -539,8 +555,12 @@ pub fn dense_trainer(
     options: &BaseOptions,
     density: &DensityOptions,
 ) -> Result<Trainer> {
-    let lesson =
-        Lesson { compensate: session.policy.compensate, packed: session.policy.packed, ..Lesson::new(Segment::Base) };
+    let Policy { compensate, packed, .. } = session.policy;
+    let newton = match density.strategy {
+        Strategy::Budget if !packed => Newton::Late,
+        _ => Newton::Never,
+    };
+    let lesson = Lesson { compensate, packed, newton, ..Lesson::new(Segment::Base) };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {

@@ -190,6 +190,8 @@ mod tests {
             ("FLOAT_MIN", FLOAT_MIN, kernels::unit::FLOAT_MIN),
             ("FLOAT_MAX", FLOAT_MAX, kernels::unit::FLOAT_MAX),
             ("GRADIENT_MAX", adam::GRADIENT_MAX, kernels::adam_one::GRADIENT_MAX),
+            ("CURVATURE_DECAY", adam::CURVATURE_DECAY, kernels::adam_one::CURVATURE_DECAY),
+            ("NEWTON_REACH", adam::NEWTON_REACH, kernels::adam_one::NEWTON_REACH),
             ("FIRST_SCALE_MIN", screen_backward::FIRST_SCALE_MIN, kernels::screen::FIRST_SCALE_MIN),
             ("FIRST_BLUR", pursuit::FIRST_BLUR, kernels::pursuit::FIRST_BLUR),
             ("NEXT_BLUR", pursuit::NEXT_BLUR, kernels::pursuit::NEXT_BLUR),

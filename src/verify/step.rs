@@ -10,7 +10,7 @@ use crate::{
     error::Result,
     gpu::Buffer,
     pipelines::{
-        learn::{Beside, Learner, Lesson, Rates, Seen},
+        learn::{Beside, Learner, Lesson, Newton, Rates, Seen},
         model::{Planes, Segment},
     },
     reference::{
@@ -348,7 +348,7 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) 
     let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
     let before = read(parameters)?;
     let (own, _) = part.gradients(bench, scene, ordered, Lesson::new(part.segment))?;
-    let learner = Learner::new(model, Lesson { newton: true, ..Lesson::new(part.segment) }, false)?;
+    let learner = Learner::new(model, Lesson { newton: Newton::Always, ..Lesson::new(part.segment) }, false)?;
     let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
     // Curvatures of which a step of some rates follows, or one that is cut off; of a third nothing is known.
     let moments = |array: usize| -> Vec<Vec<f32>> {
@@ -368,7 +368,7 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) 
             write(learner.moments.all(), &start)
         };
         let times = bench.time_after(prepare, |recorder| match probe {
-            true => learner.record_probe(recorder, &seen),
+            true => learner.record_probe(recorder, &seen, false),
             false => learner.record_step(recorder, &seen, &RATES, STEP - 1),
         })?;
         let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
