@@ -109,7 +109,7 @@ pub(super) struct ChoiceArgs {
     /// Weights of the covariance of a group
     #[arg(long, value_enum, default_value_t = Weights::Squared)]
     pca_weights: Weights,
-    /// Use Adam's bias correction for all parameters of the joint phase, not only for the lobes
+    /// Use Adam's bias correction for all parameters of the joint phase of --method augs, not only for the lobes
     #[arg(long)]
     bias_correction: bool,
 }
@@ -126,6 +126,7 @@ impl ChoiceArgs {
                 ("--shared-steps", self.shared_steps),
                 ("--cluster-failure", self.cluster_failure != Failure::Largest),
                 ("--pca-weights", self.pca_weights != Weights::Squared),
+                ("--bias-correction", self.bias_correction),
             ];
             if let Some((name, _)) = of_augs.into_iter().find(|(_, given)| *given) {
                 return Err(Error::Usage(format!("{name} is a choice of --method augs")));
@@ -136,7 +137,6 @@ impl ChoiceArgs {
                 return Ok(EnhanceOptions {
                     median_threshold: self.depth_threshold,
                     centre_depth: self.centre_depth,
-                    join: JoinOptions { bias_correction: self.bias_correction, ..EnhanceOptions::pursuit().join },
                     ..EnhanceOptions::pursuit()
                 });
             }

@@ -313,8 +313,8 @@ struct LearnArgs {
     /// any order, with a warning; with it, that is an error
     #[arg(long)]
     deterministic: bool,
-    /// Numbers that Adam keeps. Half of the memory for them takes 4 bytes less for each number that learns: 236 of 708 for a Gaussian of
-    /// degree 3
+    /// Numbers that the optimiser keeps. Half of the memory for them takes 4 bytes less for each number that learns: 236 of 708 for a
+    /// Gaussian of degree 3. All steps are Adam's then, which costs quality
     #[arg(long, value_enum, default_value_t)]
     precision: Precision,
 }

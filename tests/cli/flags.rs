@@ -72,14 +72,7 @@ fn every_option_of_augmenting_changes_the_scene() {
     work.changes("enhance data --base base.ply --method augs --preset quick", &options);
     work.changes(
         "enhance data --base base.ply",
-        &[
-            "--seed 1",
-            "--ratio 0.3",
-            "--background white",
-            "--depth-threshold 0.8",
-            "--bias-correction",
-            "--precision half",
-        ],
+        &["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--precision half"],
     );
 }
 
