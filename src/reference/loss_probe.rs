@@ -44,7 +44,7 @@ mod tests {
         let image: Vec<[f64; 4]> = shown(&params).blended.image.clone();
         // Half of the pixels are far from the photograph, one in eleven does not count.
         let target =
-            |i: usize| u32::from(!i.is_multiple_of(11)) << 31 | if i.is_multiple_of(2) { 0x6040_20 } else { 0 };
+            |i: usize| u32::from(!i.is_multiple_of(11)) << 31 | if i.is_multiple_of(2) { 0x60_4020 } else { 0 };
         let targets: Vec<u32> = (0..image.len()).map(target).collect();
         let mut mean = vec![0.0; params.geometry.len()];
         const DRAWS: u32 = 600;
