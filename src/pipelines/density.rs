@@ -97,7 +97,7 @@ pub const SCORED_NTH: u32 = 3;
 /// The budget: what the rates of a run end with, of what they began with.
 pub const LAST_RATE: f64 = 0.6;
 /// The budget: from the last of [`BUDGET_SPAN`] on, when no more Gaussians come, the rates of rotations and opacities fall to this part
-/// of what they would be.
+/// of what they would be, and so does the part of the way that Newton's steps go.
 pub const SETTLED_RATE: f64 = 0.1;
 /// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
 pub const RATE_POWER: f64 = 0.2;
@@ -585,23 +585,23 @@ mod tests {
         let (rates, weights) = at(Strategy::Mcmc, 1000, 0);
         near(rates, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
         assert_eq!(weights, [0.01; 2]);
-        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that, and those of rotations
-        // and opacities to a tenth of it in the end: by half of the time for that, at 0.925, to √0.1 0.6^0.925 = 0.197147.
+        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that, and those
+        // of rotations and opacities to a tenth of it in the end: by half of the time for that, at 0.925, to √0.1 0.6^0.925 = 0.197147.
         let (rates, weights) = at(Strategy::Budget, 1000, 0);
         near(rates, [6.31792e-4, 9.87175e-3, 1.97435e-3, 0.05, 9.74515e-3, 4.872575e-4]);
         assert_eq!(weights, [0.0; 2]);
         let (rates, _) = at(Strategy::Budget, 1000, 1000);
         near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-4, 0.003, 5.84709e-3, 2.923545e-4]);
         let (rates, _) = at(Strategy::Budget, 1000, 925);
-        let parts = [849, 850, 925, 1000].map(|step| {
-            let rates = BaseOptions { iterations: 1000, sh_degree: 3, ..Default::default() }.plan(2.0, step).rates;
-            of(Strategy::Budget, 1000).rates(rates, step).newton
-        });
-        near(
-            [1.0 + f64::from(parts[0]), parts[1].into(), parts[2].into(), parts[3].into(), 1.0, 1.0],
-            [1.0, 0.02, 0.02 * 0.1f64.sqrt(), 0.002, 1.0, 1.0],
-        );
-        near([rates[2], rates[3], 1.0, 1.0, 1.0, 1.0], [1.97435e-3 * 0.197147, 0.05 * 0.197147, 1.0, 1.0, 1.0, 1.0]);
+        for (found, want) in [(rates[2], 1.97435e-3 * 0.197147), (rates[3], 0.05 * 0.197147)] {
+            assert!((found / want - 1.0).abs() < 1e-5, "{found} and {want}");
+        }
+        // Newton's steps begin there.
+        let newton = |step| of(Strategy::Budget, 1000).rates(Rates::default(), step).newton;
+        assert_eq!(newton(849), 0.0);
+        for (step, want) in [(850, 0.02), (925, 0.02 * 0.1f32.sqrt()), (1000, 0.002)] {
+            assert!((newton(step) / want - 1.0).abs() < 1e-5, "{step}: {}", newton(step));
+        }
         near(at(Strategy::Budget, 30_000, 0).0, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
 
         let first = from_points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]], &[[9; 3]; 3], 0);

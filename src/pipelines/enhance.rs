@@ -600,7 +600,7 @@ impl Enhancer {
     fn pilot(&self, views: &Views) -> Result<Pilot> {
         let base = Scene { base: self.original.clone(), supplement: None };
         let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
-        // So few steps are no time for moments to settle in.
+        // So few steps are no time for moments to settle in, where they are Adam's.
         let options = JoinOptions { bias_correction: true, steps_per_view: 1, ..self.options.join };
         let mut trainer = join_for(&self.session, &model, views, &options, views.cameras.len() as u32)?;
         trainer.start(false)?;

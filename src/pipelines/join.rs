@@ -23,8 +23,8 @@ pub struct JoinOptions {
     pub pace: f32,
     /// What share of them is left at the end.
     pub decay: f32,
-    /// What part of the way to the minimum Newton's steps go at first; 0 for Adam's. Both where everything learns; moments in half
-    /// precision are Adam's only.
+    /// What part of the way to the minimum Newton's steps go at first, see [`Rates::newton`]; 0 for Adam's steps. Where not everything
+    /// learns, and in half precision, steps are Adam's whatever it is.
     pub newton: f32,
 }
 

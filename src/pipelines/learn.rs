@@ -71,7 +71,7 @@ pub struct Lesson {
     pub compensate: bool,
     /// See [`Policy::packed`](super::session::Policy::packed).
     pub packed: bool,
-    /// Whether steps are Newton's. Those are neither packed nor of several views.
+    /// Which steps are Newton's. Those are neither packed nor of several views.
     pub newton: Newton,
 }
 

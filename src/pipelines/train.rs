@@ -97,8 +97,8 @@ impl Trainer {
     ) -> Result<Self> {
         let whole = views_per_step > 0 && (schedule.len() as u32).is_multiple_of(views_per_step);
         let newton = lessons.iter().any(|lesson| lesson.newton != Newton::Never);
-        if views_per_step > 1 && newton {
-            return Err(Error::Usage("Newton's steps see one view each".into()));
+        if newton && (views_per_step > 1 || lessons.iter().any(|lesson| lesson.packed)) {
+            return Err(Error::Usage("Newton's steps see one view each, and their moments are not packed".into()));
         }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
@@ -138,6 +138,11 @@ impl Trainer {
 
     /// Begins, or begins anew with what has been learned so far.
     pub fn start(&mut self, timed: bool) -> Result<()> {
+        if self.work.newton_from.take().is_some() {
+            // A curvature is no second moment of Adam's.
+            let moments = self.work.learners.iter().flat_map(|learner| learner.moments.all());
+            moments.into_iter().try_for_each(Planes::clear)?;
+        }
         self.steps.start(self.total(), timed)
     }
 
@@ -417,7 +422,8 @@ impl On<'_> {
         let blend_backward = |recorder: &mut Recorder| {
             renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
         };
-        if let Some(first) = training.newton_from.filter(|&first| self.is_probed(at - first.min(at))) {
+        // Where steps may be Newton's, each sees one view: `at` is its number.
+        if let Some(first) = training.newton_from.filter(|&first| self.is_probed(at.saturating_sub(first))) {
             let pixels = views.cameras[view as usize].pixels();
             loss.record_probe(recorder, &batch, &buffers.image_grad, pixels, at);
             blend_backward(recorder);

@@ -73,7 +73,7 @@ mod tests {
                     }
                 }
                 // Of squares of a normal number the mean over n scatters by √(2/n), 6 %: four deviations. Thresholds of α make the
-                // differences of some pixels wrong, to less than that.
+                // differences of some pixels wrong, to less than that. What is not seen is 0 in both, up to rounding.
                 assert!((mean[at] - want).abs() <= 0.24 * want + 1e-12, "{plane} {i}: {} and {want}", mean[at]);
                 told += usize::from(want > 1e-9);
             }

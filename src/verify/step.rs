@@ -341,7 +341,7 @@ fn step(
     write(parameters, &original)
 }
 
-/// A probe of the curvature and one step of Newton's, judged by the kernel's own gradients.
+/// A probe of the curvature before which nothing or something is known, and one step of Newton's, judged by the kernel's own gradients.
 fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) -> Result<()> {
     let (model, count) = (&scene.model, part.count);
     let parameters = model.part(part.segment);
@@ -362,17 +362,16 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) 
     };
     let start: Columns = [moments(0), moments(1), moments(2)];
     let seen = part.seen(scene, ordered);
-    for probe in [true, false] {
+    for (name, probe) in [("first probe", Some(true)), ("probe", Some(false)), ("Newton's step", None)] {
         let prepare = || -> Result<()> {
             write(parameters, &before)?;
             write(learner.moments.all(), &start)
         };
         let times = bench.time_after(prepare, |recorder| match probe {
-            true => learner.record_probe(recorder, &seen, false),
-            false => learner.record_step(recorder, &seen, &RATES, STEP - 1),
+            Some(first) => learner.record_probe(recorder, &seen, first),
+            None => learner.record_step(recorder, &seen, &RATES, STEP - 1),
         })?;
         let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
-        let name = if probe { "probe" } else { "Newton's step" };
         let mut row = bench.row("project_backward", format!("{}, {name}{}", part.name, scene.suffix(false)));
         for (group, rate) in part.groups(scene, false) {
             let array = group.array as usize;
@@ -382,8 +381,9 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) 
                 let (mut first, mut second) = (wide(&start[array][2 * p]), wide(&start[array][2 * p + 1]));
                 for i in 0..count {
                     match probe {
-                        true => curvature_one(gradients[i], &mut second[i]),
-                        false => {
+                        Some(true) => second[i] = gradients[i] * gradients[i],
+                        Some(false) => curvature_one(gradients[i], &mut second[i]),
+                        None => {
                             let part = f64::from(RATES.newton);
                             newton_one(&mut value[i], gradients[i], &mut first[i], second[i], &rate, part);
                         }

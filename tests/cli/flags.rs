@@ -74,6 +74,10 @@ fn every_option_of_augmenting_changes_the_scene() {
         "enhance data --base base.ply",
         &["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--precision half"],
     );
+    for option in ["--preset paper", "--shared-steps", "--pca-weights plain", "--bias-correction"] {
+        let said = ["--method augs", option.split(' ').next().unwrap()];
+        work.refused(&format!("enhance data --base base.ply -o x.ply {option}"), &said);
+    }
 }
 
 /// Photos of which a part is transparent are learned from, and judged by, as if they had been taken before the background.
