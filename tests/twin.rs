@@ -17,7 +17,7 @@ use glint::{
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         frames::{Blend, Frame, FrameView, Frames, Instance, Light, Limits, Target, Texel, Transform},
-        learn::{Lesson, Newton, Rates},
+        learn::Lesson,
         lift::{LiftOptions, LiftPhase},
         model::{Model, Rearrange, Room, Segment, Sources},
         pursuit::{Pursuit, PursuitOptions},
@@ -101,7 +101,7 @@ const EXPOSURE: Stages = &[
     ("exposure_step", Near::Within(1e-3)),
 ];
 
-/// The first step is Adam's, the others are both probed.
+/// All three steps are probed.
 const NEWTON: Stages = &[("loss_probe", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
 
 const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
@@ -307,15 +307,13 @@ fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposur
     let views = Views::upload(gpu, &cameras, &photos.each_ref().map(|p| &p[..])).unwrap();
     let session = Session { background: BACKGROUND, ..session(gpu) };
     let model = Model::upload(gpu, &scene, 0).unwrap();
-    let newton = if newton { Newton::Late } else { Newton::Never };
     let lesson = |segment, opacity_only| Lesson { opacity_only, sparse, newton, ..Lesson::new(segment) };
     let lessons = match supplement {
         true => vec![lesson(Segment::Base, true), lesson(Segment::Supplement, false)],
         false => vec![lesson(Segment::Base, false)],
     };
     let schedule = (0..3 * views_per_step).map(|k| k % 2).collect();
-    let rates = |step| Rates { newton: if step == 0 { 0.0 } else { RATES.newton }, ..RATES };
-    let plan = move |step: u32| StepPlan { rates: rates(step), active_degree: step.min(1) };
+    let plan = |step: u32| StepPlan { rates: RATES, active_degree: step.min(1) };
     let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule, views_per_step, plan).unwrap();
     if exposure {
         trainer.correct_exposure(&session, &views).unwrap();

@@ -23,12 +23,10 @@ float first_word(Moments m, uint plane, uint place) {
     return PACKED ? uintBitsToFloat(pack_moments(m, dither_of(push.page_first + place, plane, push.rates.step))) : m.first;
 }
 
-const uint PROBE_FIRST = 2; // what was there before was Adam's
-
 float change_of(float g, float rate, inout Moments m, float c1, float c2) {
     if (!NEWTON) return adam(g, rate, m.first, m.second, c1, c2);
     if (push.rates.probe == 0) return newton(g, rate, push.rates.newton, m.first, m.second);
-    m.second = curvature(g, push.rates.probe == PROBE_FIRST ? 0.0 : m.second);
+    m.second = curvature(g, m.second);
     return 0.0;
 }
 

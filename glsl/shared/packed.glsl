@@ -1,19 +1,21 @@
-// Adam's moments of a number, and both in one word.
+// Moments of a number, Adam's or the first and the curvature, and both in one word.
 struct Moments { float first, second; };
 
 // The second moment in 18 bits: what float32 has of a positive number less 13 bits, which leaves 2^-10 of it. The
-// first in 14 bits, by how many square roots of the second it is: 7.3 at most (see adam_one.glsl), in steps of 1/1024 up to 8.
+// first in 14 bits, by how many square roots of the second it is, in steps of 1/1024 up to 8: Adam's is 7.3 at most (see adam_one.glsl),
+// and what more a gradient is than the root of its curvature, of which it is a part where the curvature is known well, is cut off.
 // A second moment moves by a thousandth of itself in a step, so what is cut off decides by a draw whether it is rounded up: on
 // average nothing is lost. `dither`: 23 random bits, the highest first.
 const uint SECOND_CUT = 13, FIRST_BITS = 14;
-const float FIRST_STEPS = 1024.0;
+const float FIRST_STEPS = 1024.0, FIRST_MAX = 8191.0;
 
 uint pack_moments(Moments m, uint dither) {
     uint second = (floatBitsToUint(m.second) + (dither >> (32 - SECOND_CUT))) >> SECOND_CUT; // guard: rounded by a draw
     float root = sqrt(uintBitsToFloat(second << SECOND_CUT));
     float steps = root > 0.0 ? FIRST_STEPS * m.first / root : 0.0;
     float drawn = float(dither >> 9 & 0x3FFu) / 1024.0;
-    return second << FIRST_BITS | uint(int(floor(steps + drawn))) & 0x3FFFu;
+    steps = clamp(floor(steps + drawn), -FIRST_MAX, FIRST_MAX); // guard: gradients beyond the root of their curvature
+    return second << FIRST_BITS | uint(int(steps)) & 0x3FFFu;
 }
 
 Moments unpack_moments(uint word) {

@@ -6,5 +6,5 @@ struct StepRates {
     float lobe_first_correction, lobe_second_correction;
     uint step;  // from 0 in the life of the moments
     float newton;
-    uint probe; // not 0: gradients are those of loss_probe, and only what is known of the curvature changes; 2: nothing was known before
+    uint probe; // not 0: gradients are those of loss_probe, and only what is known of the curvature changes
 };

@@ -5190,7 +5190,6 @@ impl crate::gpu::Kernel for Kernel {
 pub mod constants {
 pub mod adam {
 #[doc = "bound of a parameter that has none"] pub const FREE: f32 = 1e30;
-#[doc = "what was there before was Adam's"] pub const PROBE_FIRST: u32 = 2;
 }
 pub mod adam_one {
 #[doc = ""] pub const GRADIENT_MAX: f32 = 1e17;
@@ -5249,9 +5248,6 @@ pub mod model {
 #[doc = "T, 0.01 to 1"] pub const LOBE_WIDTH: u32 = 3;
 #[doc = "beta"] pub const LOBE_SHARPNESS: u32 = 4;
 #[doc = ""] pub const LOBE_PLANES: u32 = 5;
-}
-pub mod packed {
-#[doc = ""] pub const FIRST_STEPS: f32 = 1024.0;
 }
 pub mod population {
 #[doc = "segment"] pub const BASE: u32 = 0;

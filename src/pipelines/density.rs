@@ -86,7 +86,7 @@ pub const MEAN_WEIGHT: f32 = 0.01;
 pub const FIRST_OPACITY: f32 = 0.5;
 /// See [`FIRST_OPACITY`].
 pub const FIRST_SCALE: f32 = 0.1;
-/// MCMC and the budget: rate of opacities.
+/// MCMC: rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;
 /// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
 pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
@@ -97,8 +97,10 @@ pub const SCORED_NTH: u32 = 3;
 /// The budget: what the rates of a run end with, of what they began with.
 pub const LAST_RATE: f64 = 0.6;
 /// The budget: from the last of [`BUDGET_SPAN`] on, when no more Gaussians come, the rates of rotations and opacities fall to this part
-/// of what they would be, and so does the part of the way that Newton's steps go.
+/// of what they would be, and so does the part of the way that steps go, which are Newton's.
 pub const SETTLED_RATE: f64 = 0.1;
+/// The budget: rate of positions, of that of 3DGS: a Newton's step finds its own length and needs more way.
+pub const MEAN_RATE: f64 = 2.0;
 /// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is, those of colours twice the power.
 pub const RATE_POWER: f64 = 0.2;
 
@@ -160,11 +162,11 @@ impl DensityOptions {
     /// What step `step` learns by, from what a base of fixed number does.
     pub fn rates(&self, rates: Rates, step: u32) -> Rates {
         match self.strategy {
-            Strategy::Fixed | Strategy::Adc => rates,
+            Strategy::Adc => rates,
             Strategy::Mcmc => {
                 Rates { opacity: OPACITY_RATE, mean_opacity: MEAN_WEIGHT, mean_scale: MEAN_WEIGHT, ..rates }
             }
-            Strategy::Budget => {
+            Strategy::Fixed | Strategy::Budget => {
                 let shorter = (FULL_RUN / f64::from(self.iterations.max(1))).max(1.0).powf(RATE_POWER);
                 let (part, end) = (self.part(step), BUDGET_SPAN[2]);
                 let late = LAST_RATE.powf(part);
@@ -172,13 +174,13 @@ impl DensityOptions {
                 let settled = late * left;
                 let times = |rate: f32, by: f64| (f64::from(rate) * by) as f32;
                 Rates {
-                    mean: times(rates.mean, shorter),
+                    mean: times(rates.mean, MEAN_RATE * shorter),
                     log_scale: times(rates.log_scale, shorter * late),
                     quat: times(rates.quat, shorter * settled),
-                    opacity: times(OPACITY_RATE, settled),
+                    opacity: times(rates.opacity, settled),
                     dc: times(rates.dc, shorter * shorter * late),
                     sh: times(rates.sh, shorter * shorter * late),
-                    newton: if part < end { 0.0 } else { (f64::from(NEWTON_PART) * left) as f32 },
+                    newton: times(NEWTON_PART, left),
                     ..rates
                 }
             }
@@ -577,32 +579,29 @@ mod tests {
             found.iter().zip(want).for_each(|(f, w)| assert!((f / w - 1.0).abs() < 1e-5, "{found:?} and {want:?}"));
         };
         let plain = [3.2e-4, 5e-3, 1e-3, 0.025, 2.5e-3, 1.25e-4];
-        for strategy in [Strategy::Fixed, Strategy::Adc] {
-            let (rates, weights) = at(strategy, 1000, 0);
-            near(rates, plain);
-            assert_eq!(weights, [0.0; 2]);
-        }
+        let (rates, weights) = at(Strategy::Adc, 1000, 0);
+        near(rates, plain);
+        assert_eq!(weights, [0.0; 2]);
         let (rates, weights) = at(Strategy::Mcmc, 1000, 0);
         near(rates, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
         assert_eq!(weights, [0.01; 2]);
-        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806. All but positions fall to 0.6 of that, and those
+        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435, 30^0.4 = 3.89806; positions twice that. All but positions fall to 0.6 of that, and those
         // of rotations and opacities to a tenth of it in the end: by half of the time for that, at 0.925, to √0.1 0.6^0.925 = 0.197147.
         let (rates, weights) = at(Strategy::Budget, 1000, 0);
-        near(rates, [6.31792e-4, 9.87175e-3, 1.97435e-3, 0.05, 9.74515e-3, 4.872575e-4]);
+        near(rates, [1.263584e-3, 9.87175e-3, 1.97435e-3, 0.025, 9.74515e-3, 4.872575e-4]);
         assert_eq!(weights, [0.0; 2]);
         let (rates, _) = at(Strategy::Budget, 1000, 1000);
-        near(rates, [6.31792e-6, 5.92305e-3, 1.18461e-4, 0.003, 5.84709e-3, 2.923545e-4]);
+        near(rates, [1.263584e-5, 5.92305e-3, 1.18461e-4, 0.0015, 5.84709e-3, 2.923545e-4]);
         let (rates, _) = at(Strategy::Budget, 1000, 925);
-        for (found, want) in [(rates[2], 1.97435e-3 * 0.197147), (rates[3], 0.05 * 0.197147)] {
+        for (found, want) in [(rates[2], 1.97435e-3 * 0.197147), (rates[3], 0.025 * 0.197147)] {
             assert!((found / want - 1.0).abs() < 1e-5, "{found} and {want}");
         }
-        // Newton's steps begin there.
+        // So does the part of Newton's steps.
         let newton = |step| of(Strategy::Budget, 1000).rates(Rates::default(), step).newton;
-        assert_eq!(newton(849), 0.0);
-        for (step, want) in [(850, 0.02), (925, 0.02 * 0.1f32.sqrt()), (1000, 0.002)] {
+        for (step, want) in [(0, 0.02), (850, 0.02), (925, 0.02 * 0.1f32.sqrt()), (1000, 0.002)] {
             assert!((newton(step) / want - 1.0).abs() < 1e-5, "{step}: {}", newton(step));
         }
-        near(at(Strategy::Budget, 30_000, 0).0, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
+        near(at(Strategy::Budget, 30_000, 0).0, [6.4e-4, 5e-3, 1e-3, 0.025, 2.5e-3, 1.25e-4]);
 
         let first = from_points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]], &[[9; 3]; 3], 0);
         let begun = |strategy| {

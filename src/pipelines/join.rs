@@ -1,7 +1,7 @@
 //! The joint phase (method, section 5): the supplementary Gaussians learn everything, the base only its opacities.
 
 use super::{
-    learn::{Lesson, Newton, Rates},
+    learn::{Lesson, Rates},
     model::{Model, Segment},
     session::{Policy, Session},
     train::{StepPlan, Trainer, permutations},
@@ -24,7 +24,7 @@ pub struct JoinOptions {
     /// What share of them is left at the end.
     pub decay: f32,
     /// What part of the way to the minimum Newton's steps go at first, see [`Rates::newton`]; 0 for Adam's steps. Where not everything
-    /// learns, and in half precision, steps are Adam's whatever it is.
+    /// learns, steps are Adam's whatever it is.
     pub newton: f32,
 }
 
@@ -65,10 +65,7 @@ impl JoinOptions {
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let bias_correction = self.bias_correction;
         let Policy { compensate, packed, .. } = session.policy;
-        let newton = match self.newton > 0.0 && self.everything && !packed {
-            true => Newton::Always,
-            false => Newton::Never,
-        };
+        let newton = self.newton > 0.0 && self.everything;
         [
             Lesson {
                 segment: Segment::Base,

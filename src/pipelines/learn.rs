@@ -9,7 +9,7 @@ use super::{
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
     scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
-    stages::{WORKGROUP, adam, constants::adam::PROBE_FIRST, project_backward, types::StepRates},
+    stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
 /// Learning rates by parameter, per step.
@@ -71,20 +71,8 @@ pub struct Lesson {
     pub compensate: bool,
     /// See [`Policy::packed`](super::session::Policy::packed).
     pub packed: bool,
-    /// Which steps are Newton's. Those are neither packed nor of several views.
-    pub newton: Newton,
-}
-
-/// Which steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Newton {
-    /// None.
-    #[default]
-    Never,
-    /// Those from the first on whose [`Rates::newton`] is above 0.
-    Late,
-    /// All.
-    Always,
+    /// Steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's. Those see one view each.
+    pub newton: bool,
 }
 
 impl Lesson {
@@ -97,7 +85,7 @@ impl Lesson {
             bias_correction: true,
             compensate: false,
             packed: false,
-            newton: Newton::Never,
+            newton: false,
         }
     }
 }
@@ -160,8 +148,8 @@ pub struct Learner {
     pub lesson: Lesson,
     /// First and second, or first and curvature, in pages as the model's.
     pub moments: Beside,
-    /// By degree of harmonics, for the fused step: Adam's and Newton's.
-    fused: [Vec<project_backward::Stage>; 2],
+    /// By degree of harmonics, for the fused step.
+    fused: Vec<project_backward::Stage>,
     accumulated: Option<Accumulated>,
 }
 
@@ -190,7 +178,7 @@ impl Learner {
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // What is frozen does not look at its colour.
         let degrees = if opacity_only { 0..=0 } else { 0..=model.part(lesson.segment).sh_degree };
-        let backward = |wanted: bool, accumulate: bool, newton: bool| -> Result<Vec<_>, GpuError> {
+        let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),
                 compensate,
@@ -199,7 +187,7 @@ impl Learner {
                 sparse: sparse && !accumulate,
                 accumulate,
                 packed,
-                newton,
+                newton: newton && !accumulate,
                 sh_degree,
             };
             degrees
@@ -223,17 +211,14 @@ impl Learner {
             false => None,
             true => Some(Accumulated {
                 gradients: Beside::new(model, &lesson, 1, 1)?,
-                add: backward(true, true, false)?,
+                add: backward(true, true)?,
                 step: degrees.clone().map(step).collect::<Result<_, _>>()?,
             }),
         };
         Ok(Learner {
             lesson,
             moments: Beside::new(model, &lesson, moments_of(packed), 0)?,
-            fused: [
-                backward(!accumulate && newton != Newton::Always, false, false)?,
-                backward(!accumulate && newton != Newton::Never, false, true)?,
-            ],
+            fused: backward(!accumulate, false)?,
             accumulated,
         })
     }
@@ -243,23 +228,16 @@ impl Learner {
         self.accumulated.as_ref().map(|a| &a.gradients)
     }
 
-    /// Gradients of one view and the step on them: Newton's where `rates` says so. `step` counts from 0 in the life of the moments.
+    /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
     pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
-        let stages = &self.fused[usize::from(self.is_newton(rates))];
-        self.record_backward(recorder, seen, stages, &self.moments, rates, self.step_rates(rates, step));
-    }
-
-    /// Whether a step with such rates is Newton's.
-    pub fn is_newton(&self, rates: &Rates) -> bool {
-        self.lesson.newton == Newton::Always || self.lesson.newton == Newton::Late && rates.newton > 0.0
+        self.record_backward(recorder, seen, &self.fused, &self.moments, rates, self.step_rates(rates, step));
     }
 
     /// What the records say of the curvature, which are those of [`record_probe`](super::loss::Photometric::record_probe). No parameter
-    /// moves. With `first` nothing is known before.
-    pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>, first: bool) {
-        let probe = if first { PROBE_FIRST } else { 1 };
-        let rates = StepRates { probe, ..Default::default() };
-        self.record_backward(recorder, seen, &self.fused[1], &self.moments, &Rates::default(), rates);
+    /// moves. `step` as in [`Learner::record_step`].
+    pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>, step: u32) {
+        let rates = StepRates { probe: 1, step, ..Default::default() };
+        self.record_backward(recorder, seen, &self.fused, &self.moments, &Rates::default(), rates);
     }
 
     /// Begins a step of several views.

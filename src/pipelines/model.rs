@@ -78,11 +78,6 @@ impl Planes {
         self.pages.iter().for_each(|page| recorder.fill(page, 0));
     }
 
-    /// The same, at once. Waits.
-    pub fn clear(&self) -> Result<(), GpuError> {
-        self.pages.iter().try_for_each(|page| page.upload(0, &vec![0.0; page.len()]))
-    }
-
     /// Makes the pages that are missing; their contents are undefined.
     fn reserve(&mut self, context: &Context, pages: &[Page]) -> Result<(), GpuError> {
         for page in &pages[self.pages.len()..] {

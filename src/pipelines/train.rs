@@ -10,7 +10,7 @@ use super::{
     checkpoint::Checkpoint,
     density::{Density, DensityOptions, ScoredView, Strategy},
     exposure::Exposure,
-    learn::{Learner, Lesson, Newton, PROBED_NTH, Rates, Seen},
+    learn::{Learner, Lesson, PROBED_NTH, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
     raster::Grid,
@@ -59,8 +59,8 @@ struct Training {
     exposure: Option<Exposure>,
     /// Segments may come to have other numbers of Gaussians while it goes on.
     varies: bool,
-    /// The first of Newton's steps.
-    newton_from: Option<u32>,
+    /// Steps of some learner are Newton's.
+    newton: bool,
 }
 
 /// What a training loop did.
@@ -96,9 +96,9 @@ impl Trainer {
         plan: impl Fn(u32) -> StepPlan + Send + 'static,
     ) -> Result<Self> {
         let whole = views_per_step > 0 && (schedule.len() as u32).is_multiple_of(views_per_step);
-        let newton = lessons.iter().any(|lesson| lesson.newton != Newton::Never);
-        if newton && (views_per_step > 1 || lessons.iter().any(|lesson| lesson.packed)) {
-            return Err(Error::Usage("Newton's steps see one view each, and their moments are not packed".into()));
+        let newton = lessons.iter().any(|lesson| lesson.newton);
+        if newton && views_per_step > 1 {
+            return Err(Error::Usage("Newton's steps see one view each".into()));
         }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
@@ -130,7 +130,7 @@ impl Trainer {
                 density: None,
                 exposure: None,
                 varies: false,
-                newton_from: None,
+                newton,
             },
             steps: Steps::new(context, BATCH)?,
         })
@@ -138,11 +138,6 @@ impl Trainer {
 
     /// Begins, or begins anew with what has been learned so far.
     pub fn start(&mut self, timed: bool) -> Result<()> {
-        if self.work.newton_from.take().is_some() {
-            // A curvature is no second moment of Adam's.
-            let moments = self.work.learners.iter().flat_map(|learner| learner.moments.all());
-            moments.into_iter().try_for_each(Planes::clear)?;
-        }
         self.steps.start(self.total(), timed)
     }
 
@@ -186,7 +181,6 @@ impl Trainer {
             model.set_count(segment, count)?;
         }
         self.work.write_losses(losses);
-        self.work.newton_from = (0..step).find(|&step| self.work.is_newton(step));
         self.steps.start_at(step, total, timed)
     }
 
@@ -313,8 +307,6 @@ impl Trainer {
         self.work.loss.make_room(&session.context, schedule.len())?;
         self.work.write_losses(&moved);
         (self.work.schedule, self.work.plan) = (schedule, Box::new(plan));
-        // Steps have other numbers now.
-        self.work.newton_from = self.work.newton_from.map(|_| 0);
         self.steps.count_anew(done, self.total())
     }
 
@@ -351,12 +343,6 @@ const LOSSES: &str = "losses";
 impl Training {
     fn total(&self) -> u32 {
         self.schedule.len() as u32 / self.views_per_step
-    }
-
-    /// Whether a step is Newton's for some learner.
-    fn is_newton(&self, step: u32) -> bool {
-        let rates = (self.plan)(step).rates;
-        self.learners.iter().any(|learner| learner.is_newton(&rates))
     }
 
     /// Those of the first steps. Of their parts nothing is known.
@@ -400,8 +386,8 @@ impl On<'_> {
     }
 
     /// Of Newton's steps all of the first pass over the views, then one in [`PROBED_NTH`].
-    fn is_probed(&self, newtons: u32) -> bool {
-        newtons < self.views.cameras.len() as u32 || newtons.is_multiple_of(PROBED_NTH)
+    fn is_probed(&self, step: u32) -> bool {
+        self.training.newton && (step < self.views.cameras.len() as u32 || step.is_multiple_of(PROBED_NTH))
     }
 
     /// The gradient records of one view.
@@ -422,14 +408,14 @@ impl On<'_> {
         let blend_backward = |recorder: &mut Recorder| {
             renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
         };
-        // Where steps may be Newton's, each sees one view: `at` is its number.
-        if let Some(first) = training.newton_from.filter(|&first| self.is_probed(at.saturating_sub(first))) {
+        // Where steps are Newton's, each sees one view: `at` is its number.
+        if self.is_probed(at) {
             let pixels = views.cameras[view as usize].pixels();
             loss.record_probe(recorder, &batch, &buffers.image_grad, pixels, at);
             blend_backward(recorder);
             let seen = Seen { model, views, view, raster: &renderer.raster, degree, status };
-            let newton = training.learners.iter().filter(|learner| learner.lesson.newton != Newton::Never);
-            newton.for_each(|learner| learner.record_probe(recorder, &seen, at == first));
+            let newton = training.learners.iter().filter(|learner| learner.lesson.newton);
+            newton.for_each(|learner| learner.record_probe(recorder, &seen, at));
         }
         loss.record_backward(recorder, &batch, &buffers.image_grad, Tiles::All, None);
         if let Some(exposure) = &training.exposure {
@@ -443,9 +429,6 @@ impl On<'_> {
 
 impl Looped for On<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
-        if self.training.newton_from.is_none() && self.training.is_newton(step) {
-            self.training.newton_from = Some(step);
-        }
         let On { training, model, views } = &*self;
         let StepPlan { rates, active_degree: degree } = (training.plan)(step);
         let (views_per_step, raster) = (training.views_per_step, &training.renderer.raster);
@@ -562,10 +545,7 @@ pub fn dense_trainer(
     density: &DensityOptions,
 ) -> Result<Trainer> {
     let Policy { compensate, packed, .. } = session.policy;
-    let newton = match density.strategy {
-        Strategy::Budget if !packed => Newton::Late,
-        _ => Newton::Never,
-    };
+    let newton = matches!(density.strategy, Strategy::Fixed | Strategy::Budget);
     let lesson = Lesson { compensate, packed, newton, ..Lesson::new(Segment::Base) };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;

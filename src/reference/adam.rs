@@ -114,6 +114,7 @@ pub fn newton_one(param: &mut f64, gradient: f64, first: &mut f64, curvature: f6
 const SECOND_CUT: u32 = 13;
 const FIRST_BITS: u32 = 14;
 const FIRST_STEPS: f64 = 1024.0;
+const FIRST_MAX: f64 = 8191.0;
 
 /// Both moments in one word, rounded by `dither`.
 pub fn pack_moments([first, second]: [f64; 2], dither: u32) -> u32 {
@@ -121,7 +122,7 @@ pub fn pack_moments([first, second]: [f64; 2], dither: u32) -> u32 {
     let root = f64::from(f32::from_bits(second << SECOND_CUT)).sqrt();
     let steps = if root > 0.0 { FIRST_STEPS * first / root } else { 0.0 };
     let drawn = f64::from(dither >> 9 & 0x3ff) / 1024.0;
-    second << FIRST_BITS | (steps + drawn).floor() as i32 as u32 & 0x3fff
+    second << FIRST_BITS | (steps + drawn).floor().clamp(-FIRST_MAX, FIRST_MAX) as i32 as u32 & 0x3fff
 }
 
 /// First and second moment of a word.

@@ -10,7 +10,7 @@ use crate::{
     error::Result,
     gpu::Buffer,
     pipelines::{
-        learn::{Beside, Learner, Lesson, Newton, Rates, Seen},
+        learn::{Beside, Learner, Lesson, Rates, Seen},
         model::{Planes, Segment},
     },
     reference::{
@@ -86,7 +86,9 @@ pub(super) fn cases(
                 }
             }
             if !options.compensate && !opacity_only {
-                newton(bench, scene, ordered, part)?;
+                for packed in [false, true] {
+                    newton(bench, scene, ordered, part, packed)?;
+                }
             }
         }
     }
@@ -264,21 +266,7 @@ fn step(
         own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
     };
     let mut start: Columns = [moments(0), moments(1), moments(2)];
-    let mut stored = start.clone();
-    if lesson.packed {
-        for (start, stored) in start.iter_mut().zip(&mut stored) {
-            let words = |pair: &mut [Vec<f32>]| -> Vec<f32> {
-                let [first, second] = pair else { return Vec::new() };
-                let word = |(m, v): (&mut f32, &mut f32)| {
-                    let word = pack_moments([f64::from(*m), f64::from(*v)], 0);
-                    [*m, *v] = unpack_moments(word).map(|moment| moment as f32);
-                    f32::from_bits(word)
-                };
-                first.iter_mut().zip(second).map(word).collect()
-            };
-            *stored = start.chunks_mut(2).map(words).collect();
-        }
-    }
+    let stored = if lesson.packed { packed(&mut start) } else { start.clone() };
     let name = match (lesson.opacity_only, lesson.sparse) {
         (true, true) => "step of opacity, sparse",
         (true, false) => "step of opacity",
@@ -324,11 +312,7 @@ fn step(
                     continue;
                 }
                 words += count;
-                for (i, got) in after_moments[array][at].iter().enumerate().take(count) {
-                    let want = pack_moments([first[i], second[i]], dither_of(i as u32, p as u32, STEP - 1));
-                    otherwise += usize::from(got.to_bits() != want);
-                    row.unequal(u64::from(!are_neighbours(got.to_bits(), want)));
-                }
+                otherwise += other_words(&mut row, &after_moments[array][at], [&first, &second], p);
             }
         }
         if lesson.packed {
@@ -341,38 +325,47 @@ fn step(
     write(parameters, &original)
 }
 
-/// A probe of the curvature before which nothing or something is known, and one step of Newton's, judged by the kernel's own gradients.
-fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) -> Result<()> {
+/// A probe of the curvature and one step of Newton's, judged by the kernel's own gradients.
+fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, is_packed: bool) -> Result<()> {
     let (model, count) = (&scene.model, part.count);
     let parameters = model.part(part.segment);
     let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
     let before = read(parameters)?;
     let (own, _) = part.gradients(bench, scene, ordered, Lesson::new(part.segment))?;
-    let learner = Learner::new(model, Lesson { newton: Newton::Always, ..Lesson::new(part.segment) }, false)?;
+    let learner = Learner::new(model, Lesson { newton: true, packed: is_packed, ..Lesson::new(part.segment) }, false)?;
     let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
-    // Curvatures of which a step of some rates follows, or one that is cut off; of a third nothing is known.
+    // Curvatures of which a step of some rates follows, or one that is cut off; of a third nothing is known, and of a fifth so little is
+    // there that gradients are far beyond its root.
     let moments = |array: usize| -> Vec<Vec<f32>> {
         let of_plane = |(p, plane): (usize, &Vec<f32>)| {
             let rms = (plane.iter().map(|g| g * g).sum::<f32>() / count as f32).sqrt() + 1e-6;
             let first = (0..count).map(|i| rms * (unit(p * count + i) - 0.5)).collect();
-            let second = |i: usize| if i.is_multiple_of(3) { 0.0 } else { rms * 10.0 * (unit(p * count + i) + 0.05) };
+            let second = |i: usize| match (i.is_multiple_of(3), i.is_multiple_of(5)) {
+                (true, _) => 0.0,
+                (_, true) => 1e-4 * rms * rms,
+                _ => rms * 10.0 * (unit(p * count + i) + 0.05),
+            };
             [first, (0..count).map(second).collect()]
         };
-        own[array].iter().take(beside_planes(&learner)[array] / 2).enumerate().flat_map(of_plane).collect()
+        let planes = beside_planes(&learner)[array] / if is_packed { 1 } else { 2 };
+        own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
     };
-    let start: Columns = [moments(0), moments(1), moments(2)];
+    let mut start: Columns = [moments(0), moments(1), moments(2)];
+    let stored = if is_packed { packed(&mut start) } else { start.clone() };
     let seen = part.seen(scene, ordered);
-    for (name, probe) in [("first probe", Some(true)), ("probe", Some(false)), ("Newton's step", None)] {
+    let how = if is_packed { ", packed" } else { "" };
+    for (name, probes) in [("probe", true), ("Newton's step", false)] {
         let prepare = || -> Result<()> {
             write(parameters, &before)?;
-            write(learner.moments.all(), &start)
+            write(learner.moments.all(), &stored)
         };
-        let times = bench.time_after(prepare, |recorder| match probe {
-            Some(first) => learner.record_probe(recorder, &seen, first),
-            None => learner.record_step(recorder, &seen, &RATES, STEP - 1),
+        let times = bench.time_after(prepare, |recorder| match probes {
+            true => learner.record_probe(recorder, &seen, STEP - 1),
+            false => learner.record_step(recorder, &seen, &RATES, STEP - 1),
         })?;
         let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
-        let mut row = bench.row("project_backward", format!("{}, {name}{}", part.name, scene.suffix(false)));
+        let mut row = bench.row("project_backward", format!("{}, {name}{how}{}", part.name, scene.suffix(false)));
+        let [mut otherwise, mut words] = [0; 2];
         for (group, rate) in part.groups(scene, false) {
             let array = group.array as usize;
             for p in group.planes.clone() {
@@ -380,25 +373,57 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part) 
                 let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][p]));
                 let (mut first, mut second) = (wide(&start[array][2 * p]), wide(&start[array][2 * p + 1]));
                 for i in 0..count {
-                    match probe {
-                        Some(true) => second[i] = gradients[i] * gradients[i],
-                        Some(false) => curvature_one(gradients[i], &mut second[i]),
-                        None => {
+                    match probes {
+                        true => curvature_one(gradients[i], &mut second[i]),
+                        false => {
                             let part = f64::from(RATES.newton);
                             newton_one(&mut value[i], gradients[i], &mut first[i], second[i], &rate, part);
                         }
                     }
                 }
                 row.numbers(after[array][p].iter().copied().zip(value));
-                row.numbers(after_moments[array][2 * p].iter().copied().zip(first));
-                row.numbers(after_moments[array][2 * p + 1].iter().copied().zip(second));
+                if is_packed {
+                    words += count;
+                    otherwise += other_words(&mut row, &after_moments[array][p], [&first, &second], p);
+                } else {
+                    row.numbers(after_moments[array][2 * p].iter().copied().zip(first));
+                    row.numbers(after_moments[array][2 * p + 1].iter().copied().zip(second));
+                }
             }
+        }
+        if is_packed {
+            row.flips(otherwise, words);
         }
         row.time = times.of("project_backward");
         row.work = part.work(scene, ordered, &learner.lesson, true);
         bench.push(row);
     }
     write(parameters, &before)
+}
+
+/// The words of pairs of moments; the moments become what their words say.
+fn packed(moments: &mut Columns) -> Columns {
+    let words = |pair: &mut [Vec<f32>]| -> Vec<f32> {
+        let [first, second] = pair else { return Vec::new() };
+        let word = |(m, v): (&mut f32, &mut f32)| {
+            let word = pack_moments([f64::from(*m), f64::from(*v)], 0);
+            [*m, *v] = unpack_moments(word).map(|moment| moment as f32);
+            f32::from_bits(word)
+        };
+        first.iter_mut().zip(second).map(word).collect()
+    };
+    moments.each_mut().map(|array| array.chunks_mut(2).map(words).collect())
+}
+
+/// How many words of plane `plane` are not those of the moments; such as are not even neighbours of theirs are wrong.
+fn other_words(row: &mut Row, got: &[f32], [first, second]: [&[f64]; 2], plane: usize) -> usize {
+    let mut others = 0;
+    for (i, (got, moments)) in got.iter().zip(first.iter().zip(second)).enumerate() {
+        let want = pack_moments([*moments.0, *moments.1], dither_of(i as u32, plane as u32, STEP - 1));
+        others += usize::from(got.to_bits() != want);
+        row.unequal(u64::from(!are_neighbours(got.to_bits(), want)));
+    }
+    others
 }
 
 /// Whether two words of moments may be of the same numbers, rounded otherwise: the second moment by one step, the first, which is counted

@@ -15,7 +15,7 @@ use crate::{
         tiles::Tiling,
     },
     scene::layout::{self, Array, GEOMETRY_PLANES, LOBE_DIRECTION, OPACITY, QUAT},
-    stages::{constants::adam::PROBE_FIRST, kernels, status, types::StepRates},
+    stages::{kernels, status, types::StepRates},
 };
 
 twins!(adam, project_backward, step_done);
@@ -118,10 +118,7 @@ impl Planes<'_> {
                     match (newton, r.probe) {
                         (false, _) => adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct),
                         (true, 0) => newton_one(&mut param, grads[at], &mut m, v, &rate, r.newton.into()),
-                        (true, probe) => {
-                            v = if probe == PROBE_FIRST { 0.0 } else { v };
-                            curvature_one(grads[at], &mut v);
-                        }
+                        (true, _) => curvature_one(grads[at], &mut v),
                     }
                     params[at] = param as f32;
                     if packed {
