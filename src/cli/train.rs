@@ -242,7 +242,7 @@ impl Args {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
             let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
             let control = density(iterations);
-            // Adam has two moments of everything.
+            // Two moments of everything.
             let most = control.limit.max(count as u32);
             let scene = self.learn.words() * u64::from(most) * gaussian_bytes(self.sh_degree, false);
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));

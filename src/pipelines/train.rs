@@ -1,4 +1,4 @@
-//! Trains Gaussians on photographs: render → loss → backward → Adam, all on the device.
+//! Trains Gaussians on photographs: render → loss → backward → step, all on the device.
 //!
 //! [`Trainer`] is the loop of both the base scene (method, section 2; their number is `density`'s to change) and the joint phase
 //! (section 5, `join`): they differ in which Gaussians learn what, and how fast.

@@ -1,0 +1,117 @@
+//! Quality over time: draws tables of `bench/train`, a panel for each dataset and a line for each strategy.
+//!
+//!     STEPS="300 1000 3000" bench/train OUT DATASET... > now.md
+//!     cargo bench --bench curves -- curves.svg now.md before=earlier.md
+//!
+//! `NAME=FILE` puts NAME before the strategies of a file. Points are means over seeds, bars go from the least to the largest.
+
+use std::{collections::BTreeMap, error::Error, fs, process::ExitCode};
+
+use clap::Parser;
+use plotters::{coord::Shift, prelude::*};
+
+#[derive(Parser)]
+struct Args {
+    /// The SVG that is written.
+    output: String,
+    /// Tables as `bench/train` prints them.
+    #[arg(required = true, value_name = "[NAME=]FILE")]
+    tables: Vec<String>,
+    /// What cargo adds.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Seconds and PSNR of each seed, by dataset, then by line of the plot, then by steps.
+type Curves = BTreeMap<String, BTreeMap<String, BTreeMap<u32, Vec<[f64; 2]>>>>;
+
+/// Pixels of a panel.
+const PANEL: (u32, u32) = (520, 420);
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn Error>> {
+    let mut curves = Curves::new();
+    for table in &args.tables {
+        let (name, path) = table.split_once('=').unwrap_or(("", table));
+        let text = fs::read_to_string(path).map_err(|e| format!("{path}: {e}"))?;
+        for line in text.lines() {
+            let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+            let [dataset, strategy, steps, _, _, quality, seconds] = cells[..] else { continue };
+            // The head and the rule below it.
+            let Ok(steps) = steps.parse() else { continue };
+            let wrong = |what: &str| format!("{path}: `{line}`: {what} is no number");
+            let psnr = quality.split(' ').next().unwrap_or("").parse().map_err(|_| wrong("PSNR"))?;
+            let seconds = seconds.parse().map_err(|_| wrong("the time"))?;
+            let lines = curves.entry(dataset.to_owned()).or_default();
+            let points = lines.entry(format!("{name} {strategy}").trim().to_owned()).or_default();
+            points.entry(steps).or_default().push([seconds, psnr]);
+        }
+    }
+    if curves.is_empty() {
+        return Err("no table of bench/train in these files".into());
+    }
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, (PANEL.0 * curves.len() as u32, PANEL.1)).into_drawing_area();
+        area.fill(&WHITE)?;
+        for (panel, (dataset, lines)) in area.split_evenly((1, curves.len())).iter().zip(&curves) {
+            draw(panel, dataset, lines)?;
+        }
+        area.present()?;
+    }
+    Ok(fs::write(&args.output, svg)?)
+}
+
+fn draw(
+    panel: &DrawingArea<SVGBackend<'_>, Shift>,
+    dataset: &str,
+    lines: &BTreeMap<String, BTreeMap<u32, Vec<[f64; 2]>>>,
+) -> Result<(), Box<dyn Error>> {
+    let all = || lines.values().flat_map(|points| points.values().flatten());
+    let range =
+        |axis: usize| all().map(|p| p[axis]).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let ((first, last), (low, high)) = (range(0), range(1));
+    let mut chart = ChartBuilder::on(panel)
+        .margin(12)
+        .caption(dataset, ("sans-serif", 18))
+        .x_label_area_size(40)
+        .y_label_area_size(45)
+        .build_cartesian_2d((first / 1.3..last * 1.3).log_scale(), low - 0.5..high + 0.5)?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .x_desc("seconds of training")
+        .y_desc("test PSNR, dB")
+        .x_label_formatter(&|v| format!("{v}"))
+        .draw()?;
+    for (k, (name, points)) in lines.iter().enumerate() {
+        let colour = Palette99::pick(k).to_rgba();
+        let mean = |seeds: &[[f64; 2]], axis: usize| seeds.iter().map(|p| p[axis]).sum::<f64>() / seeds.len() as f64;
+        let means: Vec<(f64, f64)> = points.values().map(|seeds| (mean(seeds, 0), mean(seeds, 1))).collect();
+        for (seeds, &(x, y)) in points.values().zip(&means) {
+            let [low, high] = seeds.iter().fold([y; 2], |[a, b], p| [a.min(p[1]), b.max(p[1])]);
+            chart.draw_series([PathElement::new([(x, low), (x, high)], colour)])?;
+        }
+        chart.draw_series(means.iter().map(|&at| Circle::new(at, 4, colour.filled())))?;
+        chart
+            .draw_series([PathElement::new(means, colour.stroke_width(2))])?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE)
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
+    Ok(())
+}
