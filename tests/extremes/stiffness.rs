@@ -79,18 +79,19 @@ fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blo
     (cameras, photographs, truth)
 }
 
-/// No parameter goes further than Adam's bound lets it, in 500 steps: 7.3 rates each.
+/// No parameter goes further than Newton's bound lets it, in 500 steps: 3 rates each, which are higher the shorter the run.
 fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
     let g = (&before.base, &after.base);
     let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
     };
-    let steps = f64::from(STEPS) * 7.3;
+    let shorter = (30_000.0 / f64::from(STEPS)).powf(0.2);
+    let steps = f64::from(STEPS) * 3.0 * shorter;
     assert!(far(&g.0.log_scales, &g.1.log_scales) <= steps * 5e-3, "{what}");
-    assert!(far(&g.0.sh, &g.1.sh) <= steps * 2.5e-3, "{what}");
-    // The position's rate falls from 1.6e-4 to 1.6e-6 × extent; float32 has steps of 0.06 at 1e6.
+    assert!(far(&g.0.sh, &g.1.sh) <= steps * shorter * 2.5e-3, "{what}");
+    // The position's rate begins with twice 1.6e-4 × extent; float32 has steps of 0.06 at 1e6.
     let ulp = g.0.means.iter().flatten().map(|m| m.abs()).fold(0.0, f32::max) * f32::EPSILON;
-    assert!(far(&g.0.means, &g.1.means) <= steps * 3.2e-4 + f64::from(ulp), "{what}");
+    assert!(far(&g.0.means, &g.1.means) <= steps * 2.0 * 3.2e-4 + f64::from(ulp), "{what}");
     let p = glint::reference::Params::from_scene(after).unwrap();
     assert!(p.geometry.iter().chain(&p.sh).all(|x| x.is_finite()), "{what}");
 }
@@ -137,7 +138,7 @@ fn stiff_problems_train_without_divergence() {
     for (what, spoil) in problems {
         let blobs: Vec<Blob> = ordinary.iter().enumerate().map(|(i, &b)| spoil(i, b)).collect();
         let start = scene(&blobs);
-        // Squares of gradients by parameter are the diagonal that Adam divides by, and stand for the Hessian's. Without quaternions,
+        // Squares of gradients by parameter are such as a probe tells, and stand for the Hessian's diagonal. Without quaternions,
         // whose gradients have any size that one likes.
         let mut probe = Probe::new(&gpu, 150, &cameras[0], Setup::default());
         let image_grad: Vec<_> = (0..cameras[0].pixels() as usize).map(ripple).collect();
@@ -172,8 +173,8 @@ fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
         (trained.start, trained.end, naive.end)
     });
     let [home, far] = losses;
-    // The same start; another middle rounds otherwise, and 500 steps of Adam carry that to a few hundredths of the end.
-    assert!((far.0 - home.0).abs() < 1e-5 && (far.1 - home.1).abs() < 0.1 * home.1, "{losses:?}");
+    // The same start; another middle rounds otherwise, and 500 steps carry that to a tenth of the end, which is a twentieth of the start.
+    assert!((far.0 - home.0).abs() < 1e-5 && (far.1 - home.1).abs() < 0.2 * home.1, "{losses:?}");
     // What the recentring is for.
     assert!(far.2 > 1.3 * home.1, "{losses:?}");
 }
