@@ -91,7 +91,11 @@ fn draw(
         .light_line_style(WHITE)
         .x_desc("seconds of training")
         .y_desc("test PSNR, dB")
-        .x_label_formatter(&|v| format!("{v}"))
+        .x_label_formatter(&|&v| match format!("{v}") {
+            text if text.starts_with(['1', '2', '5']) => text,
+            // There is no room for all.
+            _ => String::new(),
+        })
         .draw()?;
     for (k, (name, points)) in lines.iter().enumerate() {
         let colour = Palette99::pick(k).to_rgba();
