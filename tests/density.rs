@@ -95,7 +95,7 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             while trainer.advance(&other, &setup.views).unwrap().unwrap() < steps {}
             trainer.checkpoint(&other, &setup.views).unwrap()
         };
-        // And from one amid the steps that are Newton's, from 170 on.
+        // And from one late in the run.
         let (checkpoint, late) = (after(64), after(171));
         assert!((64..170).contains(&checkpoint.step) && (171..200).contains(&late.step), "{}", late.step);
         for checkpoint in [&checkpoint, &late] {
@@ -118,10 +118,10 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             assert!(bits(&tight.download().unwrap()) == before);
         }
     }
-    // Roots of second moments that are off by half a hundredth, at random, make steps as much longer or shorter: the mean loss of 32 steps,
-    // the last that are Adam's in both, is off by less than that.
+    // What is cut off beyond 8 roots of a curvature that few probes have told makes steps shorter: the mean loss of 32 steps is 4 % higher here,
+    // where 50 steps are probed.
     let [.., full, half] = last_losses[..] else { panic!("{last_losses:?}") };
-    assert!((half / full - 1.0).abs() < 0.01 && half != full, "{half} with packed moments, {full} without");
+    assert!((half / full - 1.0).abs() < 0.1 && half != full, "{half} with packed moments, {full} without");
 }
 
 /// By the size of its file's parameters: a checkpoint does not say how many Gaussians it has.

@@ -101,7 +101,7 @@ const EXPOSURE: Stages = &[
     ("exposure_step", Near::Within(1e-3)),
 ];
 
-/// All three steps are probed.
+/// The first of three steps is probed.
 const NEWTON: Stages = &[("loss_probe", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];
 
 const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward", Near::Within(1e-3))];

@@ -91,7 +91,7 @@ impl Lesson {
 }
 
 /// Of so many of Newton's steps one is probed first.
-pub const PROBED_NTH: u32 = 8;
+pub const PROBED_NTH: u32 = 4;
 /// What part of the way to the minimum they go at first.
 pub const NEWTON_PART: f32 = 0.02;
 

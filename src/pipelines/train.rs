@@ -385,9 +385,9 @@ impl On<'_> {
         }
     }
 
-    /// Of Newton's steps all of the first pass over the views, then one in [`PROBED_NTH`].
+    /// Of Newton's steps one in [`PROBED_NTH`].
     fn is_probed(&self, step: u32) -> bool {
-        self.training.newton && (step < self.views.cameras.len() as u32 || step.is_multiple_of(PROBED_NTH))
+        self.training.newton && step.is_multiple_of(PROBED_NTH)
     }
 
     /// The gradient records of one view.
