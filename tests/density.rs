@@ -118,10 +118,10 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             assert!(bits(&tight.download().unwrap()) == before);
         }
     }
-    // What is cut off beyond 8 roots of a curvature that few probes have told makes steps shorter: the mean loss of 32 steps is 4 % higher here,
-    // where 50 steps are probed.
+    // Draws make packed moments other ones, right on average: the mean loss of 32 steps is off by 0.8 % here, which another device's
+    // draws may make more of.
     let [.., full, half] = last_losses[..] else { panic!("{last_losses:?}") };
-    assert!((half / full - 1.0).abs() < 0.1 && half != full, "{half} with packed moments, {full} without");
+    assert!((half / full - 1.0).abs() < 0.03 && half != full, "{half} with packed moments, {full} without");
 }
 
 /// By the size of its file's parameters: a checkpoint does not say how many Gaussians it has.

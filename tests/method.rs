@@ -199,7 +199,7 @@ fn the_first_step_of_a_base_is_three_rates_at_most() {
         ("positions", longest(&flat(&after.means), &flat(&before.means)), 2.0 * 1.6e-4 * 2.0 * shorter),
         ("scales", longest(&flat(&after.log_scales), &flat(&before.log_scales)), 5e-3 * shorter),
         ("opacities", longest(&after.opacities, &before.opacities), 0.025),
-        ("colours", longest(&flat(&after.sh), &flat(&before.sh)), 2.5e-3 * shorter * shorter),
+        ("colours", longest(&flat(&after.sh), &flat(&before.sh)), 2.5e-3 * shorter),
     ] {
         assert!((moved / (3.0 * rate) - 1.0).abs() < 0.01, "{what} moved by {moved}, their rate is {rate}");
     }

@@ -10,7 +10,7 @@ use glam::DVec3;
 use glint::{
     gpu::Buffer,
     pipelines::{
-        learn::{Learner, Lesson, Rates, Seen},
+        learn::{Learner, Lesson, Rates, Seen, learning_bytes},
         model::{Model, Rearrange, Room, Segment, Sources},
         raster::{Raster, RasterOptions},
         render::{Needs, RenderOptions, Renderer, Show},
@@ -214,9 +214,9 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
     assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
 }
 
-/// README's figures of what training holds for each Gaussian of degree 3 and for each intersection.
+/// README's figures of what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
 #[test]
-fn a_gaussian_that_learns_takes_776_bytes_and_540_with_packed_moments() {
+fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     let gpu = Gpu::new();
     let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
     let held = |splats: u32, isects: u32| {
@@ -239,12 +239,13 @@ fn a_gaussian_that_learns_takes_776_bytes_and_540_with_packed_moments() {
     let [splat, isect] = [held(many, 1), held(1, many)].map(|bytes| (bytes - held(1, 1)) as usize / many as usize);
     assert!((68..70).contains(&splat), "{splat} bytes of the raster for a Gaussian");
     assert!((56..58).contains(&isect), "{isect} bytes for an intersection");
-    for (packed, want) in [(false, 776), (true, 540)] {
-        let lesson = Lesson { packed, ..Lesson::new(Segment::Base) };
+    for (newton, packed, want) in [(true, false, 596), (true, true, 420), (false, false, 776), (false, true, 540)] {
+        let lesson = Lesson { newton, packed, ..Lesson::new(Segment::Base) };
         let learner = Learner::new(&model, lesson, false).unwrap();
         let part = model.part(Segment::Base);
         let planes: usize =
             [&part.geometry, &part.sh].into_iter().chain(learner.moments.all()).map(|planes| planes.planes()).sum();
         assert_eq!(4 * planes + 68, want);
+        assert_eq!(learning_bytes(3, packed, newton) as usize, 4 * planes, "what `train` announces");
     }
 }

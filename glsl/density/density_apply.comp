@@ -16,8 +16,8 @@
 #include "../shared/hash.glsl"
 
 layout(constant_id = 1) const uint STRATEGY = MCMC;
-layout(constant_id = 2) const uint SH_PLANES = 3;
-layout(constant_id = 3) const uint MOMENTS = 2; // planes of them for each plane that learns
+layout(constant_id = 2) const uint SH_BESIDE = 6; // planes of moments of harmonics
+layout(constant_id = 3) const uint MOMENTS = 2; // planes for each of the geometry
 
 layout(push_constant, scalar) uniform Push {
     uint segment;
@@ -112,5 +112,5 @@ void main() {
         if (fresh || (lowered && m / MOMENTS == OPACITY)) geometry_moments[m * push.stride + place] = 0.0;
     }
     if (!fresh) return;
-    for (uint m = 0; m < MOMENTS * SH_PLANES; ++m) sh_moments[m * push.stride + place] = 0.0;
+    for (uint m = 0; m < SH_BESIDE; ++m) sh_moments[m * push.stride + place] = 0.0;
 }

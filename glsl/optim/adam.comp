@@ -87,8 +87,10 @@ void main() {
             g.direction *= norm;
         }
     }
-    for (uint p = 0; p < 3 * COEFFICIENTS; ++p) {
-        step_sh(p, place, load_sh(p, place), sh_grads[p * push.stride + place], p < 3 ? push.rates.dc : push.rates.sh);
+    for (uint k = 0; k < COEFFICIENTS; ++k) {
+        vec3 d_coefficient;
+        for (uint c = 0; c < 3; ++c) d_coefficient[c] = sh_grads[(3 * k + c) * push.stride + place];
+        step_sh(k, place, load_sh3(k, place), d_coefficient);
     }
     step_all(g, HAS_LOBES, place);
 }

@@ -239,11 +239,11 @@ void main() {
     [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) {
         vec3 by_coefficient = coefficient_gradient(at, k, d_colour), coefficient = load_sh3(k, place);
         d_to_mean += direction_gradient(at, k, d_colour, coefficient);
-        [[unroll]] for (uint c = 0; c < 3; ++c) {
-            uint p = 3 * k + c;
-            if (ACCUMULATE) sh_moments[p * push.stride + place] += by_coefficient[c];
-            else step_sh(p, place, coefficient[c], by_coefficient[c], k == 0 ? push.rates.dc : push.rates.sh);
+        if (!ACCUMULATE) {
+            step_sh(k, place, coefficient, by_coefficient);
+            continue;
         }
+        [[unroll]] for (uint c = 0; c < 3; ++c) sh_moments[(3 * k + c) * push.stride + place] += by_coefficient[c];
     }
     if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
     if (!finite(g.mean)) return;

@@ -1,27 +1,39 @@
 // Moments of a number, Adam's or the first and the curvature, and both in one word.
 struct Moments { float first, second; };
 
-// The second moment in 18 bits: what float32 has of a positive number less 13 bits, which leaves 2^-10 of it. The
-// first in 14 bits, by how many square roots of the second it is, in steps of 1/1024 up to 8: Adam's is 7.3 at most (see adam_one.glsl),
-// and what more a gradient is than the root of its curvature, of which it is a part where the curvature is known well, is cut off.
+// Each in 16 bits, what float32 has of it less the rest: 2^-8 of the second moment, which has no sign, and 2^-7 of the first.
 // A second moment moves by a thousandth of itself in a step, so what is cut off decides by a draw whether it is rounded up: on
-// average nothing is lost. `dither`: 23 random bits, the highest first.
-const uint SECOND_CUT = 13, FIRST_BITS = 14;
-const float FIRST_STEPS = 1024.0, FIRST_MAX = 8191.0;
-
+// average nothing is lost. `dither`: 32 random bits.
 uint pack_moments(Moments m, uint dither) {
-    uint second = (floatBitsToUint(m.second) + (dither >> (32 - SECOND_CUT))) >> SECOND_CUT; // guard: rounded by a draw
-    float root = sqrt(uintBitsToFloat(second << SECOND_CUT));
-    float steps = root > 0.0 ? FIRST_STEPS * m.first / root : 0.0;
-    float drawn = float(dither >> 9 & 0x3FFu) / 1024.0;
-    steps = clamp(floor(steps + drawn), -FIRST_MAX, FIRST_MAX); // guard: gradients beyond the root of their curvature
-    return second << FIRST_BITS | uint(int(steps)) & 0x3FFFu;
+    uint second = (floatBitsToUint(m.second) + (dither & 0x7FFFu)) >> 15; // guard: rounded by a draw
+    return second << 16 | (floatBitsToUint(m.first) + (dither >> 16)) >> 16;
 }
 
-Moments unpack_moments(uint word) {
-    float second = uintBitsToFloat(word >> FIRST_BITS << SECOND_CUT);
-    int first = int(word << (32 - FIRST_BITS)) >> (32 - FIRST_BITS);
-    return Moments(float(first) / FIRST_STEPS * sqrt(second), second);
+Moments unpack_moments(uint word) { return Moments(uintBitsToFloat(word << 16), uintBitsToFloat(word >> 16 << 15)); }
+
+// The first moments of three channels in 10 bits each, by how many `roots` of its curvature each is: a sign, 5 bits of an exponent from
+// 2^-28 to 8 and 4 of what follows, rounded by a draw too. What is less counts as none.
+const uint BAND_CUT = 19, BAND_LEAST = 99u << 4;
+
+uint pack_firsts(vec3 first, vec3 roots, uint dither) {
+    uint word = 0;
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
+        float by = roots[c] > 0.0 ? first[c] / roots[c] : 0.0;
+        uint size = (floatBitsToUint(abs(by)) + ((dither >> (10 * c) & 0x3FFu) << (BAND_CUT - 10))) >> BAND_CUT;
+        size = clamp(size, BAND_LEAST, BAND_LEAST + 0x1FFu) - BAND_LEAST; // guard: gradients beyond the root of their curvature
+        word |= (size | (by < 0.0 ? 0x200u : 0u)) << (10 * c);
+    }
+    return word;
+}
+
+vec3 unpack_firsts(uint word, vec3 roots) {
+    vec3 first;
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
+        uint code = word >> (10 * c), size = code & 0x1FFu;
+        float by = size > 0 ? uintBitsToFloat((size + BAND_LEAST) << BAND_CUT) : 0.0;
+        first[c] = roots[c] * ((code & 0x200u) != 0 ? -by : by);
+    }
+    return first;
 }
 
 // Bits by Gaussian, plane and step (a mix of Wellons, "Prospecting for hash functions", 2018).

@@ -201,7 +201,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub strategy: u32,
-    pub sh_planes: u32,
+    pub sh_beside: u32,
     pub moments: u32,
 }
 #[derive(Clone, Copy)]
@@ -255,7 +255,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, strategy: call.constant(1) as u32, sh_planes: call.constant(2) as u32, moments: call.constant(3) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, strategy: call.constant(1) as u32, sh_beside: call.constant(2) as u32, moments: call.constant(3) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), words: crate::gpu::next_binding(&mut bindings), sources: crate::gpu::next_binding(&mut bindings), copies: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), }
     }
@@ -281,7 +281,7 @@ impl crate::gpu::Kernel for Kernel {
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"strategy", kind: crate::gpu::ConstantKind::U32 },
-        crate::gpu::Constant { id: 2, name: c"sh_planes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 2, name: c"sh_beside", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"moments", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
@@ -289,7 +289,7 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.strategy as u32), (2, spec.sh_planes as u32), (3, spec.moments as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.strategy as u32), (2, spec.sh_beside as u32), (3, spec.moments as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.status.raw(), b.words.raw(), b.sources.raw(), b.copies.raw(), b.geometry.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.scores.raw()])
     }

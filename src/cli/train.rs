@@ -23,6 +23,7 @@ use crate::{
     pipelines::{
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
+        learn::learning_bytes,
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Reduction, Session},
@@ -242,9 +243,9 @@ impl Args {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
             let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
             let control = density(iterations);
-            // Two moments of everything.
             let most = control.limit.max(count as u32);
-            let scene = self.learn.words() * u64::from(most) * gaussian_bytes(self.sh_degree, false);
+            let packed = self.learn.precision == super::Precision::Half;
+            let scene = u64::from(most) * learning_bytes(self.sh_degree, packed, control.strategy.is_newton());
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);

@@ -95,12 +95,30 @@ pub const PROBED_NTH: u32 = 4;
 /// What part of the way to the minimum they go at first.
 pub const NEWTON_PART: f32 = 0.02;
 
-/// Planes of moments for each plane that learns.
+/// Planes of moments for each plane that has both.
 pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }
 }
 
-/// Planes beside a segment's own: both moments of each plane that learns, or the gradients.
+/// Planes of moments beside harmonics of `degree`. Of Newton's steps only the constant one has a curvature, by which the others go too:
+/// of those there are the first moments, packed three to a word.
+pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
+    let all = sh_planes(degree);
+    let bands = all - 3;
+    match (newton, packed) {
+        (false, _) => moments_of(packed) * all,
+        (true, false) => 2 * 3 + bands,
+        (true, true) => 3 + bands / 3,
+    }
+}
+
+/// Bytes of a base's Gaussian that learns everything, and of its moments.
+pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> u64 {
+    let moments = moments_of(packed) * GEOMETRY_PLANES + sh_moments(sh_degree, packed, newton);
+    4 * (GEOMETRY_PLANES + sh_planes(sh_degree) + moments) as u64
+}
+
+/// Planes beside a segment's own: moments of what learns, or gradients.
 pub struct Beside {
     /// Beside the planes of [`layout`](crate::scene::layout)'s geometry.
     pub geometry: Planes,
@@ -111,19 +129,29 @@ pub struct Beside {
 }
 
 impl Beside {
-    fn new(model: &Model, lesson: &Lesson, times: usize, views: usize) -> Result<Self, GpuError> {
-        let part = model.part(lesson.segment);
+    fn moments(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
+        let sh = sh_moments(model.part(lesson.segment).sh_degree, lesson.packed, lesson.newton);
+        Self::new(model, lesson, moments_of(lesson.packed), sh, 0)
+    }
+
+    /// And a plane that counts views.
+    fn gradients(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
+        Self::new(model, lesson, 1, sh_planes(model.part(lesson.segment).sh_degree), 1)
+    }
+
+    /// `times` as many planes of what learns, but `sh` of harmonics, and `more` behind those of the geometry.
+    fn new(model: &Model, lesson: &Lesson, times: usize, sh: usize, more: usize) -> Result<Self, GpuError> {
         // What is frozen has none.
         let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
             (true, _) => (1, 0, 0),
-            (false, Segment::Base) => (GEOMETRY_PLANES, sh_planes(part.sh_degree), 0),
-            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh_planes(part.sh_degree), LOBE_PLANES),
+            (false, Segment::Base) => (GEOMETRY_PLANES, sh, 0),
+            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh, LOBE_PLANES),
         };
-        let pages = &part.pages;
+        let pages = &model.part(lesson.segment).pages;
         let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, pages);
         Ok(Beside {
-            geometry: zeroed("geometry_beside", times * geometry + views)?,
-            sh: zeroed("sh_beside", times * sh)?,
+            geometry: zeroed("geometry_beside", times * geometry + more)?,
+            sh: zeroed("sh_beside", sh)?,
             lobes: zeroed("lobe_beside", times * lobes)?,
         })
     }
@@ -142,7 +170,7 @@ struct Accumulated {
     step: Vec<adam::Stage>,
 }
 
-/// A lesson with its pipelines and Adam's moments.
+/// A lesson with its pipelines and moments.
 pub struct Learner {
     /// What is learned.
     pub lesson: Lesson,
@@ -210,14 +238,14 @@ impl Learner {
         let accumulated = match accumulate {
             false => None,
             true => Some(Accumulated {
-                gradients: Beside::new(model, &lesson, 1, 1)?,
+                gradients: Beside::gradients(model, &lesson)?,
                 add: backward(true, true)?,
                 step: degrees.clone().map(step).collect::<Result<_, _>>()?,
             }),
         };
         Ok(Learner {
             lesson,
-            moments: Beside::new(model, &lesson, moments_of(packed), 0)?,
+            moments: Beside::moments(model, &lesson)?,
             fused: backward(!accumulate, false)?,
             accumulated,
         })

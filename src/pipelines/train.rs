@@ -545,7 +545,7 @@ pub fn dense_trainer(
     density: &DensityOptions,
 ) -> Result<Trainer> {
     let Policy { compensate, packed, .. } = session.policy;
-    let newton = matches!(density.strategy, Strategy::Fixed | Strategy::Budget);
+    let newton = density.strategy.is_newton();
     let lesson = Lesson { compensate, packed, newton, ..Lesson::new(Segment::Base) };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;

@@ -147,10 +147,10 @@ impl RenderPlan {
                 16 * i64::from(width) * i64::from(height),
             ),
             feature(
-                "gradients and Adam's moments",
+                "moments of what learns",
                 false,
                 "nothing learns while it is rendered".into(),
-                all(2 * geometry) + both(&|degree| 2 * bytes_of(sh_planes(degree))) + (2 * supplementary * lobe) as i64,
+                all(2 * geometry) + both(&|degree| bytes_of(sh_planes(degree) + 3)) + (2 * supplementary * lobe) as i64,
             ),
         ]);
         let bytes = model.bytes() + frames.bytes();

@@ -423,8 +423,12 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
     let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
     let sources_there = Buffer::from_slice(context, "sources", &sources)?;
     let copies_there = Buffer::from_slice(context, "copies", &copies)?;
-    let spec =
-        density_apply::Spec { workgroup_size: page.workgroup_size, strategy, sh_planes: sh as u32, moments: planes };
+    let spec = density_apply::Spec {
+        workgroup_size: page.workgroup_size,
+        strategy,
+        sh_beside: planes * sh as u32,
+        moments: planes,
+    };
     let stage = density_apply::Stage::new(context, &spec)?;
     let buffers = density_apply::Buffers {
         population: &page.population,

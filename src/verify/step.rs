@@ -15,7 +15,10 @@ use crate::{
     },
     reference::{
         self, Options, Params,
-        adam::{PlaneRate, adam, curvature_one, dither_of, newton_one, pack_moments, unpack_moments},
+        adam::{
+            PlaneRate, adam, curvature_one, dither_of, newton_one, pack_firsts, pack_moments, unpack_firsts,
+            unpack_moments,
+        },
         blend::Margin,
         blend_backward::{Record, blend_backward_magnitudes},
         project_backward::{magnitudes, project_backward, sum_records},
@@ -312,7 +315,8 @@ fn step(
                     continue;
                 }
                 words += count;
-                otherwise += other_words(&mut row, &after_moments[array][at], [&first, &second], p);
+                let terms = terms_of(&start[array][2 * at], &gradients);
+                otherwise += other_words(&mut row, &after_moments[array][at], [&first, &second], &terms, p);
             }
         }
         if lesson.packed {
@@ -347,11 +351,12 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
             };
             [first, (0..count).map(second).collect()]
         };
-        let planes = beside_planes(&learner)[array] / if is_packed { 1 } else { 2 };
+        let planes = if beside_planes(&learner)[array] > 0 { own[array].len() } else { 0 };
         own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
     };
     let mut start: Columns = [moments(0), moments(1), moments(2)];
-    let stored = if is_packed { packed(&mut start) } else { start.clone() };
+    let mut stored = if is_packed { packed(&mut start) } else { start.clone() };
+    stored[1] = sh_stored(&mut start[1], is_packed);
     let seen = part.seen(scene, ordered);
     let how = if is_packed { ", packed" } else { "" };
     for (name, probes) in [("probe", true), ("Newton's step", false)] {
@@ -365,7 +370,7 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
         })?;
         let (after, after_moments) = (read(parameters)?, read(learner.moments.all())?);
         let mut row = bench.row("project_backward", format!("{}, {name}{how}{}", part.name, scene.suffix(false)));
-        let [mut otherwise, mut words] = [0; 2];
+        let ([mut otherwise, mut words], mut firsts) = ([0; 2], Vec::new());
         for (group, rate) in part.groups(scene, false) {
             let array = group.array as usize;
             for p in group.planes.clone() {
@@ -382,13 +387,31 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
                     }
                 }
                 row.numbers(after[array][p].iter().copied().zip(value));
-                if is_packed {
+                let terms = terms_of(&start[array][2 * p], &gradients);
+                if array == Array::Sh as usize && p >= 3 {
+                    // First moments alone, which a probe leaves.
+                    firsts.push([first, second, terms]);
+                } else if is_packed {
                     words += count;
-                    otherwise += other_words(&mut row, &after_moments[array][p], [&first, &second], p);
+                    otherwise += other_words(&mut row, &after_moments[array][p], [&first, &second], &terms, p);
                 } else {
                     row.numbers(after_moments[array][2 * p].iter().copied().zip(first));
                     row.numbers(after_moments[array][2 * p + 1].iter().copied().zip(second));
                 }
+            }
+        }
+        let sh = &after_moments[Array::Sh as usize];
+        if !is_packed {
+            for (got, [want, ..]) in sh[6..].iter().zip(&firsts) {
+                row.numbers(got.iter().copied().zip(want.iter().copied()));
+            }
+        } else if probes {
+            (3..sh.len()).for_each(|w| row.unequal(u64::from(sh[w] != stored[1][w])));
+        } else {
+            for (k, channels) in firsts.as_chunks::<3>().0.iter().enumerate() {
+                words += count;
+                let of = [0, 1, 2].map(|what| channels.each_ref().map(|channel| &channel[what][..]));
+                otherwise += other_firsts(&mut row, &sh[3 + k], of, 3 * (k + 1));
             }
         }
         if is_packed {
@@ -403,6 +426,10 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
 
 /// The words of pairs of moments; the moments become what their words say.
 fn packed(moments: &mut Columns) -> Columns {
+    moments.each_mut().map(|array| packed_pairs(array))
+}
+
+fn packed_pairs(pairs: &mut [Vec<f32>]) -> Vec<Vec<f32>> {
     let words = |pair: &mut [Vec<f32>]| -> Vec<f32> {
         let [first, second] = pair else { return Vec::new() };
         let word = |(m, v): (&mut f32, &mut f32)| {
@@ -412,25 +439,68 @@ fn packed(moments: &mut Columns) -> Columns {
         };
         first.iter_mut().zip(second).map(word).collect()
     };
-    moments.each_mut().map(|array| array.chunks_mut(2).map(words).collect())
+    pairs.chunks_mut(2).map(words).collect()
 }
 
-/// How many words of plane `plane` are not those of the moments; such as are not even neighbours of theirs are wrong.
-fn other_words(row: &mut Row, got: &[f32], [first, second]: [&[f64]; 2], plane: usize) -> usize {
+/// The sizes of what makes a first moment: of `before` and the gradient.
+fn terms_of(before: &[f32], gradients: &[f64]) -> Vec<f64> {
+    before.iter().zip(gradients).map(|(m, g)| f64::from(m.abs()) + g.abs()).collect()
+}
+
+/// What Newton's steps store beside harmonics of `pairs`, a first moment and a curvature of each plane: of those beyond the constant one
+/// the first moments. Their curvatures become those of the constant one, and what is packed what its words say.
+fn sh_stored(pairs: &mut [Vec<f32>], is_packed: bool) -> Vec<Vec<f32>> {
+    let mut stored: Vec<Vec<f32>> = match is_packed {
+        true => packed_pairs(&mut pairs[..6]),
+        false => pairs[..6].to_vec(),
+    };
+    for p in 3..pairs.len() / 2 {
+        pairs[2 * p + 1] = pairs[2 * (p % 3) + 1].clone();
+    }
+    for band in pairs[6..].chunks_mut(6) {
+        if !is_packed {
+            stored.extend([0, 2, 4].map(|first| band[first].clone()));
+            continue;
+        }
+        let count = band[0].len();
+        let word = |i: usize| {
+            let [first, curvature] = [0, 1].map(|m| std::array::from_fn(|c| f64::from(band[2 * c + m][i])));
+            let word = pack_firsts(first, curvature, 0);
+            let kept = unpack_firsts(word, curvature);
+            (0..3).for_each(|c| band[2 * c][i] = kept[c] as f32);
+            f32::from_bits(word)
+        };
+        stored.push((0..count).map(word).collect());
+    }
+    stored
+}
+
+/// How many words of plane `plane` are not those of the moments; such as are not even neighbours of theirs are wrong: the second moment
+/// by one step, the first by one and by what its `terms`, which may cancel, lose in float32.
+fn other_words(row: &mut Row, got: &[f32], [first, second]: [&[f64]; 2], terms: &[f64], plane: usize) -> usize {
     let mut others = 0;
-    for (i, (got, moments)) in got.iter().zip(first.iter().zip(second)).enumerate() {
-        let want = pack_moments([*moments.0, *moments.1], dither_of(i as u32, plane as u32, STEP - 1));
-        others += usize::from(got.to_bits() != want);
-        row.unequal(u64::from(!are_neighbours(got.to_bits(), want)));
+    for (i, got) in got.iter().map(|word| word.to_bits()).enumerate() {
+        let want = pack_moments([first[i], second[i]], dither_of(i as u32, plane as u32, STEP - 1));
+        others += usize::from(got != want);
+        let [m, want_m] = [got, want].map(|word| unpack_moments(word)[0]);
+        let near = (m - want_m).abs() <= want_m.abs() / 127.0 + 4e-7 * terms[i];
+        row.unequal(u64::from(!near || (got >> 16).abs_diff(want >> 16) > 1));
     }
     others
 }
 
-/// Whether two words of moments may be of the same numbers, rounded otherwise: the second moment by one step, the first, which is counted
-/// in roots of it, by one too and by half a step's share of itself.
-fn are_neighbours(got: u32, want: u32) -> bool {
-    let ([m, v], [want_m, want_v]) = (unpack_moments(got), unpack_moments(want));
-    (v - want_v).abs() <= want_v / 1023.0 && (m - want_m).abs() <= want_v.sqrt() * 1.01 / 1024.0 + want_m.abs() / 2000.0
+/// The same of three first moments in a word, of the coefficient whose first plane is `plane`.
+fn other_firsts(row: &mut Row, got: &[f32], [first, curvature, terms]: [[&[f64]; 3]; 3], plane: usize) -> usize {
+    let mut others = 0;
+    for (i, got) in got.iter().map(|word| word.to_bits()).enumerate() {
+        let [first, curvature, terms] = [first, curvature, terms].map(|channels| channels.map(|values| values[i]));
+        let want = pack_firsts(first, curvature, dither_of(i as u32, plane as u32, STEP - 1));
+        others += usize::from(got != want);
+        let [got, want] = [got, want].map(|word| unpack_firsts(word, curvature));
+        let near = |c: usize| (got[c] - want[c]).abs() <= want[c].abs() / 15.0 + 4e-7 * terms[c];
+        row.unequal(u64::from(!(0..3).all(near)));
+    }
+    others
 }
 
 /// Planes of the moments.

@@ -179,7 +179,7 @@ pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
         for m in (0..moments * GEOMETRY_PLANES).filter(|m| begins.all || (begins.opacity && m / moments == OPACITY)) {
             h.geometry_moments[at(m)] = 0.0;
         }
-        (0..moments * h.spec.sh_planes as usize).filter(|_| begins.all).for_each(|m| h.sh_moments[at(m)] = 0.0);
+        (0..h.spec.sh_beside as usize).filter(|_| begins.all).for_each(|m| h.sh_moments[at(m)] = 0.0);
         (0..SCORES as usize).for_each(|p| h.scores[at(p)] = 0.0);
     }
     Ok(())

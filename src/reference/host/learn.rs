@@ -7,7 +7,8 @@ use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
         adam::{
-            PlaneRate, adam_one, curvature_one, dither_of, newton_one, pack_moments, unit_before_step, unpack_moments,
+            PlaneRate, adam_one, curvature_one, dither_of, newton_one, pack_firsts, pack_moments, unit_before_step,
+            unpack_firsts, unpack_moments,
         },
         blend_backward::Record,
         lobe,
@@ -105,6 +106,12 @@ impl Planes<'_> {
                 _ => correct([r.first_correction, r.second_correction]),
             };
             let grads = values(grads, group.array);
+            if newton && group.array == Array::Sh && group.planes.start > 0 {
+                if r.probe == 0 {
+                    self.step_bands(grads, steps, group.planes.len() / 3, &rate, r);
+                }
+                continue;
+            }
             let (params, moments) = self.array(group.array);
             for p in group.planes.clone() {
                 let first = if packed { 1 } else { 2 } * moves.beside(p) * stride;
@@ -129,6 +136,36 @@ impl Planes<'_> {
                         moments[first + stride + place] = v as f32;
                     }
                 }
+            }
+        }
+    }
+
+    /// Newton's step of `bands` coefficients of harmonics beyond the constant one, by whose curvature they go.
+    fn step_bands(&mut self, grads: &[f64], steps: &[bool], bands: usize, rate: &PlaneRate, r: &StepRates) {
+        let Planes { stride, page_first, packed, .. } = *self;
+        let (params, moments) = self.array(Array::Sh);
+        for (place, k) in
+            (0..steps.len()).filter(|&place| steps[place]).flat_map(|place| (1..=bands).map(move |k| (place, k)))
+        {
+            let at = |p: usize| p * stride + place;
+            let curvature: [f64; 3] = std::array::from_fn(|c| match packed {
+                true => unpack_moments(moments[at(c)].to_bits())[1],
+                false => f64::from(moments[at(2 * c + 1)]),
+            });
+            let mut first = match packed {
+                true => unpack_firsts(moments[at(2 + k)].to_bits(), curvature),
+                false => std::array::from_fn(|c| f64::from(moments[at(3 + 3 * k + c)])),
+            };
+            for (c, first) in first.iter_mut().enumerate() {
+                let mut param = f64::from(params[at(3 * k + c)]);
+                newton_one(&mut param, grads[at(3 * k + c)], first, curvature[c], rate, r.newton.into());
+                params[at(3 * k + c)] = param as f32;
+            }
+            if packed {
+                let dither = dither_of(page_first + place as u32, 3 * k as u32, r.step);
+                moments[at(2 + k)] = f32::from_bits(pack_firsts(first, curvature, dither));
+            } else {
+                (0..3).for_each(|c| moments[at(3 + 3 * k + c)] = first[c] as f32);
             }
         }
     }
