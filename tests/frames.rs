@@ -20,7 +20,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use glint::{
     Error,
     data::{Dataset, DatasetOptions},
-    gpu::{Buffer, BufferRange, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder, f16},
+    gpu::{Buffer, BufferRange, Context, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder, f16},
     pipelines::{
         frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
         model::{self, Model, Upload},
@@ -863,7 +863,8 @@ fn room_that_is_not_filled_shows_nothing() {
 
 #[test]
 fn a_second_renderer_makes_no_pipelines() {
-    let gpu = Gpu::new();
+    // A device of its own: other tests make the same.
+    let gpu = Context::new(&ContextOptions::from_env()).unwrap();
     let model = Model::upload(&gpu, &random_scene(1, 50, 10, 1), 0).unwrap();
     let limits = Limits::of(&model, 32, 24);
     let first = Frames::new(&gpu, limits.clone()).unwrap();
@@ -872,9 +873,18 @@ fn a_second_renderer_makes_no_pipelines() {
     let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
     assert_eq!(gpu.counters().pipelines, made);
     // Of other degrees there is one more for each segment.
-    let _third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
+    let third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
     assert_eq!(gpu.counters().pipelines, made + 2);
-    drop((first, second));
+    // What is dropped leaves its pipelines to the next.
+    drop((first, second, third));
+    let _fourth = Frames::new(&gpu, limits).unwrap();
+    assert_eq!(gpu.counters().pipelines, made + 2);
+    // Nor does another context of the device.
+    let again = gpu.again(&ContextOptions::from_env()).unwrap();
+    let model = Model::upload(&again, &random_scene(1, 50, 10, 1), 0).unwrap();
+    let _fifth = Frames::new(&again, Limits::of(&model, 32, 24)).unwrap();
+    assert_eq!(again.counters().pipelines, 0);
+    assert_eq!(gpu.validation_messages(), [""; 0]);
 }
 
 #[test]

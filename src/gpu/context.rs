@@ -124,7 +124,7 @@ pub(super) struct Inner {
     pub queue: Mutex<vk::Queue>,
     pub queue_lock: Option<QueueLock>,
     pub pipeline_cache: vk::PipelineCache,
-    pub pipelines: Made,
+    pub pipelines: Arc<Made>,
     pub pipelines_made: AtomicU64,
     pub queue_family: u32,
     pub info: DeviceInfo,
@@ -162,6 +162,7 @@ struct Own {
     owned: bool,
     twins: Vec<Twin>,
     lost_after: Option<u64>,
+    pipelines: Arc<Made>,
 }
 
 impl Context {
@@ -231,13 +232,14 @@ impl Context {
             labels: debug,
             memory_budget: options.memory_budget,
         };
-        let own =
-            Own { messages, messenger, owned: true, twins: options.twins.clone(), lost_after: options.lost_after };
+        let (twins, lost_after) = (options.twins.clone(), options.lost_after);
+        let own = Own { messages, messenger, owned: true, twins, lost_after, ..Own::default() };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
-    /// Another context on the same device, which takes turns with this one at the queue and keeps the device open. Pipelines, memory
-    /// budget, counters and twins are its own; the choice of a device and the validation layers are what they are.
+    /// Another context on the same device, which takes turns with this one at the queue and keeps the device open. Memory budget,
+    /// counters and twins are its own; pipelines are shared where subgroups are of the same size; the choice of a device and the
+    /// validation layers are what they are.
     ///
     /// # Errors
     /// As of [`Context::new`]: a subgroup size that the device does not have.
@@ -264,6 +266,7 @@ impl Context {
             messages: inner.messages.clone(),
             twins: options.twins.clone(),
             lost_after: options.lost_after,
+            pipelines: if subgroups == inner.subgroups { inner.pipelines.clone() } else { Arc::default() },
             ..Own::default()
         };
         Self::assemble(borrowed, &physical, subgroups, own)
@@ -300,7 +303,7 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional, .. } = from;
-        let Own { messages, messenger, owned, twins, lost_after } = own;
+        let Own { messages, messenger, owned, twins, lost_after, pipelines } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -321,7 +324,7 @@ impl Context {
             queue: Mutex::new(queue),
             queue_lock: from.queue_lock,
             pipeline_cache: from.pipeline_cache,
-            pipelines: Made::default(),
+            pipelines,
             pipelines_made: AtomicU64::new(0),
             queue_family,
             info: physical.info(Some(subgroups), &features, timestamp_bits),
@@ -429,6 +432,10 @@ impl Drop for Inner {
                 for slot in slots.drain(..) {
                     destroy_slot(&self.device, slot);
                 }
+            }
+            // Another context of the device holds the one that it came from, so the last is always known to be.
+            if let Some(Ok(made)) = Arc::get_mut(&mut self.pipelines).map(Mutex::get_mut) {
+                made.drain().for_each(|(_, pipeline)| pipeline.destroy(&self.device));
             }
             if let Ok(mut allocator) = self.allocator.lock() {
                 drop(allocator.take());

@@ -4,7 +4,7 @@ use std::{
     collections::HashMap,
     ffi::CStr,
     marker::PhantomData,
-    sync::{Arc, Mutex, Weak, atomic::Ordering},
+    sync::{Arc, Mutex, atomic::Ordering},
 };
 
 use ash::vk;
@@ -164,27 +164,43 @@ impl KernelInfo {
     }
 }
 
-/// The pipelines of a context by kernel and constants, so that what is made again shares them.
-pub(super) type Made = Mutex<HashMap<(&'static str, Vec<(u32, u32)>), Weak<RawPipeline>>>;
+/// The pipelines of a context by kernel and constants. They stay until it ends, so that what is made again shares them: constants are
+/// few, and to compile a kernel takes longer than most of what it is then used for.
+pub(super) type Made = Mutex<HashMap<(&'static str, Vec<(u32, u32)>), RawPipeline>>;
 
+#[derive(Clone, Copy, Default)]
 pub(super) struct RawPipeline {
     pub handle: vk::Pipeline,
     pub layout: vk::PipelineLayout,
     set_layout: vk::DescriptorSetLayout,
-    context: Context,
+}
+
+impl RawPipeline {
+    /// # Safety
+    /// No work that uses it is left, and no [`Pipeline`] of it.
+    pub unsafe fn destroy(self, device: &ash::Device) {
+        // SAFETY: by the contract above; null handles are allowed.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
 }
 
 /// A kernel with its specialisation constants set.
 pub struct Pipeline<K: Kernel> {
-    pub(super) raw: Arc<RawPipeline>,
+    pub(super) raw: RawPipeline,
     pub(super) workgroup_size: u32,
     /// Ids and values of the constants that it was made with.
     pub(super) spec: Vec<(u32, u32)>,
+    /// The owner of `raw`.
+    _context: Context,
     kernel: PhantomData<K>,
 }
 
 impl<K: Kernel> Pipeline<K> {
-    /// Shares what the context has made of the same kernel and constants and still holds, else makes it.
+    /// Shares what the context has made of the same kernel and constants, else makes it.
     ///
     /// Where [`DeviceInfo::workgroup`](super::DeviceInfo::workgroup) asks for it, kernels of independent subgroups get
     /// workgroups of one subgroup, whatever `spec` says.
@@ -200,14 +216,17 @@ impl<K: Kernel> Pipeline<K> {
         let bytes = if subgroups.software { K::SOFTWARE_SPIRV } else { bytes };
         #[cfg(feature = "software-subgroups")]
         spec.push((SOFTWARE_LANES, subgroups.lanes));
-        let key = (K::NAME, spec.clone());
-        let known = context.0.pipelines.lock().ok().and_then(|made| made.get(&key)?.upgrade());
-        if let Some(raw) = known {
-            return Ok(Pipeline { raw, workgroup_size, spec, kernel: PhantomData });
+        let key = (K::NAME, spec);
+        let spec = &key.1;
+        let pipeline =
+            |raw| Pipeline { raw, workgroup_size, spec: key.1.clone(), _context: context.clone(), kernel: PhantomData };
+        let made = || context.0.pipelines.lock().unwrap_or_else(|e| e.into_inner());
+        if let Some(&known) = made().get(&key) {
+            return Ok(pipeline(known));
         }
         let in_kernel = |what| GpuError::Kernel { kernel: K::NAME, what };
         let module = words(bytes).map_err(in_kernel)?;
-        check::<K>(context, workgroup_size, shared_bytes(&module, &spec).map_err(in_kernel)?)?;
+        check::<K>(context, workgroup_size, shared_bytes(&module, spec).map_err(in_kernel)?)?;
         let code = with_modes(&module, &subgroups.modes(context.info(), K::SUBGROUPS)).map_err(in_kernel)?;
         let (ids, words): (Vec<u32>, Vec<u32>) = spec.iter().copied().unzip();
         let device = &context.0.device;
@@ -230,56 +249,60 @@ impl<K: Kernel> Pipeline<K> {
             .zip((0..).step_by(4))
             .map(|(&constant_id, offset)| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
             .collect();
-        // SAFETY: every structure lives for its call; what was made before a failure is destroyed by RawPipeline's Drop
-        // (null handles are allowed there) or right here for the module.
-        unsafe {
-            let set_info = vk::DescriptorSetLayoutCreateInfo::default()
-                .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
-                .bindings(&bindings);
-            let mut raw = RawPipeline {
-                handle: vk::Pipeline::null(),
-                layout: vk::PipelineLayout::null(),
-                set_layout: device
-                    .create_descriptor_set_layout(&set_info, None)
-                    .check("vkCreateDescriptorSetLayout")?,
-                context: context.clone(),
-            };
-            let sets = [raw.set_layout];
-            let mut layout = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
-            if push[0].size > 0 {
-                layout = layout.push_constant_ranges(&push);
-            }
-            raw.layout = device.create_pipeline_layout(&layout, None).check("vkCreatePipelineLayout")?;
-            let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
-            let module = device.create_shader_module(&module_info, None).check("vkCreateShaderModule")?;
-            let specialization =
-                vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(words.as_slice()));
-            let mut stage = vk::PipelineShaderStageCreateInfo::default()
-                .stage(vk::ShaderStageFlags::COMPUTE)
-                .module(module)
-                .name(c"main")
-                .specialization_info(&specialization);
-            let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-                .required_subgroup_size(subgroups.lanes);
-            if K::SUBGROUPS && !subgroups.software {
-                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
-                if subgroups.require {
-                    stage = stage.push_next(&mut size);
+        let mut raw = RawPipeline::default();
+        let mut make = || {
+            // SAFETY: every structure lives for its call.
+            unsafe {
+                let set_info = vk::DescriptorSetLayoutCreateInfo::default()
+                    .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+                    .bindings(&bindings);
+                raw.set_layout =
+                    device.create_descriptor_set_layout(&set_info, None).check("vkCreateDescriptorSetLayout")?;
+                let sets = [raw.set_layout];
+                let mut layout = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+                if push[0].size > 0 {
+                    layout = layout.push_constant_ranges(&push);
                 }
+                raw.layout = device.create_pipeline_layout(&layout, None).check("vkCreatePipelineLayout")?;
+                let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
+                let module = device.create_shader_module(&module_info, None).check("vkCreateShaderModule")?;
+                let specialization = vk::SpecializationInfo::default()
+                    .map_entries(&entries)
+                    .data(bytemuck::cast_slice(words.as_slice()));
+                let mut stage = vk::PipelineShaderStageCreateInfo::default()
+                    .stage(vk::ShaderStageFlags::COMPUTE)
+                    .module(module)
+                    .name(c"main")
+                    .specialization_info(&specialization);
+                let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+                    .required_subgroup_size(subgroups.lanes);
+                if K::SUBGROUPS && !subgroups.software {
+                    stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+                    if subgroups.require {
+                        stage = stage.push_next(&mut size);
+                    }
+                }
+                let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(raw.layout)];
+                let made = device.create_compute_pipelines(context.0.pipeline_cache, &info, None);
+                device.destroy_shader_module(module, None);
+                raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
+                Ok(())
             }
-            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(raw.layout)];
-            let made = device.create_compute_pipelines(context.0.pipeline_cache, &info, None);
-            device.destroy_shader_module(module, None);
-            raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
-            let raw = Arc::new(raw);
-            context.0.pipelines_made.fetch_add(1, Ordering::Relaxed);
-            // Two threads may have made the same: either is good.
-            if let Ok(mut made) = context.0.pipelines.lock() {
-                made.retain(|_, pipeline| pipeline.strong_count() > 0);
-                made.insert(key, Arc::downgrade(&raw));
-            }
-            Ok(Pipeline { raw, workgroup_size, spec, kernel: PhantomData })
+        };
+        let result = make();
+        let mut made = made();
+        // Another thread may have made the same meanwhile.
+        let known = made.get(&key).copied();
+        if result.is_err() || known.is_some() {
+            // SAFETY: nothing has seen it.
+            unsafe { raw.destroy(device) };
         }
+        result?;
+        if known.is_none() {
+            context.0.pipelines_made.fetch_add(1, Ordering::Relaxed);
+            made.insert(key.clone(), raw);
+        }
+        Ok(pipeline(known.unwrap_or(raw)))
     }
 
     /// Threads of a workgroup.
@@ -324,18 +347,6 @@ fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<()
     Ok(())
 }
 
-impl Drop for RawPipeline {
-    fn drop(&mut self) {
-        let device = &self.context.0.device;
-        // SAFETY: submissions hold an Arc of every pipeline they use until they are waited for.
-        unsafe {
-            device.destroy_pipeline(self.handle, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -357,7 +368,8 @@ mod tests {
         assert_eq!(context.validation_messages(), [""; 0]);
         let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
         (subgroups.lanes, subgroups.require) = (256, true);
-        // Whatever the driver makes of it.
+        // Whatever the driver makes of it; of another block, as the context has what it made before.
+        let spec = radix_upsweep::Spec { block: 512, ..spec };
         let _ = radix_upsweep::Stage::new(&context, &spec);
         let said = context.validation_messages().concat();
         // Above the largest size; and no whole number of subgroups, which counts where they must be full.

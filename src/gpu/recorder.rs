@@ -531,7 +531,6 @@ impl Recorder {
     fn bind_buffers<K: Kernel>(&mut self, pipeline: &Pipeline<K>, raw: &[&Arc<RawBuffer>], args: Option<&Buffer<u32>>) {
         let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
-        self.kept.keep(pipeline.raw.handle, &pipeline.raw);
         raw.iter().for_each(|buffer| self.kept.keep(buffer.handle, buffer));
         args.into_iter().for_each(|args| self.keep_buffer(args));
         const MOST: usize = needs::STORAGE_BUFFERS as usize;

@@ -139,9 +139,9 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     }
     let mut found = Found::default();
     for (mesh, matrix) in placed_meshes(&document)? {
-        // A mesh that many nodes name is read as often, and text takes longer than numbers.
+        // A mesh that many nodes name is read as often, and text takes longer than numbers: a byte of it as long as eight of these.
         let text = document.root.meshes.get(mesh).map_or(0, |text| text.get().len());
-        found.promise(&document, 4 * text as u64, "meshes")?;
+        found.promise(&document, 8 * text as u64, "meshes")?;
         let primitives: Mesh = Document::object(&document.root.meshes, mesh, "mesh")?;
         for (i, text) in primitives.primitives.iter().enumerate() {
             let place = || format!("primitive {i} of mesh {mesh}");
