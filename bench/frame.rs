@@ -94,7 +94,7 @@ fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
     if !args.scene.is_empty() {
         return Err(Error::Usage("expected a scene and a dataset, or neither".into()));
     }
-    Ok((random::scene(args.gaussians, args.lobes, args.sh_degree), random_camera(width, height)))
+    Ok((random::scene(args.gaussians, args.lobes, 1.0, args.sh_degree), random_camera(width, height)))
 }
 
 /// CPU seconds of the process, all threads, as Linux counts them; 0 elsewhere.

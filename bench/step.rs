@@ -1,6 +1,6 @@
 //! Time of one training step, stage by stage, on a dataset, on the built-in scene or on random Gaussians.
 //!
-//!     cargo bench --bench step -- [DATASET | --size WxH] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--half] [--json]
+//!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--half] [--json]
 //!
 //! With a size, random Gaussians learn photographs of their own kind, which are renders of others.
 //!
@@ -39,6 +39,9 @@ struct Args {
     /// Pixels of the views of random Gaussians
     #[arg(long, value_parser = random::size, conflicts_with_all = ["dataset", "max_size"])]
     size: Option<[u32; 2]>,
+    /// How often random Gaussians cover the image, as a multiple of what they do by default
+    #[arg(long, default_value_t = 1.0, requires = "size", value_parser = positive)]
+    overlap: f64,
     /// Gaussians at most
     #[arg(long, default_value_t = 30_000)]
     gaussians: usize,
@@ -62,6 +65,11 @@ struct Args {
     /// Given by cargo bench
     #[arg(long, hide = true)]
     bench: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| format!("`{text}`, expected a number above 0"))
 }
 
 fn main() -> ExitCode {
@@ -165,7 +173,7 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
 
 /// Four views of random Gaussians whose colours have to change places.
 fn random_task(context: &Context, args: &Args, [width, height]: [u32; 2]) -> Result<Task> {
-    let scene = random::scene(args.gaussians, 0.0, args.sh_degree);
+    let scene = random::scene(args.gaussians, 0.0, args.overlap, args.sh_degree);
     let camera = random_camera(width, height);
     let cameras = [0.0, 0.05, 0.1, 0.15].map(|angle| {
         let turn = DMat3::from_rotation_y(angle);

@@ -151,9 +151,12 @@ impl Steps {
     fn collect(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { status, readback, run, .. } = self;
         let Some((oldest, ring)) = run.in_flight.pop_front() else { return Ok(None) };
-        run.report.stages.extend(oldest.wait()?);
+        let stages = oldest.wait()?;
         let found = Status::read(readback[ring].mapped());
-        if found.failed() {
+        if !found.failed() {
+            // Steps after one that does not fit do only a part of their work.
+            run.report.stages.extend(stages);
+        } else {
             // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
             run.in_flight.clear();
             // Before there is room: where there is none, this many steps are what there is.
