@@ -372,7 +372,11 @@ impl Raster {
 
     /// What a raster of these options holds, its records by intersection.
     pub fn plan(options: &RasterOptions) -> Plan {
-        RasterBuffers::plan(options).and(Isects::plan(options)).and(Records::plan(options))
+        let records = match options.policy.reduction {
+            Reduction::Atomic => GaussianRecords::plan(options),
+            Reduction::Auto | Reduction::Deterministic => Records::plan(options),
+        };
+        RasterBuffers::plan(options).and(Isects::plan(options)).and(records)
     }
 
     /// All its buffers, but for gradient records.
