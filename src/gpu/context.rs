@@ -434,7 +434,8 @@ impl Drop for Inner {
                 }
             }
             // Another context of the device holds the one that it came from, so the last is always known to be.
-            if let Some(Ok(made)) = Arc::get_mut(&mut self.pipelines).map(Mutex::get_mut) {
+            if let Some(made) = Arc::get_mut(&mut self.pipelines) {
+                let made = made.get_mut().unwrap_or_else(|e| e.into_inner());
                 made.drain().for_each(|(_, pipeline)| pipeline.destroy(&self.device));
             }
             if let Ok(mut allocator) = self.allocator.lock() {

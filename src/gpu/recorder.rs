@@ -501,7 +501,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// For a borrowed command buffer: the buffers and pipelines that must outlive the commands.
+    /// For a borrowed command buffer: the buffers that must outlive the commands, and with them the context and its pipelines.
     pub fn finish(mut self) -> Kept {
         std::mem::take(&mut self.kept)
     }
