@@ -1,7 +1,6 @@
 //! Turns stages into commands: descriptors, push constants, barriers from declared access, labels, timestamps.
 
 use std::{
-    any::Any,
     collections::HashMap,
     ffi::{CStr, CString},
     panic::{AssertUnwindSafe, catch_unwind},
@@ -127,14 +126,13 @@ pub struct Recorder {
     failed: Option<GpuError>,
 }
 
-/// The buffers and pipelines that recorded commands use: they must outlive the commands. Handed to [`Recorder::borrow`] once the
-/// commands have run, its memory serves again.
+/// The buffers that recorded commands use, and with them the context and its pipelines: they must outlive the commands. Handed to
+/// [`Recorder::borrow`] once the commands have run, its memory serves again.
 #[derive(Default)]
 pub struct Kept {
     /// Since the last barrier: whether a buffer was written (true) or only read.
     touched: HashMap<vk::Buffer, bool>,
-    /// By kind and handle: handles of different kinds may be the same number.
-    keep: HashMap<(vk::ObjectType, u64), Arc<dyn Any + Send + Sync>>,
+    buffers: HashMap<vk::Buffer, Arc<RawBuffer>>,
     times: Option<Times>,
 }
 
@@ -178,24 +176,24 @@ impl Kept {
         stamps.read(context)
     }
 
-    fn keep<H: vk::Handle, T: Any + Send + Sync>(&mut self, handle: H, what: &Arc<T>) {
-        self.keep.entry((H::TYPE, handle.as_raw())).or_insert_with(|| what.clone());
+    fn keep(&mut self, buffer: &Arc<RawBuffer>) {
+        self.buffers.entry(buffer.handle).or_insert_with(|| buffer.clone());
     }
 
     /// Lets go of all, and keeps the memory of the lists.
     pub fn clear(&mut self) {
         self.touched.clear();
-        self.keep.clear();
+        self.buffers.clear();
     }
 
-    /// Buffers and pipelines.
+    /// Buffers.
     pub fn len(&self) -> usize {
-        self.keep.len()
+        self.buffers.len()
     }
 
-    /// Whether nothing was recorded.
+    /// Whether no buffer is kept.
     pub fn is_empty(&self) -> bool {
-        self.keep.is_empty()
+        self.buffers.is_empty()
     }
 }
 
@@ -531,7 +529,7 @@ impl Recorder {
     fn bind_buffers<K: Kernel>(&mut self, pipeline: &Pipeline<K>, raw: &[&Arc<RawBuffer>], args: Option<&Buffer<u32>>) {
         let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
-        raw.iter().for_each(|buffer| self.kept.keep(buffer.handle, buffer));
+        raw.iter().for_each(|buffer| self.kept.keep(buffer));
         args.into_iter().for_each(|args| self.keep_buffer(args));
         const MOST: usize = needs::STORAGE_BUFFERS as usize;
         let mut infos = [vk::DescriptorBufferInfo { range: vk::WHOLE_SIZE, ..Default::default() }; MOST];
@@ -589,7 +587,7 @@ impl Recorder {
     }
 
     pub(super) fn keep_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) {
-        self.kept.keep(buffer.raw().handle, buffer.raw());
+        self.kept.keep(buffer.raw());
     }
 
     fn label(&self, name: &CStr) {
@@ -733,20 +731,6 @@ fn recycle(context: &Context, mut slot: CommandSlot) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Vulkan lets a driver give a buffer and a pipeline handles of one number.
-    #[test]
-    fn what_has_one_handle_and_is_of_two_kinds_is_kept_twice() {
-        use vk::Handle;
-        let (mut kept, buffer, pipeline) = (Kept::default(), Arc::new(1u32), Arc::new(2u32));
-        for _ in 0..2 {
-            kept.keep(vk::Buffer::from_raw(7), &buffer);
-            kept.keep(vk::Pipeline::from_raw(7), &pipeline);
-        }
-        assert_eq!((kept.len(), Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (2, 2, 2));
-        kept.clear();
-        assert_eq!((Arc::strong_count(&buffer), Arc::strong_count(&pipeline)), (1, 1));
-    }
 
     #[test]
     fn timestamps_of_few_bits_begin_again_at_0() {

@@ -154,7 +154,7 @@ impl Steps {
         let stages = oldest.wait()?;
         let found = Status::read(readback[ring].mapped());
         if !found.failed() {
-            // Steps after one that does not fit do only a part of their work.
+            // Only of these: steps after one that does not fit do a part of their work.
             run.report.stages.extend(stages);
         } else {
             // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
@@ -162,6 +162,8 @@ impl Steps {
             // Before there is room: where there is none, this many steps are what there is.
             // guard: steps that did not fit are done again
             run.next = found.steps();
+            // The next is timed: the one that failed may have been, and be the only one.
+            run.submitted = run.submitted.next_multiple_of(TIMED_OF);
             for (resource, needed) in found.needs() {
                 tracing::debug!(step = found.steps(), %resource, needed, "making room");
                 work.grow(resource, needed)?;
@@ -176,8 +178,11 @@ impl Steps {
 
     /// Ends the loop before its last step, once what is on its way is done: how many steps were.
     pub fn stop(&mut self) -> Result<u32> {
-        for (submission, _) in mem::take(&mut self.run.in_flight) {
-            self.run.report.stages.extend(submission.wait()?);
+        for (submission, ring) in mem::take(&mut self.run.in_flight) {
+            let stages = submission.wait()?;
+            if !Status::read(self.readback[ring].mapped()).failed() {
+                self.run.report.stages.extend(stages);
+            }
         }
         self.run.next = self.run.total;
         Ok(Status::read(&self.status.download()?).steps())
