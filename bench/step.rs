@@ -100,9 +100,8 @@ fn run(args: &Args) -> Result<()> {
     };
     train_base(&session, &model, &views, &options, false, |_| ())?;
     let started = Instant::now();
-    train_base(&session, &model, &views, &options, false, |_| ())?;
-    let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);
     let timed = train_base(&session, &model, &views, &options, true, |_| ())?;
+    let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);
 
     let steps = timed.steps.stages.iter().filter(|s| s.name == step_done::Kernel::NAME).count().max(1) as f64;
     let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();

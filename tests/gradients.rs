@@ -3,7 +3,7 @@
 
 use glint::{
     reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render},
-    scene::layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, OPACITY, QUAT, groups},
+    scene::layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
 };
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -75,8 +75,8 @@ impl Problem {
     /// Adds to every log scale and to every opacity logit.
     fn grown(mut self, log_scale: f64, logit: f64) -> Self {
         let stride = self.params.stride;
-        self.params.geometry[LOG_SCALE * stride..QUAT * stride].iter_mut().for_each(|s| *s += log_scale);
-        self.params.geometry[OPACITY * stride..].iter_mut().for_each(|o| *o += logit);
+        self.params.geometry[LOG_SCALE * stride..(LOG_SCALE + 3) * stride].iter_mut().for_each(|s| *s += log_scale);
+        self.params.geometry[OPACITY * stride..(OPACITY + 1) * stride].iter_mut().for_each(|o| *o += logit);
         self
     }
 
@@ -247,9 +247,10 @@ fn what_is_hidden_changes_nothing_and_learns_nothing() {
     let (stride, coefficients) = (problem.params.stride, 3 * problem.params.sh_coefficients());
     for i in 0..3 {
         let mean = camera.unproject(camera.cx, camera.cy, 0.25 + 0.01 * i as f64).to_array();
-        let geometry = [mean[0], mean[1], mean[2], 3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 9.0];
-        for (p, value) in geometry.into_iter().enumerate() {
-            problem.params.geometry[p * stride + i] = value;
+        for (first, values) in
+            [(MEAN, &mean[..]), (LOG_SCALE, &[3.0; 3]), (QUAT, &[1.0, 0.0, 0.0, 0.0]), (OPACITY, &[9.0])]
+        {
+            values.iter().enumerate().for_each(|(c, &v)| problem.params.geometry[(first + c) * stride + i] = v);
         }
         for p in 0..coefficients {
             problem.params.sh[p * stride + i] = if p < 3 { 0.3 * p as f64 } else { 0.0 };
@@ -257,7 +258,7 @@ fn what_is_hidden_changes_nothing_and_learns_nothing() {
     }
     let full = problem.render(&problem.params);
     let mut walls = problem.params.clone();
-    walls.geometry[OPACITY * stride + 3..].fill(-20.0);
+    walls.geometry[OPACITY * stride..(OPACITY + 1) * stride][3..].fill(-20.0);
     let bare = problem.render(&walls);
     // Who stopped a pixel may differ, its colour may not.
     assert_eq!(full.blended.image, bare.blended.image);

@@ -340,11 +340,14 @@ impl Similarity {
         let back = self.turn.inverse();
         for i in 0..p.count {
             let m = self.scale * (back * p.mean(i));
-            (0..3).for_each(|k| out.geometry[k * p.stride + i] = m[k]);
+            (0..3).for_each(|k| out.geometry[(layout::MEAN + k) * p.stride + i] = m[k]);
             // Left multiplication by a unit quaternion is a rotation of the four components.
             let [w, x, y, z] = p.quat(i);
             let q = back * DQuat::from_xyzw(x, y, z, w);
-            [q.w, q.x, q.y, q.z].into_iter().enumerate().for_each(|(k, v)| out.geometry[(6 + k) * p.stride + i] = v);
+            [q.w, q.x, q.y, q.z]
+                .into_iter()
+                .enumerate()
+                .for_each(|(k, v)| out.geometry[(layout::QUAT + k) * p.stride + i] = v);
             if let Some((d, ..)) = p.lobe(i) {
                 let d = back * d;
                 (0..3).for_each(|k| out.lobes[k * p.lobe_stride + i - p.lobe_first] = d[k]);

@@ -41,7 +41,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer Copies { uint copies[]; };
 #define MODEL_LOADS
 #define MODEL_STORES
 #include "../shared/model.glsl"
-layout(set = 0, binding = 9, scalar) writeonly buffer Scores { float scores[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Scores { vec4 scores[]; };
 #include "../shared/view.glsl"
 #include "../shared/gaussian.glsl"
 
@@ -60,7 +60,7 @@ void main() {
     uint number = push.page_first + place;
     if (!(place < push.stride && number < count)) return;
     if (status[STATUS_FAILED] != 0) return;
-    for (uint p = 0; p < SCORES; ++p) scores[p * push.stride + place] = 0.0;
+    scores[place] = vec4(0.0);
     uint parent = sources[number], n = copies[parent] + 1;
     bool child = number >= words[ALIVE], fresh = n > 1;
     float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit), rest = sigmoid(-logit);
@@ -108,9 +108,12 @@ void main() {
     bool lowered = sigmoid(logit) > push.most;
     if (lowered) logit = logit_of(push.most, 1.0 - push.most);
     store_geometry(OPACITY, place, logit);
-    for (uint m = 0; m < MOMENTS * GEOMETRY_PLANES; ++m) {
-        if (fresh || (lowered && m / MOMENTS == OPACITY)) geometry_moments[m * push.stride + place] = 0.0;
+    if (lowered) {
+        for (uint m = 0; m < MOMENTS; ++m) {
+            geometry_moments[(MOMENTS * (OPACITY / 4) + m) * push.stride + place][OPACITY % 4] = 0.0;
+        }
     }
     if (!fresh) return;
-    for (uint m = 0; m < SH_BESIDE; ++m) sh_moments[m * push.stride + place] = 0.0;
+    for (uint q = 0; 4 * q < MOMENTS * GEOMETRY_PLANES; ++q) geometry_moments[q * push.stride + place] = vec4(0.0);
+    for (uint q = 0; 4 * q < SH_BESIDE; ++q) sh_moments[q * push.stride + place] = vec4(0.0);
 }

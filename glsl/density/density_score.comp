@@ -33,7 +33,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
 #define RECORD_SHAPES 6
 #define RECORD_COLOURS 7
 #include "../shared/records.glsl"
-layout(set = 0, binding = 8, scalar) buffer Scores { float scores[]; };
+layout(set = 0, binding = 8, scalar) buffer Scores { vec4 scores[]; };
 
 void main() {
     uint place = thread_index();
@@ -43,16 +43,13 @@ void main() {
     uvec2 own = records_of(i, push.by_gaussian != 0);
     vec3 sum = vec3(0.0);
     for (uint slot = own.x; slot < own.x + own.y; ++slot) sum += PULLS ? record_centres[slot] : record_colours[slot];
-    uint at = place;
     vec2 add = sum.xy;
     if (PULLS) {
         Splat s = splats[i];
         vec2 centre = vec2(s.l11 * sum.x, s.l12 * sum.x + s.l22 * sum.y) * vec2(push.half_width, push.half_height);
         bool blended = own.y > 0 && (sum.z != 0.0 || sum.x != 0.0 || sum.y != 0.0);
         add = blended ? vec2(length(centre), 1.0) : vec2(0.0);
-        at += PULL * push.stride;
     }
     if (!(add.x <= FLOAT_MAX && add.y <= FLOAT_MAX)) return;
-    scores[at] += add.x;
-    scores[at + push.stride] += add.y;
+    scores[place] += PULLS ? vec4(0.0, 0.0, add) : vec4(add, 0.0, 0.0); // PULL and SEEN, or ERROR and WEIGHT
 }

@@ -32,7 +32,7 @@ layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_f
 #include "../shared/model.glsl"
 #include "../shared/view.glsl"
 #include "../shared/gaussian.glsl"
-layout(set = 0, binding = 2, scalar) readonly buffer Scores { float scores[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Scores { vec4 scores[]; };
 layout(set = 0, binding = 3, scalar) writeonly buffer Alive { uint alive[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Keys { uint keys[]; };
 
@@ -53,10 +53,10 @@ void main() {
         if (STRATEGY == MCMC) {
             key = uint(opacity * float(0xFFFFFFFFu / max(push.capacity, 1) / 2));
         } else if (STRATEGY == ADC) {
-            float seen = scores[SEEN * push.stride + place], pull = scores[PULL * push.stride + place];
+            float seen = scores[place][SEEN], pull = scores[place][PULL];
             if (seen > 0.0 && pull / seen >= push.least_score) key = 0;
         } else {
-            float score = scores[ERROR * push.stride + place];
+            float score = scores[place][ERROR];
             if (score >= SCORE_MIN && score <= SCORE_MAX) { // guard: density: scores that can be drawn
                 uvec4 h = pcg4d(uvec4(number, push.step, HASH_KEY, push.seed));
                 key = floatBitsToUint(exponential_of(h.x) / score);

@@ -48,34 +48,39 @@ void main() {
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
     if (place >= push.stride || i >= segment_first[push.segment + 1]) return;
     if (status[STATUS_FAILED] != 0) return;
-    uint views = OPACITY_ONLY ? 1 : GEOMETRY_PLANES; // plane
-    if (SPARSE && geometry_grads[views * push.stride + place] == 0.0) return;
+    const uint VIEWS = OPACITY_ONLY ? 1 : GEOMETRY_PLANES; // plane
+    if (SPARSE && geometry_grads[quad_of(VIEWS, place)][VIEWS % 4] == 0.0) return;
     if (OPACITY_ONLY) {
-        float by_opacity = geometry_grads[place];
-        if (finite(by_opacity)) step_geometry(OPACITY, 0, place, by_opacity, push.rates.opacity);
+        float by_opacity = geometry_grads[place].x;
+        if (finite(by_opacity)) step_opacity(place, by_opacity);
         return;
     }
 
     Gradient g;
-    for (uint c = 0; c < 3; ++c) {
-        g.mean[c] = geometry_grads[(MEAN + c) * push.stride + place];
-        g.log_scale[c] = geometry_grads[(LOG_SCALE + c) * push.stride + place];
-        g.direction[c] = HAS_LOBES ? lobe_grads[(LOBE_DIRECTION + c) * push.stride + place] : 0.0;
-    }
-    for (uint c = 0; c < 4; ++c) g.quat[c] = geometry_grads[(QUAT + c) * push.stride + place];
-    g.opacity = geometry_grads[OPACITY * push.stride + place];
-    g.width = HAS_LOBES ? lobe_grads[LOBE_WIDTH * push.stride + place] : 0.0;
-    g.sharpness = HAS_LOBES ? lobe_grads[LOBE_SHARPNESS * push.stride + place] : 0.0;
+    vec4 by_mean = geometry_grads[quad_of(MEAN, place)];
+    g.mean = by_mean.xyz;
+    g.opacity = by_mean.w;
+    g.quat = geometry_grads[quad_of(QUAT, place)];
+    g.log_scale = geometry_grads[quad_of(LOG_SCALE, place)].xyz;
+    vec4 by_lobe = HAS_LOBES ? lobe_grads[quad_of(LOBE_DIRECTION, place)] : vec4(0.0);
+    g.direction = by_lobe.xyz;
+    g.width = by_lobe.w;
+    g.sharpness = HAS_LOBES ? lobe_grads[quad_of(LOBE_SHARPNESS, place)].x : 0.0;
     bool sound = finite(g);
-    for (uint p = 0; p < 3 * COEFFICIENTS; ++p) sound = sound && finite(sh_grads[p * push.stride + place]);
+    for (uint q = 0; 4 * q < 3 * COEFFICIENTS; ++q) {
+        vec4 grads = sh_grads[q * push.stride + place];
+        sound = sound && finite(grads.xyz) && finite(grads.w);
+    }
     if (!sound) return;
+    vec4 quads[3];
+    [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];
 
     // What is made a unit vector before it steps has the gradient of that vector: longer by the length.
     if (any(notEqual(g.quat, vec4(0.0)))) {
-        vec4 q = load_quat(place);
+        vec4 q = quads[QUAT / 4];
         float norm = to_unit(q);
         if (wants_unit(norm)) {
-            store_quat(place, q);
+            quads[QUAT / 4] = q;
             g.quat *= norm;
         }
     }
@@ -87,10 +92,14 @@ void main() {
             g.direction *= norm;
         }
     }
-    for (uint k = 0; k < COEFFICIENTS; ++k) {
-        vec3 d_coefficient;
-        for (uint c = 0; c < 3; ++c) d_coefficient[c] = sh_grads[(3 * k + c) * push.stride + place];
-        step_sh(k, place, load_sh3(k, place), d_coefficient);
+    [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
+        vec4 values[3], grads[3];
+        load_sh12(group, 3 * COEFFICIENTS, place, values);
+        [[unroll]] for (uint n = 0; n < 3; ++n) {
+            uint q = 3 * group + n;
+            grads[n] = 4 * q < 3 * COEFFICIENTS ? sh_grads[q * push.stride + place] : vec4(0.0);
+        }
+        step_sh12(group, place, values, grads);
     }
-    step_all(g, HAS_LOBES, place);
+    step_all(g, quads, HAS_LOBES, place);
 }

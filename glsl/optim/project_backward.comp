@@ -113,24 +113,27 @@ void main() {
     bool blended = d_opacity != 0.0 || (OPACITY_ONLY ? w_u != 0.0 : any(notEqual(d_rgb, vec3(0.0))));
     if (SPARSE && !blended) return;
 
-    float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit);
+    vec4 quads[3];
+    [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];
+    float logit = quads[OPACITY / 4][OPACITY % 4], opacity = sigmoid(logit);
     Gradient g = Gradient(vec3(0.0), vec3(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0, 0.0);
-    vec3 d_colour = vec3(0.0), to_mean = vec3(0.0), mean = load_geometry3(MEAN, place);
+    vec3 d_colour = vec3(0.0), to_mean = vec3(0.0), mean = quads[MEAN / 4].xyz, scale = exp(quads[LOG_SCALE / 4].xyz);
     float range = 1.0;
 
     if (blended) {
         vec3 p = to_camera(view, mean);
-        vec4 q = load_quat(place);
+        vec4 q = quads[QUAT / 4];
         float norm = to_unit(q);
         if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(norm)) { // guard: unit quaternion before a step
             store_quat(place, q);
+            quads[QUAT / 4] = q;
             norm = 1.0;
         }
         float factor = 1.0, compensation = 1.0;
         range = length(mean - view.eye);
         to_mean = (mean - view.eye) / range;
         Projection e;
-        if (COMPENSATE || !OPACITY_ONLY) e = project_covariance(view, p, q, exp(load_geometry3(LOG_SCALE, place)));
+        if (COMPENSATE || !OPACITY_ONLY) e = project_covariance(view, p, q, scale);
         if (COMPENSATE) compensation = sqrt(e.det0 / e.det);
         if (HAS_LOBES) {
             float width = load_lobe(LOBE_WIDTH, place);
@@ -218,10 +221,9 @@ void main() {
         // The only plane that learns: it has the first moments.
         if (!finite(g.opacity)) return; // guard: a base's NaN gradients
         if (!ACCUMULATE) {
-            step_geometry(OPACITY, 0, place, g.opacity, push.rates.opacity);
+            step_opacity(place, g.opacity);
         } else {
-            geometry_moments[place] += g.opacity;
-            geometry_moments[push.stride + place] += float(blended);
+            geometry_moments[place].xy += vec2(g.opacity, float(blended));
         }
         return;
     }
@@ -230,23 +232,32 @@ void main() {
     float of_all = float(all_end - all_first);
     if (push.mean_opacity != 0.0) g.opacity += push.mean_opacity / of_all * opacity * sigmoid(-logit);
     if (push.mean_scale != 0.0) {
-        g.log_scale += push.mean_scale / (3.0 * of_all) * exp(load_geometry3(LOG_SCALE, place));
+        g.log_scale += push.mean_scale / (3.0 * of_all) * scale;
     }
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
     // Each coefficient is read once: for the gradient by the direction, and for its step.
     ColourAt at = colour_at(to_mean);
     vec3 d_to_mean = vec3(0.0);
-    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) {
-        vec3 by_coefficient = coefficient_gradient(at, k, d_colour), coefficient = load_sh3(k, place);
-        d_to_mean += direction_gradient(at, k, d_colour, coefficient);
+    [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
+        vec4 values[3], grads[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
+        load_sh12(group, 3 * COEFFICIENTS, place, values);
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            uint k = 4 * group + j;
+            if (k >= COEFFICIENTS) continue;
+            d_to_mean += direction_gradient(at, k, d_colour, coefficient_of(values, j));
+            set_coefficient(grads, j, coefficient_gradient(at, k, d_colour));
+        }
         if (!ACCUMULATE) {
-            step_sh(k, place, coefficient, by_coefficient);
+            step_sh12(group, place, values, grads);
             continue;
         }
-        [[unroll]] for (uint c = 0; c < 3; ++c) sh_moments[(3 * k + c) * push.stride + place] += by_coefficient[c];
+        [[unroll]] for (uint n = 0; n < 3; ++n) {
+            uint q = 3 * group + n;
+            if (4 * q < 3 * COEFFICIENTS) sh_moments[q * push.stride + place] += grads[n];
+        }
     }
     if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
     if (!finite(g.mean)) return;
     if (ACCUMULATE) add_gradient(g, blended, HAS_LOBES, place);
-    else step_all(g, HAS_LOBES, place);
+    else step_all(g, quads, HAS_LOBES, place);
 }

@@ -36,62 +36,116 @@ float change_of(float g, float rate, inout Moments m, float c1, float c2) {
     return 0.0;
 }
 
-void step_geometry(uint p, uint moment, uint place, float g, float rate) {
-    uint at = MOMENTS * moment * push.stride + place;
-    Moments m = moments_of(geometry_moments[at], PACKED ? 0.0 : geometry_moments[at + push.stride]);
-    float change = change_of(g, rate, m, push.rates.first_correction, push.rates.second_correction);
-    if (!probes()) store_geometry(p, place, load_geometry(p, place) + change);
-    if (writes_first()) geometry_moments[at] = first_word(m, p, place);
-    if (writes_second()) geometry_moments[at + push.stride] = m.second;
+// The change of one number of plane `p`, and what its moments' words become.
+float step_one(uint p, uint place, float g, float rate, vec2 corrections, inout float first, inout float second) {
+    Moments m = moments_of(first, second);
+    float change = change_of(g, rate, m, corrections.x, corrections.y);
+    first = first_word(m, p, place);
+    second = m.second;
+    return change;
+}
+// The same of quad `q`, whose words are in `first` and `second`.
+vec4 step_four(uint q, uint place, vec4 g, vec4 rate, vec2 corrections, inout vec4 first, inout vec4 second) {
+    vec4 change;
+    [[unroll]] for (uint c = 0; c < 4; ++c) change[c] = step_one(4 * q + c, place, g[c], rate[c], corrections, first[c], second[c]);
+    return change;
 }
 
-// Newton's steps of harmonics beyond the constant go by its curvature, channel by channel (method, section 5), and have first moments
-// alone: behind the constant's moments, a word for each channel, or one for three.
+// Quad `q`, from `value`, which was read before.
+void step_geometry(uint q, uint place, vec4 value, vec4 g, vec4 rate) {
+    vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
+    uint at = MOMENTS * q * push.stride + place;
+    vec4 first = geometry_moments[at], second = PACKED ? vec4(0.0) : geometry_moments[at + push.stride];
+    vec4 change = step_four(q, place, g, rate, corrections, first, second);
+    if (!probes()) geometry[q * push.stride + place] = value + change;
+    if (writes_first()) geometry_moments[at] = first;
+    if (writes_second()) geometry_moments[at + push.stride] = second;
+}
+
+// Of what learns its opacity alone: both moments in one quad.
+void step_opacity(uint place, float g) {
+    vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
+    float first = geometry_moments[place].x, second = geometry_moments[place].y;
+    float change = step_one(OPACITY, place, g, push.rates.opacity, corrections, first, second);
+    store_geometry(OPACITY, place, load_geometry(OPACITY, place) + change);
+    geometry_moments[place].xy = vec2(first, second);
+}
+
+// Newton's steps of harmonics go by the curvature of the constant, channel by channel (method, section 5). Where moments are not packed,
+// quad 0 beside the harmonics is that curvature, and quad q + 1 the first moments of quad q. Packed, planes 0 to 2 are the words of the
+// constant, and plane 2 + k the three first moments of coefficient k.
 vec3 constant_curvature;
 
-void step_band(uint k, uint place, vec3 value, vec3 g, float rate) {
-    if (probes()) return;
-    uint at = (PACKED ? 2 + k : 3 + 3 * k) * push.stride + place;
-    vec3 first, roots = sqrt(constant_curvature);
-    if (PACKED) {
-        first = unpack_firsts(floatBitsToUint(sh_moments[at]), roots);
-    } else {
-        [[unroll]] for (uint c = 0; c < 3; ++c) first[c] = sh_moments[at + c * push.stride];
+// The change of coefficient `k` and its packed words.
+vec3 step_packed(uint k, uint place, vec3 g) {
+    vec3 change;
+    if (k == 0) {
+        [[unroll]] for (uint c = 0; c < 3; ++c) {
+            float word = sh_moments[place][c], second = 0.0;
+            constant_curvature[c] = moments_of(word, second).second;
+            change[c] = step_one(c, place, g[c], push.rates.dc, vec2(1.0), word, second);
+            sh_moments[place][c] = word;
+        }
+        return change;
     }
+    uint at = quad_of(2 + k, place), word = (2 + k) % 4;
+    vec3 roots = sqrt(constant_curvature), first = unpack_firsts(floatBitsToUint(sh_moments[at][word]), roots);
     [[unroll]] for (uint c = 0; c < 3; ++c) {
-        float change = newton(g[c], rate, push.rates.newton, first[c], constant_curvature[c]);
-        store_sh(3 * k + c, place, value[c] + change);
-        if (!PACKED) sh_moments[at + c * push.stride] = first[c];
+        change[c] = newton(g[c], push.rates.sh, push.rates.newton, first[c], constant_curvature[c]);
     }
     uint dither = dither_of(push.page_first + place, 3 * k, push.rates.step);
-    if (PACKED) sh_moments[at] = uintBitsToFloat(pack_firsts(first, roots, dither));
+    sh_moments[at][word] = uintBitsToFloat(pack_firsts(first, roots, dither));
+    return change;
 }
 
-// Three channels of coefficient `k`, from `value`, which was read before. The constant, k = 0, goes first.
-void step_sh(uint k, uint place, vec3 value, vec3 g) {
-    if (NEWTON && k > 0) {
-        step_band(k, place, value, g, push.rates.sh);
-        return;
+// Coefficients 4g to 4g + 3, from `values`, which were read before. Group 0 goes first.
+void step_sh12(uint g, uint place, vec4 values[3], vec4 grads[3]) {
+    if (NEWTON && !PACKED && g == 0) {
+        constant_curvature = sh_moments[place].xyz;
+        if (probes()) {
+            [[unroll]] for (uint c = 0; c < 3; ++c) sh_moments[place][c] = curvature(grads[0][c], constant_curvature[c]);
+        }
     }
-    float rate = k == 0 ? push.rates.dc : push.rates.sh;
-    [[unroll]] for (uint c = 0; c < 3; ++c) {
-        uint p = 3 * k + c, at = MOMENTS * p * push.stride + place;
-        Moments m = moments_of(sh_moments[at], PACKED ? 0.0 : sh_moments[at + push.stride]);
-        constant_curvature[c] = m.second; // of the constant alone, where it is used
-        float change = change_of(g[c], rate, m, push.rates.first_correction, push.rates.second_correction);
-        if (!probes()) store_sh(p, place, value[c] + change);
-        if (writes_first()) sh_moments[at] = first_word(m, p, place);
-        if (writes_second()) sh_moments[at + push.stride] = m.second;
+    if (NEWTON && PACKED) {
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            uint k = 4 * g + j;
+            if (k >= COEFFICIENTS || (k > 0 && probes())) continue;
+            vec3 change = step_packed(k, place, coefficient_of(grads, j));
+            set_coefficient(values, j, coefficient_of(values, j) + change);
+        }
+    }
+    if (NEWTON && probes()) return;
+    [[unroll]] for (uint n = 0; n < 3; ++n) {
+        uint q = 3 * g + n;
+        if (4 * q >= 3 * COEFFICIENTS) continue;
+        vec4 rate = vec4(q == 0 ? vec3(push.rates.dc) : vec3(push.rates.sh), push.rates.sh);
+        if (NEWTON && !PACKED) {
+            uint at = (q + 1) * push.stride + place;
+            vec4 first = sh_moments[at];
+            [[unroll]] for (uint c = 0; c < 4; ++c) {
+                values[n][c] += newton(grads[n][c], rate[c], push.rates.newton, first[c], constant_curvature[(4 * n + c) % 3]);
+            }
+            sh_moments[at] = first;
+        } else if (!NEWTON) {
+            vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
+            uint at = MOMENTS * q * push.stride + place;
+            vec4 first = sh_moments[at], second = PACKED ? vec4(0.0) : sh_moments[at + push.stride];
+            values[n] += step_four(q, place, grads[n], rate, corrections, first, second);
+            sh_moments[at] = first;
+            if (!PACKED) sh_moments[at + push.stride] = second;
+        }
+        sh[q * push.stride + place] = values[n];
     }
 }
 
-void step_lobe(uint p, uint place, float g, float rate, float lo, float hi) {
-    uint at = MOMENTS * p * push.stride + place;
-    Moments m = moments_of(lobe_moments[at], PACKED ? 0.0 : lobe_moments[at + push.stride]);
-    float change = change_of(g, rate, m, push.rates.lobe_first_correction, push.rates.lobe_second_correction);
-    if (!probes()) store_lobe(p, place, clamp(load_lobe(p, place) + change, lo, hi));
-    if (writes_first()) lobe_moments[at] = first_word(m, p, place);
-    if (writes_second()) lobe_moments[at + push.stride] = m.second;
+void step_lobe(uint q, uint place, vec4 g, vec4 rate, vec4 lo, vec4 hi) {
+    vec2 corrections = vec2(push.rates.lobe_first_correction, push.rates.lobe_second_correction);
+    uint at = MOMENTS * q * push.stride + place;
+    vec4 first = lobe_moments[at], second = PACKED ? vec4(0.0) : lobe_moments[at + push.stride];
+    vec4 change = step_four(q, place, g, rate, corrections, first, second);
+    if (!probes()) lobes[q * push.stride + place] = clamp(lobes[q * push.stride + place] + change, lo, hi);
+    if (writes_first()) lobe_moments[at] = first;
+    if (writes_second()) lobe_moments[at + push.stride] = second;
 }
 
 // The gradient of all but the colour.
@@ -111,32 +165,24 @@ bool finite(Gradient g) {
 }
 
 // To planes of gradients, bound where the moments are; plane GEOMETRY_PLANES counts the views that blend the Gaussian.
-void add_geometry(uint p, uint place, float g) { geometry_moments[p * push.stride + place] += g; }
-void add_lobe(uint p, uint place, float g) { lobe_moments[p * push.stride + place] += g; }
 void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
-    for (uint c = 0; c < 3; ++c) {
-        add_geometry(MEAN + c, place, g.mean[c]);
-        add_geometry(LOG_SCALE + c, place, g.log_scale[c]);
-    }
-    for (uint c = 0; c < 4; ++c) add_geometry(QUAT + c, place, g.quat[c]);
-    add_geometry(OPACITY, place, g.opacity);
-    add_geometry(GEOMETRY_PLANES, place, float(blended));
+    geometry_moments[place] += vec4(g.mean, g.opacity);
+    geometry_moments[push.stride + place] += g.quat;
+    geometry_moments[2 * push.stride + place] += vec4(g.log_scale, float(blended));
     if (!has_lobes) return;
-    for (uint c = 0; c < 3; ++c) add_lobe(LOBE_DIRECTION + c, place, g.direction[c]);
-    add_lobe(LOBE_WIDTH, place, g.width);
-    add_lobe(LOBE_SHARPNESS, place, g.sharpness);
+    lobe_moments[place] += vec4(g.direction, g.width);
+    lobe_moments[push.stride + place].x += g.sharpness;
 }
 
-void step_all(Gradient g, bool has_lobes, uint place) {
+// `quads`: those of the geometry, read before.
+void step_all(Gradient g, vec4 quads[3], bool has_lobes, uint place) {
     StepRates r = push.rates;
-    [[unroll]] for (uint c = 0; c < 3; ++c) {
-        step_geometry(MEAN + c, MEAN + c, place, g.mean[c], r.mean);
-        step_geometry(LOG_SCALE + c, LOG_SCALE + c, place, g.log_scale[c], r.log_scale);
-    }
-    [[unroll]] for (uint c = 0; c < 4; ++c) step_geometry(QUAT + c, QUAT + c, place, g.quat[c], r.quat);
-    step_geometry(OPACITY, OPACITY, place, g.opacity, r.opacity);
+    step_geometry(MEAN / 4, place, quads[MEAN / 4], vec4(g.mean, g.opacity), vec4(vec3(r.mean), r.opacity));
+    step_geometry(QUAT / 4, place, quads[QUAT / 4], g.quat, vec4(r.quat));
+    step_geometry(LOG_SCALE / 4, place, quads[LOG_SCALE / 4], vec4(g.log_scale, 0.0), vec4(vec3(r.log_scale), 0.0));
     if (!has_lobes) return;
-    [[unroll]] for (uint c = 0; c < 3; ++c) step_lobe(LOBE_DIRECTION + c, place, g.direction[c], r.direction, -FREE, FREE);
-    step_lobe(LOBE_WIDTH, place, g.width, r.width, WIDTH_MIN, WIDTH_MAX); // guard: bounds of T
-    step_lobe(LOBE_SHARPNESS, place, g.sharpness, r.sharpness, SHARPNESS_MIN, SHARPNESS_MAX); // guard: bounds of β
+    // guard: bounds of T
+    step_lobe(0, place, vec4(g.direction, g.width), vec4(vec3(r.direction), r.width), vec4(vec3(-FREE), WIDTH_MIN), vec4(vec3(FREE), WIDTH_MAX));
+    // guard: bounds of β
+    step_lobe(1, place, vec4(g.sharpness, vec3(0.0)), vec4(r.sharpness, vec3(0.0)), vec4(SHARPNESS_MIN, vec3(-FREE)), vec4(SHARPNESS_MAX, vec3(FREE)));
 }

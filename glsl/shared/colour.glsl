@@ -5,6 +5,7 @@
 // specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
 layout(constant_id = 10) const uint SH_DEGREE = 3;
 const uint COEFFICIENTS = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+const uint GROUPS = (COEFFICIENTS + 3) / 4; // of four, which are read and written together
 
 // Basis functions of a unit vector; those beyond SH_DEGREE are not set.
 void sh_basis(vec3 d, out float basis[16]) {
@@ -69,7 +70,13 @@ ColourAt colour_at(vec3 direction) {
 // Before it is clamped at 0.
 vec3 colour_of(ColourAt at, uint place) {
     vec3 colour = vec3(0.5);
-    [[unroll]] for (uint k = 0; k < COEFFICIENTS; ++k) colour += at.basis[k] * load_sh3(k, place);
+    [[unroll]] for (uint g = 0; g < GROUPS; ++g) {
+        vec4 quads[3];
+        load_sh12(g, 3 * COEFFICIENTS, place, quads);
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            if (4 * g + j < COEFFICIENTS) colour += at.basis[4 * g + j] * coefficient_of(quads, j);
+        }
+    }
     return colour;
 }
 

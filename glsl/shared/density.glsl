@@ -8,12 +8,12 @@ const uint CHILDREN = 3;   // that are drawn
 const uint NEW = 4;        // Gaussians after
 const uint WORDS = 5;
 
-// Planes of `scores`: sums over the views that were looked at since the last refinement.
+// Components of `scores`, a quad for each place: sums over the views that were looked at since the last refinement.
 const uint ERROR = 0;     // of blend weight times error of the pixel
 const uint WEIGHT = 1;    // of blend weight
 const uint PULL = 2;      // of the length of the mean's gradient in the image, in halves of its sides
 const uint SEEN = 3;      // views that blend the Gaussian
-const uint SCORES = 4;
+const uint SCORES = 4;    // components
 
 // Strategies.
 const uint MCMC = 0;

@@ -1,21 +1,24 @@
 // Where the parameters of a Gaussian lie: the one owner of planes, loads, stores and precision of geometry, SH and lobes, and
 // of what goes with them plane by plane (moments, gradients). The host has the numbers from here, see `scene::layout`.
 //
-// A segment (base or supplement) lies in pages, each with buffers of its own. In a page plane p of the Gaussian at `place` is
-// element p * stride + place; the stride is the page's capacity. SH coefficient k of channel c is plane 3k + c of `sh`.
+// A segment (base or supplement) lies in pages, each with buffers of its own. Four planes lie together, so that a thread reads and
+// writes 16 bytes at once: in a page plane p of the Gaussian at `place` is component p % 4 of quad (p / 4) * stride + place; the stride
+// is the page's capacity. SH coefficient k of channel c is plane 3k + c of `sh`, so that four coefficients are three quads.
 //
 // A kernel declares `push.stride`, defines the binding of each array it uses (GEOMETRY, SH, LOBES, GEOMETRY_MOMENTS,
 // SH_MOMENTS, LOBE_MOMENTS) and MODEL_LOADS, MODEL_STORES or both, then includes this file.
 
 const uint MEAN = 0;           // 3 planes: x, y, z, scene units from the model's origin
-const uint LOG_SCALE = 3;      // 3 planes: natural logarithms of the standard deviations
-const uint QUAT = 6;           // 4 planes: w, x, y, z, of any length
-const uint OPACITY = 10;       // logit
+const uint OPACITY = 3;        // logit
+const uint QUAT = 4;           // 4 planes: w, x, y, z, of any length
+const uint LOG_SCALE = 8;      // 3 planes: natural logarithms of the standard deviations
 const uint GEOMETRY_PLANES = 11;
 const uint LOBE_DIRECTION = 0; // 3 planes, of any length
 const uint LOBE_WIDTH = 3;     // T, 0.01 to 1
 const uint LOBE_SHARPNESS = 4; // beta
 const uint LOBE_PLANES = 5;
+
+uint quad_of(uint p, uint place) { return p / 4 * push.stride + place; }
 
 #if defined(MODEL_LOADS) && defined(MODEL_STORES)
 #define MODEL_ACCESS
@@ -26,69 +29,78 @@ const uint LOBE_PLANES = 5;
 #endif
 
 #ifdef GEOMETRY
-layout(set = 0, binding = GEOMETRY, scalar) MODEL_ACCESS buffer Geometry { float geometry[]; };
+layout(set = 0, binding = GEOMETRY, scalar) MODEL_ACCESS buffer Geometry { vec4 geometry[]; };
 #ifdef MODEL_LOADS
-float load_geometry(uint p, uint place) { return geometry[p * push.stride + place]; }
-vec3 load_geometry3(uint p, uint place) {
-    return vec3(load_geometry(p, place), load_geometry(p + 1, place), load_geometry(p + 2, place));
-}
-vec4 load_quat(uint place) { return vec4(load_geometry(QUAT, place), load_geometry3(QUAT + 1, place)); }
+float load_geometry(uint p, uint place) { return geometry[quad_of(p, place)][p % 4]; }
+// Means or log scales.
+vec3 load_geometry3(uint p, uint place) { return geometry[quad_of(p, place)].xyz; }
+vec4 load_quat(uint place) { return geometry[quad_of(QUAT, place)]; }
 #endif
 #ifdef MODEL_STORES
-void store_geometry(uint p, uint place, float value) { geometry[p * push.stride + place] = value; }
-void store_geometry3(uint p, uint place, vec3 value) {
-    for (uint c = 0; c < 3; ++c) store_geometry(p + c, place, value[c]);
-}
-void store_quat(uint place, vec4 value) {
-    for (uint c = 0; c < 4; ++c) store_geometry(QUAT + c, place, value[c]);
-}
+void store_geometry(uint p, uint place, float value) { geometry[quad_of(p, place)][p % 4] = value; }
+void store_geometry3(uint p, uint place, vec3 value) { geometry[quad_of(p, place)].xyz = value; }
+void store_quat(uint place, vec4 value) { geometry[quad_of(QUAT, place)] = value; }
 #endif
 #endif
 
 #ifdef SH
-layout(set = 0, binding = SH, scalar) MODEL_ACCESS buffer Sh { float sh[]; };
+layout(set = 0, binding = SH, scalar) MODEL_ACCESS buffer Sh { vec4 sh[]; };
 #ifdef MODEL_LOADS
 #ifdef SH_HALVES
 layout(constant_id = 11) const bool HALF_SH = false; // for rendering alone: planes 2p and 2p + 1 are the halves of the words of plane p
-float load_sh(uint p, uint place) {
-    if (!HALF_SH) return sh[p * push.stride + place];
-    vec2 pair = unpackHalf2x16(floatBitsToUint(sh[(p >> 1) * push.stride + place]));
-    return (p & 1u) == 0 ? pair.x : pair.y;
-}
 #else
-float load_sh(uint p, uint place) { return sh[p * push.stride + place]; }
+const bool HALF_SH = false;
 #endif
-vec3 load_sh3(uint k, uint place) {
-    return vec3(load_sh(3 * k, place), load_sh(3 * k + 1, place), load_sh(3 * k + 2, place));
+// Planes 12g to 12g + 11, as far as they are below `planes`: coefficients 4g to 4g + 3.
+void load_sh12(uint g, uint planes, uint place, out vec4 quads[3]) {
+    [[unroll]] for (uint q = 0; q < 3; ++q) {
+        uint p = 12 * g + 4 * q;
+        quads[q] = vec4(0.0);
+        if (p >= planes) continue;
+        if (!HALF_SH) {
+            quads[q] = sh[quad_of(p, place)];
+            continue;
+        }
+        vec4 words = sh[quad_of(p / 2, place)];
+        uvec2 two = floatBitsToUint(p / 2 % 4 == 0 ? words.xy : words.zw);
+        quads[q] = vec4(unpackHalf2x16(two.x), unpackHalf2x16(two.y));
+    }
 }
 #endif
 #ifdef MODEL_STORES
-void store_sh(uint p, uint place, float value) { sh[p * push.stride + place] = value; }
+void store_sh(uint p, uint place, float value) { sh[quad_of(p, place)][p % 4] = value; }
 #endif
 #endif
+// Coefficient j of the four in three quads.
+vec3 coefficient_of(vec4 quads[3], uint j) {
+    uint n = 3 * j;
+    return vec3(quads[n / 4][n % 4], quads[(n + 1) / 4][(n + 1) % 4], quads[(n + 2) / 4][(n + 2) % 4]);
+}
+void set_coefficient(inout vec4 quads[3], uint j, vec3 value) {
+    [[unroll]] for (uint c = 0; c < 3; ++c) quads[(3 * j + c) / 4][(3 * j + c) % 4] = value[c];
+}
 
 #ifdef LOBES
-layout(set = 0, binding = LOBES, scalar) MODEL_ACCESS buffer Lobes { float lobes[]; };
+layout(set = 0, binding = LOBES, scalar) MODEL_ACCESS buffer Lobes { vec4 lobes[]; };
 #ifdef MODEL_LOADS
-float load_lobe(uint p, uint place) { return lobes[p * push.stride + place]; }
-vec3 load_lobe_direction(uint place) { return vec3(load_lobe(0, place), load_lobe(1, place), load_lobe(2, place)); }
+float load_lobe(uint p, uint place) { return lobes[quad_of(p, place)][p % 4]; }
+vec3 load_lobe_direction(uint place) { return lobes[quad_of(LOBE_DIRECTION, place)].xyz; }
 #endif
 #ifdef MODEL_STORES
-void store_lobe(uint p, uint place, float value) { lobes[p * push.stride + place] = value; }
-void store_lobe_direction(uint place, vec3 value) {
-    for (uint c = 0; c < 3; ++c) store_lobe(LOBE_DIRECTION + c, place, value[c]);
-}
+void store_lobe(uint p, uint place, float value) { lobes[quad_of(p, place)][p % 4] = value; }
+void store_lobe_direction(uint place, vec3 value) { lobes[quad_of(LOBE_DIRECTION, place)].xyz = value; }
 #endif
 #endif
 
-// The moments of plane p are planes 2p and 2p + 1, or plane p where both are packed in a word; gradients that wait for a step are plane p.
+// The moments of quad q are quad 2q, the first ones, and quad 2q + 1, the second ones; or quad q where both are packed in a word. Gradients
+// that wait for a step are quad q. What else there is beside harmonics says adam.glsl.
 #ifdef GEOMETRY_MOMENTS
-layout(set = 0, binding = GEOMETRY_MOMENTS, scalar) buffer GeometryMoments { float geometry_moments[]; };
-layout(set = 0, binding = SH_MOMENTS, scalar) buffer ShMoments { float sh_moments[]; };
-layout(set = 0, binding = LOBE_MOMENTS, scalar) buffer LobeMoments { float lobe_moments[]; };
+layout(set = 0, binding = GEOMETRY_MOMENTS, scalar) buffer GeometryMoments { vec4 geometry_moments[]; };
+layout(set = 0, binding = SH_MOMENTS, scalar) buffer ShMoments { vec4 sh_moments[]; };
+layout(set = 0, binding = LOBE_MOMENTS, scalar) buffer LobeMoments { vec4 lobe_moments[]; };
 #endif
 #ifdef GEOMETRY_GRADS
-layout(set = 0, binding = GEOMETRY_GRADS, scalar) buffer GeometryGrads { float geometry_grads[]; };
-layout(set = 0, binding = SH_GRADS, scalar) buffer ShGrads { float sh_grads[]; };
-layout(set = 0, binding = LOBE_GRADS, scalar) buffer LobeGrads { float lobe_grads[]; };
+layout(set = 0, binding = GEOMETRY_GRADS, scalar) readonly buffer GeometryGrads { vec4 geometry_grads[]; };
+layout(set = 0, binding = SH_GRADS, scalar) readonly buffer ShGrads { vec4 sh_grads[]; };
+layout(set = 0, binding = LOBE_GRADS, scalar) readonly buffer LobeGrads { vec4 lobe_grads[]; };
 #endif

@@ -217,15 +217,15 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub copies: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub geometry_moments: &'a crate::gpu::Buffer<f32>,
+    pub geometry_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub sh_moments: &'a crate::gpu::Buffer<f32>,
+    pub sh_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub lobe_moments: &'a crate::gpu::Buffer<f32>,
+    pub lobe_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
-    pub scores: &'a crate::gpu::Buffer<f32>,
+    pub scores: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -243,15 +243,15 @@ pub struct Host<'a> {
     /// ReadOnly
     pub copies: &'a [u32],
     /// ReadWrite
-    pub geometry: &'a mut [f32],
+    pub geometry: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub geometry_moments: &'a mut [f32],
+    pub geometry_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub sh_moments: &'a mut [f32],
+    pub sh_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub lobe_moments: &'a mut [f32],
+    pub lobe_moments: &'a mut [[f32; 4]],
     /// WriteOnly
-    pub scores: &'a mut [f32],
+    pub scores: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -272,11 +272,11 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -459,7 +459,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub status: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -471,7 +471,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub status: &'a [u32],
     /// ReadWrite
-    pub geometry: &'a mut [f32],
+    pub geometry: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -489,7 +489,7 @@ impl crate::gpu::Kernel for Kernel {
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -680,7 +680,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
-    pub scores: &'a crate::gpu::Buffer<f32>,
+    pub scores: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -704,7 +704,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub record_colours: &'a [[f32; 3]],
     /// ReadWrite
-    pub scores: &'a mut [f32],
+    pub scores: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -728,7 +728,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -769,9 +769,9 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub population: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadOnly
-    pub scores: &'a crate::gpu::Buffer<f32>,
+    pub scores: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
     pub alive: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
@@ -785,9 +785,9 @@ pub struct Host<'a> {
     /// ReadOnly
     pub population: &'a [u32],
     /// ReadOnly
-    pub geometry: &'a [f32],
+    pub geometry: &'a [[f32; 4]],
     /// ReadOnly
-    pub scores: &'a [f32],
+    pub scores: &'a [[f32; 4]],
     /// WriteOnly
     pub alive: &'a mut [u32],
     /// WriteOnly
@@ -808,8 +808,8 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
     ];
@@ -1072,11 +1072,11 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub population: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
-    pub sh: &'a crate::gpu::Buffer<f32>,
+    pub sh: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
-    pub lobes: &'a crate::gpu::Buffer<f32>,
+    pub lobes: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -1092,11 +1092,11 @@ pub struct Host<'a> {
     /// ReadOnly
     pub population: &'a [u32],
     /// WriteOnly
-    pub geometry: &'a mut [f32],
+    pub geometry: &'a mut [[f32; 4]],
     /// WriteOnly
-    pub sh: &'a mut [f32],
+    pub sh: &'a mut [[f32; 4]],
     /// WriteOnly
-    pub lobes: &'a mut [f32],
+    pub lobes: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -1116,9 +1116,9 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1963,8 +1963,7 @@ pub struct Push {
     pub targets: u32,
     pub page_first: u32,
     pub stride: u32,
-    pub plane_first: u32,
-    pub planes: u32,
+    pub quad: u32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -1977,9 +1976,9 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub sources: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub from: &'a crate::gpu::Buffer<f32>,
+    pub from: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
-    pub gathered: &'a crate::gpu::Buffer<f32>,
+    pub gathered: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -1991,9 +1990,9 @@ pub struct Host<'a> {
     /// ReadOnly
     pub sources: &'a [u32],
     /// ReadOnly
-    pub from: &'a [f32],
+    pub from: &'a [[f32; 4]],
     /// WriteOnly
-    pub gathered: &'a mut [f32],
+    pub gathered: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -2011,8 +2010,8 @@ impl crate::gpu::Kernel for Kernel {
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"from", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"gathered", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"from", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"gathered", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2137,23 +2136,23 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub status: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub sh: &'a crate::gpu::Buffer<f32>,
+    pub sh: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub lobes: &'a crate::gpu::Buffer<f32>,
+    pub lobes: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub geometry_moments: &'a crate::gpu::Buffer<f32>,
+    pub geometry_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub sh_moments: &'a crate::gpu::Buffer<f32>,
+    pub sh_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub lobe_moments: &'a crate::gpu::Buffer<f32>,
-    /// ReadWrite
-    pub geometry_grads: &'a crate::gpu::Buffer<f32>,
-    /// ReadWrite
-    pub sh_grads: &'a crate::gpu::Buffer<f32>,
-    /// ReadWrite
-    pub lobe_grads: &'a crate::gpu::Buffer<f32>,
+    pub lobe_moments: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub geometry_grads: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub sh_grads: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub lobe_grads: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2165,23 +2164,23 @@ pub struct Host<'a> {
     /// ReadOnly
     pub status: &'a [u32],
     /// ReadWrite
-    pub geometry: &'a mut [f32],
+    pub geometry: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub sh: &'a mut [f32],
+    pub sh: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub lobes: &'a mut [f32],
+    pub lobes: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub geometry_moments: &'a mut [f32],
+    pub geometry_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub sh_moments: &'a mut [f32],
+    pub sh_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub lobe_moments: &'a mut [f32],
-    /// ReadWrite
-    pub geometry_grads: &'a mut [f32],
-    /// ReadWrite
-    pub sh_grads: &'a mut [f32],
-    /// ReadWrite
-    pub lobe_grads: &'a mut [f32],
+    pub lobe_moments: &'a mut [[f32; 4]],
+    /// ReadOnly
+    pub geometry_grads: &'a [[f32; 4]],
+    /// ReadOnly
+    pub sh_grads: &'a [[f32; 4]],
+    /// ReadOnly
+    pub lobe_grads: &'a [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -2199,15 +2198,15 @@ impl crate::gpu::Kernel for Kernel {
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"geometry_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobe_grads", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"geometry_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobe_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2275,17 +2274,17 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub splat_colours: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub sh: &'a crate::gpu::Buffer<f32>,
+    pub sh: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub lobes: &'a crate::gpu::Buffer<f32>,
+    pub lobes: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub geometry_moments: &'a crate::gpu::Buffer<f32>,
+    pub geometry_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub sh_moments: &'a crate::gpu::Buffer<f32>,
+    pub sh_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
-    pub lobe_moments: &'a crate::gpu::Buffer<f32>,
+    pub lobe_moments: &'a crate::gpu::Buffer<[f32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2311,17 +2310,17 @@ pub struct Host<'a> {
     /// ReadOnly
     pub splat_colours: &'a [[f32; 3]],
     /// ReadWrite
-    pub geometry: &'a mut [f32],
+    pub geometry: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub sh: &'a mut [f32],
+    pub sh: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub lobes: &'a mut [f32],
+    pub lobes: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub geometry_moments: &'a mut [f32],
+    pub geometry_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub sh_moments: &'a mut [f32],
+    pub sh_moments: &'a mut [[f32; 4]],
     /// ReadWrite
-    pub lobe_moments: &'a mut [f32],
+    pub lobe_moments: &'a mut [[f32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
@@ -2346,12 +2345,12 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3817,7 +3816,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub views: &'a crate::gpu::Buffer<View>,
     /// ReadOnly
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadOnly
     pub median_ids: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
@@ -3833,7 +3832,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub views: &'a [View],
     /// ReadOnly
-    pub geometry: &'a [f32],
+    pub geometry: &'a [[f32; 4]],
     /// ReadOnly
     pub median_ids: &'a [u32],
     /// WriteOnly
@@ -3855,7 +3854,7 @@ impl crate::gpu::Kernel for Kernel {
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];
@@ -3902,11 +3901,11 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub views: &'a crate::gpu::Buffer<View>,
     /// ReadOnly
-    pub geometry: &'a crate::gpu::Buffer<f32>,
+    pub geometry: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadOnly
-    pub sh: &'a crate::gpu::Buffer<f32>,
+    pub sh: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadOnly
-    pub lobes: &'a crate::gpu::Buffer<f32>,
+    pub lobes: &'a crate::gpu::Buffer<[f32; 4]>,
     /// WriteOnly
     pub splats: &'a crate::gpu::Buffer<Splat>,
     /// WriteOnly
@@ -3926,11 +3925,11 @@ pub struct Host<'a> {
     /// ReadOnly
     pub views: &'a [View],
     /// ReadOnly
-    pub geometry: &'a [f32],
+    pub geometry: &'a [[f32; 4]],
     /// ReadOnly
-    pub sh: &'a [f32],
+    pub sh: &'a [[f32; 4]],
     /// ReadOnly
-    pub lobes: &'a [f32],
+    pub lobes: &'a [[f32; 4]],
     /// WriteOnly
     pub splats: &'a mut [Splat],
     /// WriteOnly
@@ -3956,9 +3955,9 @@ impl crate::gpu::Kernel for Kernel {
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32 },
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
@@ -5218,7 +5217,7 @@ pub mod density {
 #[doc = "of blend weight"] pub const WEIGHT: u32 = 1;
 #[doc = "of the length of the mean's gradient in the image, in halves of its sides"] pub const PULL: u32 = 2;
 #[doc = "views that blend the Gaussian"] pub const SEEN: u32 = 3;
-#[doc = ""] pub const SCORES: u32 = 4;
+#[doc = "components"] pub const SCORES: u32 = 4;
 #[doc = ""] pub const MCMC: u32 = 0;
 #[doc = ""] pub const ADC: u32 = 1;
 #[doc = ""] pub const BUDGET: u32 = 2;
@@ -5240,9 +5239,9 @@ pub mod exposure {
 }
 pub mod model {
 #[doc = "3 planes: x, y, z, scene units from the model's origin"] pub const MEAN: u32 = 0;
-#[doc = "3 planes: natural logarithms of the standard deviations"] pub const LOG_SCALE: u32 = 3;
-#[doc = "4 planes: w, x, y, z, of any length"] pub const QUAT: u32 = 6;
-#[doc = "logit"] pub const OPACITY: u32 = 10;
+#[doc = "logit"] pub const OPACITY: u32 = 3;
+#[doc = "4 planes: w, x, y, z, of any length"] pub const QUAT: u32 = 4;
+#[doc = "3 planes: natural logarithms of the standard deviations"] pub const LOG_SCALE: u32 = 8;
 #[doc = ""] pub const GEOMETRY_PLANES: u32 = 11;
 #[doc = "3 planes, of any length"] pub const LOBE_DIRECTION: u32 = 0;
 #[doc = "T, 0.01 to 1"] pub const LOBE_WIDTH: u32 = 3;

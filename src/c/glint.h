@@ -121,7 +121,7 @@ int32_t glint_scene_info(const glint_scene *scene, glint_scene_counts *counts);
 void glint_scene_destroy(glint_scene *scene);
 
 /* `origin` (3 doubles, or NULL for 0) is where the device's coordinates begin: for scenes far from the world's. `half` is 1 for harmonics
- * of half width, 140 bytes a Gaussian of degree 3 instead of 236. */
+ * of half width, 144 bytes a Gaussian of degree 3 instead of 240. */
 uint64_t glint_upload_bytes(const glint_context *context, const glint_scene *scene, uint32_t half); /* that the model will take */
 int32_t glint_upload_create(const glint_context *context, const glint_scene *scene, const double *origin, uint32_t half,
                             glint_upload **upload);

@@ -34,7 +34,7 @@ use crate::{
         work::WorkDir,
     },
     report::{evaluate::evaluate, metrics::Quality, spending},
-    scene::Scene,
+    scene::{Scene, layout},
 };
 
 const EXAMPLES: &str = "\
@@ -507,6 +507,7 @@ impl Args {
         let policy = Policy { reduction: Reduction::Auto, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
+            "planes": layout::groups(0).map(|group| group.planes.start),
             "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
             "photos": photos_json(photos, pixels),
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,

@@ -30,7 +30,7 @@ use crate::{
         start::{first_points, photos_of, upload_photos},
         train::{BaseOptions, LEARNED, Trainer, dense_trainer},
     },
-    scene::{Gaussians, Scene, from_points},
+    scene::{Gaussians, Scene, from_points, layout},
 };
 
 const EXAMPLES: &str = "\
@@ -503,6 +503,7 @@ impl Args {
         let policy = Policy { reduction: Reduction::Auto, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
+            "planes": layout::groups(0).map(|group| group.planes.start),
             "photos": photos_json(photos, pixels),
             "points": {"count": first, "crc32": checksum},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,

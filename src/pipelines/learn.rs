@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, quads, sh_planes},
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
@@ -95,27 +95,32 @@ pub const PROBED_NTH: u32 = 4;
 /// What part of the way to the minimum they go at first.
 pub const NEWTON_PART: f32 = 0.02;
 
-/// Planes of moments for each plane that has both.
+/// Quads of moments for each quad that has both.
 pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }
 }
 
+/// Planes of moments beside so many: whole quads of them where a quad has two.
+fn moment_planes(planes: usize, packed: bool) -> usize {
+    if packed { planes } else { 2 * 4 * quads(planes) }
+}
+
 /// Planes of moments beside harmonics of `degree`. Of Newton's steps only the constant one has a curvature, by which the others go too:
-/// of those there are the first moments, packed three to a word.
+/// a quad that goes before the first moments of all. Packed, of the others there are the first moments, three to a word.
 pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
     let all = sh_planes(degree);
-    let bands = all - 3;
     match (newton, packed) {
-        (false, _) => moments_of(packed) * all,
-        (true, false) => 2 * 3 + bands,
-        (true, true) => 3 + bands / 3,
+        (false, _) => moment_planes(all, packed),
+        (true, false) => 4 + all,
+        (true, true) => 3 + (all - 3) / 3,
     }
 }
 
 /// Bytes of a base's Gaussian that learns everything, and of its moments.
 pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> u64 {
-    let moments = moments_of(packed) * GEOMETRY_PLANES + sh_moments(sh_degree, packed, newton);
-    4 * (GEOMETRY_PLANES + sh_planes(sh_degree) + moments) as u64
+    let moments = [moment_planes(GEOMETRY_PLANES, packed), sh_moments(sh_degree, packed, newton)];
+    let planes = [GEOMETRY_PLANES, sh_planes(sh_degree)].into_iter().chain(moments);
+    planes.map(|planes| (size_of::<[f32; 4]>() * quads(planes)) as u64).sum()
 }
 
 /// Planes beside a segment's own: moments of what learns, or gradients.
@@ -131,28 +136,32 @@ pub struct Beside {
 impl Beside {
     fn moments(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
         let sh = sh_moments(model.part(lesson.segment).sh_degree, lesson.packed, lesson.newton);
-        Self::new(model, lesson, moments_of(lesson.packed), sh, 0)
+        let of = |planes| moment_planes(planes, lesson.packed);
+        // Of an opacity alone both lie in one quad.
+        Self::new(model, lesson, [moments_of(lesson.packed), of(GEOMETRY_PLANES), sh, of(LOBE_PLANES)])
     }
 
-    /// And a plane that counts views.
+    /// And behind those of the geometry a plane that counts views.
     fn gradients(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
-        Self::new(model, lesson, 1, sh_planes(model.part(lesson.segment).sh_degree), 1)
+        let sh = sh_planes(model.part(lesson.segment).sh_degree);
+        Self::new(model, lesson, [1 + 1, GEOMETRY_PLANES + 1, sh, LOBE_PLANES])
     }
 
-    /// `times` as many planes of what learns, but `sh` of harmonics, and `more` behind those of the geometry.
-    fn new(model: &Model, lesson: &Lesson, times: usize, sh: usize, more: usize) -> Result<Self, GpuError> {
+    /// So many planes: of a geometry whose opacity alone learns, of a geometry, of harmonics and of lobes.
+    fn new(model: &Model, lesson: &Lesson, planes: [usize; 4]) -> Result<Self, GpuError> {
+        let [opacity, geometry, sh, lobes] = planes;
         // What is frozen has none.
         let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
-            (true, _) => (1, 0, 0),
-            (false, Segment::Base) => (GEOMETRY_PLANES, sh, 0),
-            (false, Segment::Supplement) => (GEOMETRY_PLANES, sh, LOBE_PLANES),
+            (true, _) => (opacity, 0, 0),
+            (false, Segment::Base) => (geometry, sh, 0),
+            (false, Segment::Supplement) => (geometry, sh, lobes),
         };
         let pages = &model.part(lesson.segment).pages;
         let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, pages);
         Ok(Beside {
-            geometry: zeroed("geometry_beside", times * geometry + more)?,
+            geometry: zeroed("geometry_beside", geometry)?,
             sh: zeroed("sh_beside", sh)?,
-            lobes: zeroed("lobe_beside", times * lobes)?,
+            lobes: zeroed("lobe_beside", lobes)?,
         })
     }
 

@@ -50,11 +50,14 @@ impl Segment {
     }
 }
 
+/// A page of planes, four to a quad: see `glsl/shared/model.glsl`.
+type Quads = Buffer<[f32; 4]>;
+
 /// Values of a segment's Gaussians, a number of planes for each, page by page.
 pub struct Planes {
     name: &'static str,
     planes: usize,
-    pages: Vec<Buffer<f32>>,
+    pages: Vec<Quads>,
 }
 
 impl Planes {
@@ -81,7 +84,7 @@ impl Planes {
     /// Makes the pages that are missing; their contents are undefined.
     fn reserve(&mut self, context: &Context, pages: &[Page]) -> Result<(), GpuError> {
         for page in &pages[self.pages.len()..] {
-            let len = self.planes * page.capacity as usize;
+            let len = layout::quads(self.planes) * page.capacity as usize;
             self.pages.push(Buffer::new(context, self.name, len, Location::Device)?);
         }
         Ok(())
@@ -92,8 +95,8 @@ impl Planes {
         self.planes
     }
 
-    /// Of one page: element place of plane p is p × capacity + place.
-    pub fn page(&self, page: usize) -> &Buffer<f32> {
+    /// Of one page: plane p of a place is component p mod 4 of quad ⌊p / 4⌋ × capacity + place.
+    pub fn page(&self, page: usize) -> &Quads {
         &self.pages[page]
     }
 
@@ -101,10 +104,10 @@ impl Planes {
     pub fn download(&self) -> Result<Vec<Vec<f32>>, GpuError> {
         let mut all = vec![Vec::new(); self.planes];
         for page in &self.pages {
-            let values = page.download()?;
-            let capacity = values.len() / self.planes.max(1);
+            let quads = page.download()?;
+            let capacity = quads.len() / layout::quads(self.planes).max(1);
             for (p, plane) in all.iter_mut().enumerate() {
-                plane.extend_from_slice(&values[p * capacity..(p + 1) * capacity]);
+                plane.extend(quads[p / 4 * capacity..][..capacity].iter().map(|quad| quad[p % 4]));
             }
         }
         Ok(all)
@@ -121,11 +124,9 @@ impl Planes {
     pub fn restore(&self, values: &[f32], count: usize) -> Result<(), GpuError> {
         let mut first = 0;
         for page in self.pages.iter().filter(|_| self.planes > 0) {
-            let capacity = page.len() / self.planes;
+            let capacity = page.len() / layout::quads(self.planes);
             let n = capacity.min(count.saturating_sub(first));
-            for p in 0..self.planes {
-                page.upload(p * capacity, &values[p * count + first..][..n])?;
-            }
+            page.upload(0, &layout::page(self.planes, capacity, n, |p, place| values[p * count + first + place]))?;
             first += n;
         }
         Ok(())
@@ -166,7 +167,7 @@ pub struct Room {
     pub page: Option<u32>,
     /// Degree of the harmonics of a supplement that the scene does not have yet; `None` for the base's.
     pub supplement_degree: Option<u32>,
-    /// Harmonics at half width: 140 bytes for a Gaussian of degree 3 instead of 236. For rendering alone; nothing can learn.
+    /// Harmonics at half width: 144 bytes for a Gaussian of degree 3 instead of 240. For rendering alone; nothing can learn.
     pub half: bool,
 }
 
@@ -194,8 +195,8 @@ impl Room {
     /// Gaussians of a page.
     fn page_limit(&self, context: &Context, sh_degree: u32) -> u32 {
         // A page's largest buffer holds two moments of every SH plane.
-        let planes = 2 * layout::sh_planes(sh_degree).max(GEOMETRY_PLANES + 1);
-        let fits = (context.info().max_storage_bytes / (4 * planes as u64)).min(u64::from(u32::MAX)) as u32;
+        let quads = 2 * layout::quads(layout::sh_planes(sh_degree).max(GEOMETRY_PLANES));
+        let fits = (context.info().max_storage_bytes / (16 * quads as u64)).min(u64::from(u32::MAX)) as u32;
         self.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1)
     }
 }
@@ -246,8 +247,9 @@ impl Model {
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
             let names = NAMES[segment as usize];
             let rows = names.into_iter().zip(room.planes(segment, degrees[segment as usize]));
-            let bytes = size_of::<f32>() as u64;
-            let rows = rows.map(|(name, planes)| planned(name, u64::from(capacity), planes as u64 * bytes));
+            let quad = size_of::<[f32; 4]>();
+            let rows =
+                rows.map(|(name, planes)| planned(name, u64::from(capacity), (layout::quads(planes) * quad) as u64));
             plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
         }
         plan.0.extend([
@@ -524,36 +526,25 @@ impl Part {
         gaussians: &Gaussians,
         lobes: Option<&Lobes>,
         origin: DVec3,
-    ) -> impl Iterator<Item = (&Buffer<f32>, Vec<f32>)> {
+    ) -> impl Iterator<Item = (&Quads, Vec<[f32; 4]>)> {
         let page = self.pages[k];
         let (first, capacity) = (page.first as usize, page.capacity as usize);
         let numbers = first.min(gaussians.len())..gaussians.len().min(first + capacity);
-        let geometry = {
-            let mut values = vec![0f32; GEOMETRY_PLANES * capacity];
-            for i in numbers.clone() {
-                let mut planes = layout::geometry(gaussians, i);
-                for c in 0..3 {
-                    // guard: model around the origin
-                    planes[MEAN + c] = moved(planes[MEAN + c], -origin[c]);
-                }
-                planes.into_iter().enumerate().for_each(|(p, v)| values[p * capacity + i - first] = v);
+        let count = numbers.len();
+        let geometry = layout::page(GEOMETRY_PLANES, capacity, count, |p, place| {
+            let value = layout::geometry(gaussians, first + place)[p];
+            // guard: model around the origin
+            if (MEAN..MEAN + 3).contains(&p) { moved(value, -origin[p - MEAN]) } else { value }
+        });
+        let sh = layout::page(self.sh.planes, capacity, count, |p, place| match self.half {
+            true => {
+                let half = |p| layout::sh(gaussians, first + place, p);
+                layout::pack_halves(half(2 * p), half(2 * p + 1))
             }
-            values
-        };
-        let mut sh = vec![0f32; self.sh.planes * capacity];
-        for p in 0..self.sh.planes {
-            let value = |i| match self.half {
-                true => layout::pack_halves(layout::sh(gaussians, i, 2 * p), layout::sh(gaussians, i, 2 * p + 1)),
-                false => layout::sh(gaussians, i, p),
-            };
-            numbers.clone().for_each(|i| sh[p * capacity + i - first] = value(i));
-        }
+            false => layout::sh(gaussians, first + place, p),
+        });
         let lobes = lobes.map(|lobes| {
-            let mut values = vec![0f32; LOBE_PLANES * capacity];
-            for j in numbers.clone() {
-                let planes = layout::lobe(lobes, j).into_iter().enumerate();
-                planes.for_each(|(p, v)| values[p * capacity + j - first] = v);
-            }
+            let values = layout::page(LOBE_PLANES, capacity, count, |p, place| layout::lobe(lobes, first + place)[p]);
             (self.lobes.page(k), values)
         });
         let filled = !numbers.is_empty();
@@ -567,7 +558,7 @@ impl Part {
         for i in 0..count {
             let value = |p: usize| match p {
                 // guard: download around the origin
-                MEAN..3 => moved(geometry[p][i], origin[p]),
+                MEAN..3 => moved(geometry[p][i], origin[p - MEAN]),
                 _ => geometry[p][i],
             };
             let harmonic = |p: usize| match self.half {
@@ -599,7 +590,7 @@ fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, O
 pub struct Upload {
     model: Model,
     /// Host memory, and what it goes to.
-    staged: Vec<(Buffer<f32>, Buffer<f32>)>,
+    staged: Vec<(Quads, Quads)>,
     status: Buffer<u32>,
 }
 
@@ -656,9 +647,8 @@ pub struct Rearrange {
     gather: gather::Stage,
     dispatch_args: dispatch_args::Stage,
     args: Buffer<u32>,
-    gathered: Buffer<f32>,
+    gathered: Quads,
     targets: u32,
-    planes: u32,
 }
 
 /// What a segment's Gaussians become.
@@ -672,20 +662,15 @@ pub struct Sources<'a> {
     pub index: u32,
 }
 
-/// Planes that are moved at once: as few dispatches as 16 MiB of scratch allow for a million Gaussians.
-const PLANES_AT_ONCE: u32 = 4;
-
 impl Rearrange {
     /// For up to `targets` Gaussians.
     pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
-        let planes = PLANES_AT_ONCE;
         Ok(Rearrange {
             gather: gather::Stage::new(context, &gather::Spec { workgroup_size: context.info().workgroup(WORKGROUP) })?,
             dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             args: Buffer::new(context, "rearrange_args", 3, Location::Device)?,
-            gathered: Buffer::new(context, "gathered", targets as usize * planes as usize, Location::Device)?,
+            gathered: Buffer::new(context, "gathered", targets as usize, Location::Device)?,
             targets,
-            planes,
         })
     }
 
@@ -715,16 +700,14 @@ impl Rearrange {
             1,
         );
         for planes in [&part.geometry, &part.sh, &part.lobes].into_iter().chain(others.iter().copied()) {
-            for plane_first in (0..planes.planes as u32).step_by(self.planes as usize) {
-                let some = self.planes.min(planes.planes as u32 - plane_first);
+            for quad in 0..layout::quads(planes.planes) {
                 for (k, page) in part.pages.iter().enumerate() {
                     let push = gather::Push {
                         count_index,
                         targets: self.targets,
                         page_first: page.first,
                         stride: page.capacity,
-                        plane_first,
-                        planes: some,
+                        quad: quad as u32,
                     };
                     let buffers =
                         gather::Buffers { count: words, sources, from: planes.page(k), gathered: &self.gathered };
@@ -732,11 +715,8 @@ impl Rearrange {
                 }
                 for (k, page) in part.pages.iter().enumerate().filter(|(_, page)| page.first < self.targets) {
                     let n = page.capacity.min(self.targets - page.first) as usize;
-                    for p in 0..some as usize {
-                        let from = p * self.targets as usize + page.first as usize;
-                        let to = (plane_first as usize + p) * page.capacity as usize;
-                        recorder.copy(&self.gathered, from, planes.page(k), to, n);
-                    }
+                    let to = quad * page.capacity as usize;
+                    recorder.copy(&self.gathered, page.first as usize, planes.page(k), to, n);
                 }
             }
         }

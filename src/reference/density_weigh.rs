@@ -52,7 +52,11 @@ pub fn density_weigh(w: &Weigh, params: &Params, i: usize, number: u32, scores: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{reference::random_scene, stages::constants::density::BUDGET};
+    use crate::{
+        reference::random_scene,
+        scene::layout::{LOG_SCALE, OPACITY},
+        stages::constants::density::BUDGET,
+    };
 
     fn weigh(strategy: u32) -> Weigh {
         Weigh { strategy, capacity: 10, least_opacity: 0.005, least_score: 2e-4, step: 3, seed: 4 }
@@ -61,8 +65,8 @@ mod tests {
     #[test]
     fn what_is_no_number_does_not_stay_and_is_not_drawn() {
         let mut params = Params::from_scene(&random_scene(5, 3, 0, 0)).unwrap();
-        params.geometry[10 * 3] = f64::NAN;
-        params.geometry[4 * 3 + 1] = f64::NAN;
+        params.geometry[OPACITY * 3] = f64::NAN;
+        params.geometry[(LOG_SCALE + 1) * 3 + 1] = f64::NAN;
         for strategy in [MCMC, ADC, BUDGET] {
             let none = if strategy == MCMC { Some(0.0) } else { None };
             for i in 0..2 {

@@ -2,7 +2,7 @@
 
 use super::NONE;
 
-/// Plane by plane: element t of the result is what `sources[t]` says, 0 for [`NONE`].
-pub fn gather(plane: &[f32], sources: &[u32]) -> Vec<f32> {
-    sources.iter().map(|&source| if source == NONE { 0.0 } else { plane[source as usize] }).collect()
+/// Element t of the result is what `sources[t]` says, 0 for [`NONE`]: of a plane, or of a quad of planes.
+pub fn gather<T: Copy + Default>(from: &[T], sources: &[u32]) -> Vec<T> {
+    sources.iter().map(|&source| if source == NONE { T::default() } else { from[source as usize] }).collect()
 }

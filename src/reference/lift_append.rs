@@ -13,9 +13,9 @@ pub fn lift_append(lifts: &[Lift], capacity: usize, supplement: &mut Supplement)
     let there = || lifts.iter().filter(|lift| lift.cluster_size > 0);
     for lift in there().take(capacity.saturating_sub(first)) {
         let mut geometry = [0.0; GEOMETRY_PLANES];
-        geometry[MEAN..LOG_SCALE].copy_from_slice(&lift.mean);
-        geometry[LOG_SCALE..QUAT].copy_from_slice(&lift.log_scale);
-        geometry[QUAT..OPACITY].copy_from_slice(&lift.quat);
+        geometry[MEAN..MEAN + 3].copy_from_slice(&lift.mean);
+        geometry[LOG_SCALE..LOG_SCALE + 3].copy_from_slice(&lift.log_scale);
+        geometry[QUAT..QUAT + 4].copy_from_slice(&lift.quat);
         geometry[OPACITY] = lift.opacity;
         let mut lobe = [0.0; LOBE_PLANES];
         lobe[LOBE_DIRECTION..LOBE_WIDTH].copy_from_slice(&lift.lobe_dir);

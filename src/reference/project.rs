@@ -161,7 +161,10 @@ mod tests {
     use glam::DMat2;
 
     use super::*;
-    use crate::reference::{NEAR, random_camera, random_scene};
+    use crate::{
+        reference::{NEAR, random_camera, random_scene},
+        scene::layout::QUAT,
+    };
 
     fn scene() -> (Params, View) {
         let params = Params::from_scene(&random_scene(11, 1500, 500, 3)).unwrap();
@@ -217,7 +220,7 @@ mod tests {
             }
         }
         // A zero quaternion has no rotation.
-        for p in 6..10 {
+        for p in QUAT..QUAT + 4 {
             params.geometry[p * params.stride + visible[40]] = 0.0;
         }
         let after = project(&params, &view, &Options::default());

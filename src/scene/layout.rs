@@ -25,6 +25,30 @@ pub const LOBE_SHARPNESS: usize = model::LOBE_SHARPNESS as usize;
 /// Planes of a lobe in all.
 pub const LOBE_PLANES: usize = model::LOBE_PLANES as usize;
 
+/// Quads of `planes` planes: four lie together.
+pub const fn quads(planes: usize) -> usize {
+    planes.div_ceil(4)
+}
+
+/// Where plane p of a place lies among the numbers of a page of `stride` places.
+pub const fn at(p: usize, stride: usize, place: usize) -> usize {
+    4 * (p / 4 * stride + place) + p % 4
+}
+
+/// A page of quads from the values of `planes` planes by plane and place, of the places below `count` of `stride`; 0 elsewhere.
+pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
+    let mut page = vec![[0.0; 4]; quads(planes) * stride];
+    for p in 0..planes {
+        (0..count).for_each(|place| page[p / 4 * stride + place][p % 4] = value(p, place));
+    }
+    page
+}
+
+/// Planes of such a page, one after the other.
+pub fn planes(page: &[[f32; 4]], planes: usize, stride: usize) -> impl Iterator<Item = f32> + '_ {
+    (0..planes).flat_map(move |p| page[p / 4 * stride..][..stride].iter().map(move |quad| quad[p % 4]))
+}
+
 /// Coefficients of spherical harmonics up to `degree`.
 pub const fn coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
@@ -61,10 +85,10 @@ pub struct Group {
 pub fn groups(degree: u32) -> [Group; 9] {
     let group = |name, array, planes| Group { name, array, planes };
     [
-        group("mean", Array::Geometry, MEAN..LOG_SCALE),
-        group("log scale", Array::Geometry, LOG_SCALE..QUAT),
-        group("quaternion", Array::Geometry, QUAT..OPACITY),
-        group("opacity", Array::Geometry, OPACITY..GEOMETRY_PLANES),
+        group("mean", Array::Geometry, MEAN..MEAN + 3),
+        group("log scale", Array::Geometry, LOG_SCALE..LOG_SCALE + 3),
+        group("quaternion", Array::Geometry, QUAT..QUAT + 4),
+        group("opacity", Array::Geometry, OPACITY..OPACITY + 1),
         group("DC", Array::Sh, 0..3),
         group("SH", Array::Sh, 3..sh_planes(degree)),
         group("lobe direction", Array::Lobes, LOBE_DIRECTION..LOBE_WIDTH),
@@ -76,9 +100,9 @@ pub fn groups(degree: u32) -> [Group; 9] {
 /// The geometry of Gaussian i, plane by plane.
 pub fn geometry(gaussians: &Gaussians, i: usize) -> [f32; GEOMETRY_PLANES] {
     let mut planes = [0.0; GEOMETRY_PLANES];
-    planes[MEAN..LOG_SCALE].copy_from_slice(&gaussians.means[i]);
-    planes[LOG_SCALE..QUAT].copy_from_slice(&gaussians.log_scales[i]);
-    planes[QUAT..OPACITY].copy_from_slice(&gaussians.quats[i]);
+    planes[MEAN..MEAN + 3].copy_from_slice(&gaussians.means[i]);
+    planes[LOG_SCALE..LOG_SCALE + 3].copy_from_slice(&gaussians.log_scales[i]);
+    planes[QUAT..QUAT + 4].copy_from_slice(&gaussians.quats[i]);
     planes[OPACITY] = gaussians.opacities[i];
     planes
 }
@@ -110,10 +134,14 @@ pub fn halves(word: f32) -> [f32; 2] {
     [0, 16].map(|shift| f16::from_bits((word.to_bits() >> shift) as u16).to_f32())
 }
 
-/// All planes of such words, plane after plane of `stride` places.
-pub fn unpack_halves(words: &[f32], stride: usize) -> Vec<f32> {
-    let planes = words.chunks(stride.max(1));
-    planes.flat_map(|plane| [0, 1].map(|h| plane.iter().map(move |&w| halves(w)[h]))).flatten().collect()
+/// The page of what a page of such words says: two quads for each.
+pub fn unpack_halves(words: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> {
+    let of = |[low, high]: [f32; 2]| {
+        let ([a, b], [c, d]) = (halves(low), halves(high));
+        [a, b, c, d]
+    };
+    let quads = words.chunks(stride.max(1));
+    quads.flat_map(|quad| [0, 2].map(|h| quad.iter().map(move |w| of([w[h], w[h + 1]])))).flatten().collect()
 }
 
 /// Adds a Gaussian from its planes.

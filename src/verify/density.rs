@@ -12,7 +12,7 @@ use crate::{
         density_weigh::Weigh,
         random_scene,
     },
-    scene::layout::{GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, sh_planes},
+    scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, quads, sh_planes},
     stages::{
         WORKGROUP,
         constants::density::{ADC, BUDGET, MCMC, PULL, SCORES, WORDS},
@@ -62,7 +62,7 @@ struct Page {
     population: Buffer<u32>,
     status: Buffer<u32>,
     /// Some opacities are NaN and some scales infinite, some opacities are low.
-    planes: Vec<f32>,
+    quads: Vec<[f32; 4]>,
     params: Params,
     workgroup_size: u32,
 }
@@ -79,14 +79,14 @@ impl Page {
                 _ => {}
             }
         }
-        let planes: Vec<f32> = params.geometry.iter().map(|&v| v as f32).collect();
-        params.geometry = planes.iter().map(|&v| f64::from(v)).collect();
+        params.geometry.iter_mut().for_each(|v| *v = f64::from(*v as f32));
+        let quads = layout::page(GEOMETRY_PLANES, count, count, |p, i| params.geometry[p * count + i] as f32);
         let end = SEGMENT_FIRST + PAGE_FIRST + count as u32;
         Ok(Page {
             count,
             population: Buffer::from_slice(bench.context, "population", &[0, SEGMENT_FIRST, end])?,
             status: Buffer::zeroed(bench.context, "status", status::WORDS)?,
-            planes,
+            quads,
             params,
             workgroup_size: bench.context.info().workgroup(WORKGROUP),
         })
@@ -158,7 +158,7 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
             opacity: 0.5,
         })
         .collect();
-    let start: Vec<f32> = (0..SCORES * count as u32).map(|i| unit(i + 3)).collect();
+    let start: Vec<[f32; 4]> = (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| unit(4 * i + p + 3))).collect();
     let there = (
         Buffer::from_slice(context, "tile_counts", &tile_counts)?,
         Buffer::from_slice(context, "first_slot", &first_slot)?,
@@ -190,7 +190,7 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
     };
     let prepare = || Ok(there.5.upload(0, &start)?);
     let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
-    let mut want: Vec<f64> = start.iter().map(|&s| f64::from(s)).collect();
+    let mut want: Vec<[f64; 4]> = start.iter().map(|s| s.map(f64::from)).collect();
     for i in 0..count {
         let mut record = [0.0; 9];
         for slot in (first_slot[before + i]..).take(tile_counts[before + i] as usize) {
@@ -203,12 +203,12 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
         let splat = Splat { l11: s.l11.into(), l12: s.l12.into(), l22: s.l22.into(), ..Splat::default() };
         let add = twin::density_score::density_score(&record, &splat, pulls.then_some([50.0, 33.5]));
         let first = if pulls { PULL as usize } else { 0 };
-        (0..2).for_each(|p| want[(first + p) * count + i] += add[p]);
+        (0..2).for_each(|p| want[i][first + p] += add[p]);
     }
     let mut row = bench.row("density_score", if pulls { "pulls" } else { "errors" });
     let got = there.5.download()?;
-    for (got, want) in got.chunks(count).zip(want.chunks(count)) {
-        row.numbers(got.iter().copied().zip(want.iter().copied()));
+    for p in 0..SCORES as usize {
+        row.numbers(got.iter().zip(&want).map(|(got, want)| (got[p], want[p])));
     }
     row.time = times.of("density_score");
     row.work.bytes = 12.0 * f64::from(slots) + 24.0 * count as f64;
@@ -219,8 +219,9 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
 fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
     let (context, count) = (bench.context, page.count);
     // A fifth of the scores is 0.
-    let scores: Vec<f32> = (0..SCORES * count as u32).map(|i| (unit(i) - 0.2).max(0.0)).collect();
-    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let scores: Vec<[f32; 4]> =
+        (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| (unit(4 * i + p) - 0.2).max(0.0))).collect();
+    let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
     let scores_there = Buffer::from_slice(context, "scores", &scores)?;
     let numbers = PAGE_FIRST as usize + count;
     let alive = Buffer::<u32>::zeroed(context, "alive", numbers)?;
@@ -251,7 +252,7 @@ fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
     let w = Weigh { strategy, capacity, least_opacity, least_score, step: STEP, seed: SEED };
     let want: Vec<(bool, Option<f64>)> = (0..count)
         .map(|i| {
-            let scores = std::array::from_fn(|p| f64::from(scores[p * count + i]));
+            let scores = scores[i].map(f64::from);
             twin::density_weigh::density_weigh(&w, &page.params, i, PAGE_FIRST + i as u32, scores)
         })
         .collect();
@@ -413,13 +414,16 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
     let sources: Vec<u32> = (0..numbers as u32).collect();
     let stays = numbers as u32 * 2 / 3;
     let sh = sh_planes(1);
-    let moments: Vec<f32> = (0..planes * (GEOMETRY_PLANES * count) as u32).map(|i| 0.5 + unit(i)).collect();
-    let sh_moments: Vec<f32> = (0..planes * (sh * count) as u32).map(|i| 0.5 + unit(i)).collect();
-    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let of_each = planes as usize;
+    let some = |quads: usize| -> Vec<[f32; 4]> {
+        (0..(quads * count) as u32).map(|i| [0, 1, 2, 3].map(|c| 0.5 + unit(4 * i + c))).collect()
+    };
+    let (moments, sh_moments) = (some(of_each * quads(GEOMETRY_PLANES)), some(of_each * quads(sh)));
+    let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
     let moments_there = Buffer::from_slice(context, "moments", &moments)?;
     let sh_there = Buffer::from_slice(context, "sh_moments", &sh_moments)?;
-    let lobes_there = Buffer::<f32>::zeroed(context, "lobe_moments", 1)?;
-    let scores = Buffer::from_slice(context, "scores", &vec![1.0f32; SCORES as usize * count])?;
+    let lobes_there = Buffer::<[f32; 4]>::zeroed(context, "lobe_moments", 1)?;
+    let scores = Buffer::from_slice(context, "scores", &vec![[1f32; SCORES as usize]; count])?;
     let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
     let sources_there = Buffer::from_slice(context, "sources", &sources)?;
     let copies_there = Buffer::from_slice(context, "copies", &copies)?;
@@ -454,7 +458,7 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
         seed: SEED,
     };
     let prepare = || {
-        geometry.upload(0, &page.planes)?;
+        geometry.upload(0, &page.quads)?;
         moments_there.upload(0, &moments)?;
         Ok(sh_there.upload(0, &sh_moments)?)
     };
@@ -470,27 +474,27 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
     let (got, got_moments, got_sh) = (geometry.download()?, moments_there.download()?, sh_there.download()?);
     let mut row = bench.row("density_apply", name);
     for c in 0..3 {
-        let plane = |p: usize| got[p * count..][..count].iter().copied();
+        let plane = |p: usize| got[p / 4 * count..][..count].iter().map(move |quad| quad[p % 4]);
         row.numbers(plane(MEAN + c).zip(want.iter().map(|(g, _)| g.mean[c])).filter(|(_, want)| want.is_finite()));
         let scales = plane(LOG_SCALE + c).zip(want.iter().map(|(g, _)| g.log_scale[c]));
         row.numbers(scales.filter(|(_, want)| want.is_finite()));
     }
-    let logits = got[OPACITY * count..][..count].iter().copied().zip(&want);
+    let logits = got[OPACITY / 4 * count..][..count].iter().map(|quad| quad[OPACITY % 4]).zip(&want);
     row.numbers(logits.filter(|(_, (g, _))| g.logit.is_finite()).map(|(got, (g, _))| (got, g.logit)));
-    let of_each = planes as usize;
-    for (learn, got, before) in [(GEOMETRY_PLANES, &got_moments, &moments), (sh, &got_sh, &sh_moments)] {
-        for m in 0..of_each * learn {
-            let kept = |i: usize| {
-                let begins = &want[i].1;
-                let opacity = learn == GEOMETRY_PLANES && m / of_each == OPACITY;
-                if begins.all || (opacity && begins.opacity) { 0.0 } else { before[m * count + i] }
-            };
-            let want: Vec<u32> = (0..count).map(|i| kept(i).to_bits()).collect();
-            let got: Vec<u32> = got[m * count..][..count].iter().map(|v| v.to_bits()).collect();
-            row.words(&got, &want);
+    let bits = |quads: &[[f32; 4]]| -> Vec<u32> { quads.as_flattened().iter().map(|v| v.to_bits()).collect() };
+    for (of_geometry, got, before) in [(true, &got_moments, &moments), (false, &got_sh, &sh_moments)] {
+        let mut kept = before.clone();
+        for (at, quad) in kept.iter_mut().enumerate() {
+            let begins = &want[at % count].1;
+            if begins.all {
+                *quad = [0.0; 4];
+            } else if begins.opacity && of_geometry && at / count / of_each == OPACITY / 4 {
+                quad[OPACITY % 4] = 0.0;
+            }
         }
+        row.words(&bits(got), &bits(&kept));
     }
-    row.words(&scores.download()?, &vec![0.0; SCORES as usize * count]);
+    row.words(&bits(&scores.download()?), &vec![0; SCORES as usize * count]);
     row.time = times.of("density_apply");
     row.work.bytes = count as f64 * 4.0 * (2 + 2 * GEOMETRY_PLANES + GEOMETRY_PLANES + sh) as f64;
     bench.push(row);
@@ -499,7 +503,7 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
 
 fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
     let (context, count) = (bench.context, page.count);
-    let geometry = Buffer::from_slice(context, "geometry", &page.planes)?;
+    let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
     let stage = density_noise::Stage::new(context, &density_noise::Spec { workgroup_size: page.workgroup_size })?;
     let buffers = density_noise::Buffers { population: &page.population, status: &page.status, geometry: &geometry };
     // So that the faintest move by about their own size.
@@ -511,7 +515,7 @@ fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
         step: STEP,
         seed: SEED,
     };
-    let prepare = || Ok(geometry.upload(0, &page.planes)?);
+    let prepare = || Ok(geometry.upload(0, &page.quads)?);
     let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
     let got = geometry.download()?;
     let mut row = bench.row("density_noise", "");
@@ -522,7 +526,7 @@ fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
         })
         .collect();
     for c in 0..3 {
-        let means = got[(MEAN + c) * count..][..count].iter().copied();
+        let means = got[..count].iter().map(|quad| quad[MEAN + c]);
         row.numbers(means.zip((0..count).map(|i| page.params.mean(i)[c] + off[i][c])));
     }
     row.time = times.of("density_noise");

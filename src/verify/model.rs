@@ -8,6 +8,7 @@ use crate::{
     gpu::Buffer,
     pipelines::model::{Model, Planes, Rearrange, Room, Segment, Sources},
     reference::{NONE, gather, random_scene, recount},
+    scene::layout,
     stages::{
         WORKGROUP,
         blocks::items_per_group,
@@ -62,8 +63,9 @@ fn rearranged(bench: &mut Bench<'_>, model: &mut Model) -> Result<()> {
     let pages = &model.part(Segment::Base).pages;
     let moments = Planes::zeroed(context, "moments", 3, pages)?;
     for (k, page) in pages.iter().enumerate() {
-        let values: Vec<f32> = (0..3 * page.capacity).map(|i| (page.first + i) as f32).collect();
-        moments.page(k).upload(0, &values)?;
+        let capacity = page.capacity as usize;
+        let value = |p, place| (page.first as usize + p * capacity + place) as f32;
+        moments.page(k).upload(0, &layout::page(3, capacity, capacity, value))?;
     }
     let there = Buffer::from_slice(context, "sources", &sources)?;
     let count = Buffer::from_slice(context, "count", &[new])?;

@@ -265,11 +265,12 @@ fn step(
             let second = (0..count).map(|i| rms * rms * (unit(i) + 0.1)).collect();
             [first, second]
         };
-        let planes = beside_planes(&learners[0].1)[array] / if lesson.packed { 1 } else { 2 };
-        own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
+        own[array].iter().take(learning(&own, array)).enumerate().flat_map(of_plane).collect()
     };
     let mut start: Columns = [moments(0), moments(1), moments(2)];
-    let stored = if lesson.packed { packed(&mut start) } else { start.clone() };
+    let places = Places { packed: lesson.packed, opacity_only: lesson.opacity_only, newton: false };
+    let words = if lesson.packed { packed(&mut start) } else { start.clone() };
+    let stored = places.stored(&words, beside_planes(&learners[0].1));
     let name = match (lesson.opacity_only, lesson.sparse) {
         (true, true) => "step of opacity, sparse",
         (true, false) => "step of opacity",
@@ -309,14 +310,15 @@ fn step(
                 adam(&mut value, &gradients, &mut first, &mut second, count, count, &[rate], Some(STEP), touched);
                 // Each plane by itself: their magnitudes differ.
                 row.numbers(after[array][p].iter().copied().zip(value));
+                let lies = places.of(array, at);
                 if !lesson.packed {
-                    row.numbers(after_moments[array][2 * at].iter().copied().zip(first));
-                    row.numbers(after_moments[array][2 * at + 1].iter().copied().zip(second));
+                    row.numbers(after_moments[array][lies[0]].iter().copied().zip(first));
+                    row.numbers(after_moments[array][lies[1]].iter().copied().zip(second));
                     continue;
                 }
                 words += count;
                 let terms = terms_of(&start[array][2 * at], &gradients);
-                otherwise += other_words(&mut row, &after_moments[array][at], [&first, &second], &terms, p);
+                otherwise += other_words(&mut row, &after_moments[array][lies[0]], [&first, &second], &terms, p);
             }
         }
         if lesson.packed {
@@ -351,11 +353,12 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
             };
             [first, (0..count).map(second).collect()]
         };
-        let planes = if beside_planes(&learner)[array] > 0 { own[array].len() } else { 0 };
-        own[array].iter().take(planes).enumerate().flat_map(of_plane).collect()
+        own[array].iter().take(learning(&own, array)).enumerate().flat_map(of_plane).collect()
     };
     let mut start: Columns = [moments(0), moments(1), moments(2)];
-    let mut stored = if is_packed { packed(&mut start) } else { start.clone() };
+    let places = Places { packed: is_packed, opacity_only: false, newton: true };
+    let words = if is_packed { packed(&mut start) } else { start.clone() };
+    let mut stored = places.stored(&words, beside_planes(&learner));
     stored[1] = sh_stored(&mut start[1], is_packed);
     let seen = part.seen(scene, ordered);
     let how = if is_packed { ", packed" } else { "" };
@@ -395,14 +398,15 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
                     words += count;
                     otherwise += other_words(&mut row, &after_moments[array][p], [&first, &second], &terms, p);
                 } else {
-                    row.numbers(after_moments[array][2 * p].iter().copied().zip(first));
-                    row.numbers(after_moments[array][2 * p + 1].iter().copied().zip(second));
+                    let [at, second_at] = places.of(array, p);
+                    row.numbers(after_moments[array][at].iter().copied().zip(first));
+                    row.numbers(after_moments[array][second_at].iter().copied().zip(second));
                 }
             }
         }
         let sh = &after_moments[Array::Sh as usize];
         if !is_packed {
-            for (got, [want, ..]) in sh[6..].iter().zip(&firsts) {
+            for (got, [want, ..]) in sh[4 + 3..].iter().zip(&firsts) {
                 row.numbers(got.iter().copied().zip(want.iter().copied()));
             }
         } else if probes {
@@ -422,6 +426,48 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
         bench.push(row);
     }
     write(parameters, &before)
+}
+
+/// Planes of an array that learn, of which `gradients` are: those of the geometry have one more, which counts views.
+fn learning(gradients: &Columns, array: usize) -> usize {
+    gradients[array].len() - usize::from(array == Array::Geometry as usize)
+}
+
+/// Where moments lie (`glsl/shared/model.glsl`, `adam.glsl`).
+struct Places {
+    packed: bool,
+    opacity_only: bool,
+    newton: bool,
+}
+
+impl Places {
+    /// The planes of both moments of plane p of an array, the same one where both are a word.
+    fn of(&self, array: usize, p: usize) -> [usize; 2] {
+        match (self.packed, self.opacity_only, self.newton && array == Array::Sh as usize) {
+            (true, ..) => [p, p],
+            (_, true, _) => [p, p + 1],
+            (.., true) => [4 + p, p],
+            _ => [8 * (p / 4) + p % 4, 8 * (p / 4) + p % 4 + 4],
+        }
+    }
+
+    /// Pairs of moments, or words of them, as the planes that a learner has; 0 in what is none of these.
+    fn stored(&self, moments: &Columns, planes: [usize; 3]) -> Columns {
+        let each = if self.packed { 1 } else { 2 };
+        let of_array = |array: usize| {
+            let moments = &moments[array];
+            let mut stored = vec![vec![0.0; moments.first().map_or(0, Vec::len)]; planes[array]];
+            for (p, pair) in moments.chunks(each).enumerate() {
+                let at = self.of(array, p);
+                pair.iter()
+                    .zip(at)
+                    .filter(|_| at[0].max(at[1]) < planes[array])
+                    .for_each(|(m, at)| stored[at].clone_from(m));
+            }
+            stored
+        };
+        [of_array(0), of_array(1), of_array(2)]
+    }
 }
 
 /// The words of pairs of moments; the moments become what their words say.
@@ -452,7 +498,11 @@ fn terms_of(before: &[f32], gradients: &[f64]) -> Vec<f64> {
 fn sh_stored(pairs: &mut [Vec<f32>], is_packed: bool) -> Vec<Vec<f32>> {
     let mut stored: Vec<Vec<f32>> = match is_packed {
         true => packed_pairs(&mut pairs[..6]),
-        false => pairs[..6].to_vec(),
+        false => {
+            let [seconds, firsts] = [1, 0].map(|m| [m, m + 2, m + 4].map(|m| pairs[m].clone()));
+            let none = vec![vec![0.0; pairs[0].len()]];
+            [&seconds[..], &none, &firsts].concat()
+        }
     };
     for p in 3..pairs.len() / 2 {
         pairs[2 * p + 1] = pairs[2 * (p % 3) + 1].clone();
@@ -515,7 +565,7 @@ fn read(planes: [&Planes; 3]) -> Result<Columns> {
 /// The scene has one page.
 fn write(planes: [&Planes; 3], columns: &Columns) -> Result<()> {
     for (planes, columns) in planes.into_iter().zip(columns).filter(|(planes, _)| planes.planes() > 0) {
-        planes.page(0).upload(0, &columns.concat())?;
+        planes.restore(&columns.concat(), columns[0].len())?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! What is NaN, and gradients so large that their squares overflow.
 
-use glint::reference::random_scene;
+use glint::{reference::random_scene, scene::layout};
 
 use super::{
     WIDTH, assert_one_step,
@@ -116,7 +116,7 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let before = scene(&company(&camera));
     let steep: Vec<_> = (0..camera.pixels() as usize).map(|p| ripple(p).map(|g| g * 1e22)).collect();
     let shot = probe.shoot(&before, &camera, &steep);
-    assert!(shot.is_finite() && shot.gradients.geometry[10 * 2].abs() > 1e20);
+    assert!(shot.is_finite() && shot.gradients.geometry[layout::OPACITY * 2].abs() > 1e20);
     assert_one_step(&shot, &before, "steep");
     // And what is not finite leaves its Gaussian as it is.
     let mut broken = vec![[0.0; 3]; camera.pixels() as usize];

@@ -1,7 +1,10 @@
 //! Rotations, opacities, colours and lobes at the ends of their ranges.
 
 use glam::DVec3;
-use glint::{reference::random_scene, scene::Camera};
+use glint::{
+    reference::random_scene,
+    scene::{Camera, layout},
+};
 
 use super::{
     check,
@@ -67,7 +70,7 @@ fn logits_to_100_either_way() {
         // Only this one's gradient: beside the others' it would be nothing.
         let alone = scene(&[blob]);
         let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
-        let gradient = shot.gradients.geometry[10];
+        let gradient = shot.gradients.geometry[layout::OPACITY];
         if (5.0..=80.0).contains(&logit) {
             assert!(gradient != 0.0, "logit {logit} has no gradient");
         }
@@ -108,7 +111,7 @@ fn alpha_at_its_two_thresholds() {
                 assert!(alpha <= 0.99 + 1e-7);
             }
             assert!(shot.is_finite());
-            let learns = shot.gradients.geometry[10] != 0.0;
+            let learns = shot.gradients.geometry[layout::OPACITY] != 0.0;
             states.insert((t == 1.0, learns));
         }
         // Both sides were met: not taken and taken; taken, and taken without a gradient of its opacity.

@@ -11,9 +11,9 @@ use crate::{
         density_plan::Plan,
         density_weigh::Weigh,
     },
-    scene::layout::{GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT},
+    scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT},
     stages::{
-        constants::density::{ALIVE, BUDGET, CANDIDATES, CHILDREN, NEW, OLD, PULL, SCORES},
+        constants::density::{ALIVE, BUDGET, CANDIDATES, CHILDREN, NEW, OLD, PULL},
         kernels,
     },
 };
@@ -71,7 +71,7 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
         let plane = if h.spec.pulls { PULL } else { 0 } as usize;
         let add = twin::density_score::density_score(&record, &splat, pulls);
         for (p, add) in add.into_iter().enumerate() {
-            let sum = &mut h.scores[(plane + p) * stride as usize + place];
+            let sum = &mut h.scores[place][plane + p];
             *sum = (f64::from(*sum) + add) as f32;
         }
     }
@@ -92,7 +92,7 @@ pub(super) fn density_weigh(h: kernels::density_weigh::Host<'_>) -> Outcome {
     let weigh = Weigh { strategy: h.spec.strategy, capacity, least_opacity, least_score, step, seed };
     for place in 0..count {
         let number = page_first + place as u32;
-        let scores = std::array::from_fn(|p| f64::from(h.scores[p * stride as usize + place]));
+        let scores = h.scores[place].map(f64::from);
         let (stays, key) = twin::density_weigh::density_weigh(&weigh, &params, place, number, scores);
         h.alive[number as usize] = stays.into();
         h.keys[number as usize] = match (key, h.spec.strategy) {
@@ -144,8 +144,8 @@ pub(super) fn density_place(h: kernels::density_place::Host<'_>) -> Outcome {
     Ok(())
 }
 
-fn geometry(planes: &[f32], stride: u32, place: usize) -> Geometry {
-    let plane = |p: usize| f64::from(planes[p * stride as usize + place]);
+fn geometry(page: &[[f32; 4]], stride: u32, place: usize) -> Geometry {
+    let plane = |p: usize| f64::from(page.as_flattened()[layout::at(p, stride as usize, place)]);
     let triple = |p: usize| DVec3::new(plane(p), plane(p + 1), plane(p + 2));
     Geometry {
         mean: triple(MEAN),
@@ -170,17 +170,25 @@ pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
         let child = number >= h.words[ALIVE as usize];
         let old = geometry(h.geometry, stride, place);
         let (new, begins) = twin::density_apply::density_apply(&apply, &old, number, copies, child);
-        let at = |p: usize| p * stride as usize + place;
+        let quad = |p: usize| p / 4 * stride as usize + place;
         for c in 0..3 {
-            h.geometry[at(MEAN + c)] = new.mean[c] as f32;
-            h.geometry[at(LOG_SCALE + c)] = new.log_scale[c] as f32;
+            h.geometry[quad(MEAN)][MEAN % 4 + c] = new.mean[c] as f32;
+            h.geometry[quad(LOG_SCALE)][LOG_SCALE % 4 + c] = new.log_scale[c] as f32;
         }
-        h.geometry[at(OPACITY)] = new.logit as f32;
-        for m in (0..moments * GEOMETRY_PLANES).filter(|m| begins.all || (begins.opacity && m / moments == OPACITY)) {
-            h.geometry_moments[at(m)] = 0.0;
+        h.geometry[quad(OPACITY)][OPACITY % 4] = new.logit as f32;
+        // Quad q's are quads moments · q and those after it.
+        for q in 0..moments * layout::quads(GEOMETRY_PLANES) {
+            let own = &mut h.geometry_moments[q * stride as usize + place];
+            if begins.all {
+                *own = [0.0; 4];
+            } else if begins.opacity && q / moments == OPACITY / 4 {
+                own[OPACITY % 4] = 0.0;
+            }
         }
-        (0..h.spec.sh_beside as usize).filter(|_| begins.all).for_each(|m| h.sh_moments[at(m)] = 0.0);
-        (0..SCORES as usize).for_each(|p| h.scores[at(p)] = 0.0);
+        if begins.all {
+            (0..h.spec.sh_beside as usize).for_each(|m| h.sh_moments[quad(m)] = [0.0; 4]);
+        }
+        h.scores[place] = [0.0; 4];
     }
     Ok(())
 }
@@ -195,7 +203,7 @@ pub(super) fn density_noise(h: kernels::density_noise::Host<'_>) -> Outcome {
         let number = page_first + place as u32;
         let off = twin::density_noise::density_noise(&gaussian, rate.into(), number, step, seed);
         for c in 0..3 {
-            h.geometry[(MEAN + c) * stride as usize + place] = (gaussian.mean[c] + off[c]) as f32;
+            h.geometry[place][MEAN + c] = (gaussian.mean[c] + off[c]) as f32;
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Outcome, failed, page, params, records_of, view, wide};
+use super::{Outcome, failed, page, params, records_of, view};
 use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
@@ -30,10 +30,10 @@ pub(super) fn step_done(h: kernels::step_done::Host<'_>) -> Outcome {
 
 /// A page's parameters, and what lies beside them: moments, or gradients that are added up.
 struct Planes<'a> {
-    geometry: &'a mut [f32],
-    sh: &'a mut [f32],
-    lobes: &'a mut [f32],
-    beside: [&'a mut [f32]; 3],
+    geometry: &'a mut [[f32; 4]],
+    sh: &'a mut [[f32; 4]],
+    lobes: &'a mut [[f32; 4]],
+    beside: [&'a mut [[f32; 4]]; 3],
     stride: usize,
     page_first: u32,
     packed: bool,
@@ -59,9 +59,19 @@ impl Moves {
         layout::groups(self.sh_degree).into_iter().enumerate().filter(move |(_, group)| moves(group))
     }
 
-    /// The plane among moments or gradients of plane p: opacity's is the first where nothing else learns.
+    /// The plane among gradients of plane p: opacity's is the first where nothing else learns.
     fn beside(self, p: usize) -> usize {
         if self.opacity_only { 0 } else { p }
+    }
+
+    /// The planes of both moments of plane p, of which a quad's are two quads; the same plane where they are one word.
+    fn moments(self, p: usize, packed: bool) -> [usize; 2] {
+        let first = if packed || self.opacity_only { self.beside(p) } else { 8 * (p / 4) + p % 4 };
+        match (packed, self.opacity_only) {
+            (true, _) => [first, first],
+            (false, true) => [first, first + 1],
+            (false, false) => [first, first + 4],
+        }
     }
 }
 
@@ -85,11 +95,12 @@ fn is_sound(grads: &Params, moves: Moves, place: usize) -> bool {
 impl Planes<'_> {
     fn array(&mut self, array: Array) -> (&mut [f32], &mut [f32]) {
         let [geometry, sh, lobes] = &mut self.beside;
-        match array {
+        let (params, beside): (&mut [[f32; 4]], &mut [[f32; 4]]) = match array {
             Array::Geometry => (self.geometry, geometry),
             Array::Sh => (self.sh, sh),
             Array::Lobes => (self.lobes, lobes),
-        }
+        };
+        (params.as_flattened_mut(), beside.as_flattened_mut())
     }
 
     /// One step of the places that `steps` names, or what a probe says of their curvature.
@@ -114,26 +125,29 @@ impl Planes<'_> {
             }
             let (params, moments) = self.array(group.array);
             for p in group.planes.clone() {
-                let first = if packed { 1 } else { 2 } * moves.beside(p) * stride;
+                // Newton's of harmonics: the constant's curvature goes before all first moments.
+                let newtons = newton && !packed && group.array == Array::Sh;
+                let words = if newtons { [4 + p, p] } else { moves.moments(p, packed) };
                 for place in (0..steps.len()).filter(|&place| steps[place]) {
-                    let at = p * stride + place;
+                    let [first, second] = words.map(|p| layout::at(p, stride, place));
+                    let (of, at) = (p * stride + place, layout::at(p, stride, place));
                     let [mut m, mut v] = match packed {
-                        true => unpack_moments(moments[first + place].to_bits()),
-                        false => [moments[first + place], moments[first + stride + place]].map(f64::from),
+                        true => unpack_moments(moments[first].to_bits()),
+                        false => [moments[first], moments[second]].map(f64::from),
                     };
                     let mut param = f64::from(params[at]);
                     match (newton, r.probe) {
-                        (false, _) => adam_one(&mut param, grads[at], [&mut m, &mut v], &rate, correct),
-                        (true, 0) => newton_one(&mut param, grads[at], &mut m, v, &rate, r.newton.into()),
-                        (true, _) => curvature_one(grads[at], &mut v),
+                        (false, _) => adam_one(&mut param, grads[of], [&mut m, &mut v], &rate, correct),
+                        (true, 0) => newton_one(&mut param, grads[of], &mut m, v, &rate, r.newton.into()),
+                        (true, _) => curvature_one(grads[of], &mut v),
                     }
                     params[at] = param as f32;
                     if packed {
                         let dither = dither_of(page_first + place as u32, p as u32, r.step);
-                        moments[first + place] = f32::from_bits(pack_moments([m, v], dither));
+                        moments[first] = f32::from_bits(pack_moments([m, v], dither));
                     } else {
-                        moments[first + place] = m as f32;
-                        moments[first + stride + place] = v as f32;
+                        moments[first] = m as f32;
+                        moments[second] = v as f32;
                     }
                 }
             }
@@ -147,25 +161,25 @@ impl Planes<'_> {
         for (place, k) in
             (0..steps.len()).filter(|&place| steps[place]).flat_map(|place| (1..=bands).map(move |k| (place, k)))
         {
-            let at = |p: usize| p * stride + place;
+            let at = |p: usize| layout::at(p, stride, place);
             let curvature: [f64; 3] = std::array::from_fn(|c| match packed {
                 true => unpack_moments(moments[at(c)].to_bits())[1],
-                false => f64::from(moments[at(2 * c + 1)]),
+                false => f64::from(moments[at(c)]),
             });
             let mut first = match packed {
                 true => unpack_firsts(moments[at(2 + k)].to_bits(), curvature),
-                false => std::array::from_fn(|c| f64::from(moments[at(3 + 3 * k + c)])),
+                false => std::array::from_fn(|c| f64::from(moments[at(4 + 3 * k + c)])),
             };
             for (c, first) in first.iter_mut().enumerate() {
                 let mut param = f64::from(params[at(3 * k + c)]);
-                newton_one(&mut param, grads[at(3 * k + c)], first, curvature[c], rate, r.newton.into());
+                newton_one(&mut param, grads[(3 * k + c) * stride + place], first, curvature[c], rate, r.newton.into());
                 params[at(3 * k + c)] = param as f32;
             }
             if packed {
                 let dither = dither_of(page_first + place as u32, 3 * k as u32, r.step);
                 moments[at(2 + k)] = f32::from_bits(pack_firsts(first, curvature, dither));
             } else {
-                (0..3).for_each(|c| moments[at(3 + 3 * k + c)] = first[c] as f32);
+                (0..3).for_each(|c| moments[at(4 + 3 * k + c)] = first[c] as f32);
             }
         }
     }
@@ -179,14 +193,14 @@ impl Planes<'_> {
             let (_, sums) = self.array(group.array);
             for p in group.planes.clone() {
                 for place in &places {
-                    let sum = &mut sums[moves.beside(p) * stride + place];
+                    let sum = &mut sums[layout::at(moves.beside(p), stride, *place)];
                     *sum = (f64::from(*sum) + grads[p * stride + place]) as f32;
                 }
             }
         }
         let views = if moves.opacity_only { 1 } else { GEOMETRY_PLANES };
         for place in places {
-            self.beside[0][views * stride + place] += f32::from(u8::from(blended[place]));
+            self.beside[0].as_flattened_mut()[layout::at(views, stride, place)] += f32::from(u8::from(blended[place]));
         }
     }
 
@@ -194,7 +208,7 @@ impl Planes<'_> {
     fn make_unit<const N: usize>(&mut self, array: Array, plane: usize, place: usize) -> Option<f64> {
         let stride = self.stride;
         let (params, _) = self.array(array);
-        let at: [usize; N] = std::array::from_fn(|c| (plane + c) * stride + place);
+        let at: [usize; N] = std::array::from_fn(|c| layout::at(plane + c, stride, place));
         let (unit, length) = unit_before_step(at.map(|at| f64::from(params[at])))?;
         at.into_iter().zip(unit).for_each(|(at, v)| params[at] = v as f32);
         Some(length)
@@ -211,11 +225,12 @@ pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     let moves = Moves { has_lobes, opacity_only, sh_degree };
     let mut grads = params([h.geometry_grads, h.sh_grads, h.lobe_grads], count, stride, has_lobes, sh_degree);
     let stride = stride as usize;
-    let views = if opacity_only { 1 } else { GEOMETRY_PLANES } * stride;
-    let blended = |place: usize| h.geometry_grads[views + place] != 0.0;
+    let views = if opacity_only { 1 } else { GEOMETRY_PLANES };
+    let blended = |place: usize| h.geometry_grads[views / 4 * stride + place][views % 4] != 0.0;
     if opacity_only {
         grads.geometry = vec![0.0; GEOMETRY_PLANES * stride];
-        grads.geometry[OPACITY * stride..].copy_from_slice(&wide(&h.geometry_grads[..stride]));
+        let own = &mut grads.geometry[OPACITY * stride..][..stride];
+        own.iter_mut().zip(h.geometry_grads).for_each(|(to, quad)| *to = quad[0].into());
     }
     let steps: Vec<bool> =
         (0..count).map(|place| (!sparse || blended(place)) && is_sound(&grads, moves, place)).collect();

@@ -189,11 +189,11 @@ pub(super) fn lift_append(h: kernels::lift_append::Host<'_>) -> Outcome {
         let gaussians = Gaussians { sh_degree, ..Default::default() };
         let mut one = Supplement { gaussians, ..Default::default() };
         twin::lift_append::lift_append(&[Lift::from(lift)], usize::MAX, &mut one);
-        let at = |p: usize| p * stride as usize + place as usize;
-        layout::geometry(&one.gaussians, 0).into_iter().enumerate().for_each(|(p, v)| h.geometry[at(p)] = v);
-        (0..layout::sh_planes(sh_degree)).for_each(|p| h.sh[at(p)] = layout::sh(&one.gaussians, 0, p));
+        let quad = |p: usize| p / 4 * stride as usize + place as usize;
+        layout::geometry(&one.gaussians, 0).into_iter().enumerate().for_each(|(p, v)| h.geometry[quad(p)][p % 4] = v);
+        (0..layout::sh_planes(sh_degree)).for_each(|p| h.sh[quad(p)][p % 4] = layout::sh(&one.gaussians, 0, p));
         if h.spec.has_lobes {
-            layout::lobe(&one.lobes, 0).into_iter().enumerate().for_each(|(p, v)| h.lobes[at(p)] = v);
+            layout::lobe(&one.lobes, 0).into_iter().enumerate().for_each(|(p, v)| h.lobes[quad(p)][p % 4] = v);
         }
     }
     Ok(())

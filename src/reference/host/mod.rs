@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3, DVec4};
 use super::{Params, View};
 use crate::{
     gpu::Twin,
-    scene::Camera,
+    scene::{Camera, layout},
     stages::{
         status::Status,
         types::{self, Frame},
@@ -92,9 +92,12 @@ fn records_of(i: usize, by_gaussian: bool, tile_counts: &[u32], first_slot: &[u3
 }
 
 /// The Gaussians of a page, by place.
-fn params(planes: [&[f32]; 3], count: usize, stride: u32, has_lobes: bool, sh_degree: u32) -> Params {
-    let [geometry, sh, lobes] = planes.map(wide);
+fn params(pages: [&[[f32; 4]]; 3], count: usize, stride: u32, has_lobes: bool, sh_degree: u32) -> Params {
     let stride = stride as usize;
+    let [geometry, sh, lobes] = pages.map(|page| {
+        let planes = 4 * page.len() / stride.max(1);
+        layout::planes(page, planes, stride).map(f64::from).collect()
+    });
     let lobe_first = if has_lobes { 0 } else { stride };
     Params { geometry, sh, lobes, count, stride, lobe_first, lobe_stride: stride, sh_degree }
 }

@@ -26,7 +26,7 @@ pub(super) fn recount(h: kernels::recount::Host<'_>) -> Outcome {
 }
 
 pub(super) fn gather(h: kernels::gather::Host<'_>) -> Outcome {
-    let kernels::gather::Push { count_index, targets, page_first, stride, plane_first, planes } = h.push;
+    let kernels::gather::Push { count_index, targets, page_first, stride, quad } = h.push;
     let count = h.workgroups.threads().min(h.count[count_index as usize].min(targets) as usize);
     // Targets whose source is of this page, and its place there. What begins at 0 is the first page's business.
     let place = |&source: &u32| match source {
@@ -35,11 +35,9 @@ pub(super) fn gather(h: kernels::gather::Host<'_>) -> Outcome {
     };
     let (here, places): (Vec<usize>, Vec<u32>) =
         h.sources[..count].iter().enumerate().filter_map(|(target, source)| Some((target, place(source)?))).unzip();
-    for p in 0..planes as usize {
-        let plane = &h.from[(plane_first as usize + p) * stride as usize..][..stride as usize];
-        for (target, value) in here.iter().zip(twin::gather::gather(plane, &places)) {
-            h.gathered[p * targets as usize + target] = value;
-        }
+    let quads = &h.from[quad as usize * stride as usize..][..stride as usize];
+    for (target, value) in here.into_iter().zip(twin::gather::gather(quads, &places)) {
+        h.gathered[target] = value;
     }
     Ok(())
 }
