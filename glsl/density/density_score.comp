@@ -46,7 +46,7 @@ void main() {
     vec2 add = sum.xy;
     if (PULLS) {
         Splat s = splats[i];
-        vec2 centre = vec2(s.l11 * sum.x, s.l12 * sum.x + s.l22 * sum.y) * vec2(push.half_width, push.half_height);
+        vec2 centre = vec2(s.shape.x * sum.x, s.shape.y * sum.x + s.shape.z * sum.y) * vec2(push.half_width, push.half_height);
         bool blended = own.y > 0 && (sum.z != 0.0 || sum.x != 0.0 || sum.y != 0.0);
         add = blended ? vec2(length(centre), 1.0) : vec2(0.0);
     }

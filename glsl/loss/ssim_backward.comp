@@ -19,7 +19,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]
 layout(set = 0, binding = 2, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Partials { float partials[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Partials { vec3 partials[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ImageGrad { float image_grad[]; };
 
 // Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
@@ -28,8 +28,7 @@ layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_fr
 
 // Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = TILE + 1;
-const uint PLANE = 3 * STRIP * PITCH;
-shared float blurred[3 * PLANE];
+shared vec3 blurred[3 * STRIP * PITCH];
 
 void main() {
     uint tile = group_index();
@@ -62,24 +61,17 @@ void main() {
             for (uint step = 0; step < RUN + 2 * RADIUS; step++) {
                 vec3 p = vec3(0);
                 if (within(frame, pixel)) {
-                    uint i = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
-                    p = vec3(partials[i], partials[i + STRIP_PIXELS], partials[i + 2 * STRIP_PIXELS]);
+                    p = partials[partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel)];
                 }
                 pixel.x += 1;
                 vec3 done = feed(along, p);
-                if (step >= 2 * RADIUS) {
-                    blurred[at] = done.x;
-                    blurred[at + PLANE] = done.y;
-                    blurred[at + 2 * PLANE] = done.z;
-                    at += 1;
-                }
+                if (step >= 2 * RADIUS) blurred[at++] = done;
             }
         }
         barrier();
         if (live) {
             for (uint step = 0; step < STRIP; step++) {
-                uint at = (channel * STRIP + step) * PITCH + column;
-                vec3 p = feed(down, vec3(blurred[at], blurred[at + PLANE], blurred[at + 2 * PLANE]));
+                vec3 p = feed(down, blurred[(channel * STRIP + step) * PITCH + column]);
                 // Before the tile's first row has its whole window this is a row above the tile.
                 ivec2 pixel = ivec2(corner.x + int(column), top + int(step) - RADIUS);
                 if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {

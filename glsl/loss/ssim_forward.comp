@@ -30,7 +30,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer TileList { uint tile_list[]
 layout(set = 0, binding = 2, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; };
-layout(set = 0, binding = 5, scalar) writeonly buffer Partials { float partials[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer Partials { vec3 partials[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec3 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
@@ -124,9 +124,7 @@ void main() {
                 float p0 = 2 * (my * a2 / b2 - mx * s) / b1 - 2 * m.x * p1 - m.y * p2;
                 if (within(frame, pixel + ivec2(step, 0))) {
                     ssim += s;
-                    partials[partial] = p0;
-                    partials[partial + STRIP_PIXELS] = p1;
-                    partials[partial + 2 * STRIP_PIXELS] = p2;
+                    partials[partial] = vec3(p0, p1, p2);
                     if (LOSS_MAP) {
                         uint i = uint(pixel.y) * frame.width + uint(pixel.x) + step;
                         uint target = targets[frame.target_first + i];

@@ -11,10 +11,9 @@
 #include "../shared/frame.glsl"
 #include "../shared/tile.glsl"
 
-layout(constant_id = 4) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
-layout(constant_id = 5) const bool MEDIAN = false;           // also note the Gaussian of median depth
-layout(constant_id = 6) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
-layout(constant_id = 7) const bool UNROLLED = false;         // a subgroup's splats in one piece of code, where lanes are constants
+layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
+layout(constant_id = 6) const bool MEDIAN = false;           // also note the Gaussian of median depth
+layout(constant_id = 7) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;      // the first frame, index in frames
@@ -59,12 +58,12 @@ uint global;
 
 // Blends the splat of lane `j` into the tile.
 void take(uint j) {
-    vec2 centre = subgroupBroadcast(vec2(own.x, own.y), j);
-    vec4 shape = subgroupBroadcast(vec4(own.l11, own.l12, own.l22, own.opacity), j);
-    vec3 rgb = subgroupBroadcast(tint, j);
+    vec2 centre = handed(own.centre, j);
+    vec4 shape = handed(own.shape, j);
+    vec3 rgb = handed(tint, j);
     precise float u0 = shape.x * (x - centre.x);
-    uint id = MEDIAN ? subgroupBroadcast(global, j) : 0;
-    float z = OCCLUDED ? subgroupBroadcast(depth, j) : 0.0;
+    uint id = MEDIAN ? handed(global, j) : 0;
+    float z = OCCLUDED ? handed(depth, j) : 0.0;
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
         Response e = respond(u0, shape.y, shape.z, dy, shape.w);
@@ -110,7 +109,7 @@ void main() {
         if (subgroupAll(most < 0.0)) break;
         uint mine = first + gl_SubgroupInvocationID;
         // Of no opacity where there is none: no pixel takes it.
-        own = Splat(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        own = Splat(vec4(0.0), vec2(0.0));
         tint = vec3(0.0);
         depth = 0.0;
         if (mine < range.y) {
@@ -120,7 +119,7 @@ void main() {
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
         }
         if (UNROLLED) {
-            [[unroll]] for (uint j = 0; j < TILE_WIDTH * TILE_HEIGHT / PIXELS; ++j) take(j);
+            [[unroll]] for (uint j = 0; j < LANES; ++j) take(j);
         } else {
             uint n = min(gl_SubgroupSize, range.y - first);
             for (uint j = 0; j < n; ++j) take(j);

@@ -55,14 +55,7 @@ void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uin
 }
 
 Splat from_lane(Splat s, uint lane) {
-    Splat o;
-    o.x = subgroupShuffle(s.x, lane);
-    o.y = subgroupShuffle(s.y, lane);
-    o.l11 = subgroupShuffle(s.l11, lane);
-    o.l12 = subgroupShuffle(s.l12, lane);
-    o.l22 = subgroupShuffle(s.l22, lane);
-    o.opacity = subgroupShuffle(s.opacity, lane);
-    return o;
+    return Splat(subgroupShuffle(s.shape, lane), subgroupShuffle(s.centre, lane));
 }
 
 void main() {

@@ -72,12 +72,11 @@ void main() {
 
     precise Splat s; // emit, which reads it from memory, must see what is counted here
     float a = e.a + DILATION, c = e.c + DILATION;
-    s.l22 = inversesqrt(c);
-    s.l11 = sqrt(c / e.det);
-    s.l12 = -e.b * s.l22 * inversesqrt(e.det);
-    s.x = view.fx * p.x * e.inv_z + view.cx;
-    s.y = view.fy * p.y * e.inv_z + view.cy;
-    s.opacity = opacity;
+    s.shape.z = inversesqrt(c);
+    s.shape.x = sqrt(c / e.det);
+    s.shape.y = -e.b * s.shape.z * inversesqrt(e.det);
+    s.shape.w = opacity;
+    s.centre = vec2(view.fx, view.fy) * p.xy * e.inv_z + vec2(view.cx, view.cy);
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(view.width, view.height));
     if (tiles == 0) return;
 

@@ -54,13 +54,9 @@ void main() {
 
     ScreenShape e = screen_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
     precise Splat s; // emit, which reads it from memory, must see what is counted here
-    s.x = centre.x;
-    s.y = centre.y;
-    s.l11 = e.l11;
-    s.l12 = e.l12;
-    s.l22 = e.l22;
-    s.opacity = e.compensation / (1.0 + exp(-at(LOGIT, i)));
-    if (!(s.opacity >= ALPHA_MIN)) return;
+    s.centre = centre;
+    s.shape = vec4(e.l11, e.l12, e.l22, e.compensation / (1.0 + exp(-at(LOGIT, i))));
+    if (!(s.shape.w >= ALPHA_MIN)) return;
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(frame.width, frame.height));
     if (tiles == 0) return;
     vec3 colour = vec3(at(COLOUR, i), at(COLOUR + 1, i), at(COLOUR + 2, i));

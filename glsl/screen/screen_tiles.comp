@@ -46,15 +46,15 @@ void main() {
     Frame frame = frames[f];
     Splat s = splats[i];
     // The ellipse's bounding box, wider than exact as in tile_span.
-    float t = 2.0 * log(255.0 * s.opacity);
+    float t = 2.0 * log(255.0 * s.shape.w);
     t += 1e-4 * (1.0 + abs(t));
     float root = sqrt(max(t, 0.0));
     // guard: reach of 2D Gaussians
-    vec2 reach = vec2(root * length(vec2(s.l12, s.l22)) / (s.l11 * s.l22), root / s.l22) + 1e-3;
+    vec2 reach = vec2(root * length(s.shape.yz) / (s.shape.x * s.shape.z), root / s.shape.z) + 1e-3;
     uint across = (frame.width + TILE - 1) / TILE;
     for (uint k = 0; k < 2; ++k) {
         // guard: tiles around 2D Gaussians
-        uvec4 box = tiles_within(vec2(s.x, s.y), reach + (k == 0 ? WINDOW_RADIUS : 0.0), frame);
+        uvec4 box = tiles_within(s.centre, reach + (k == 0 ? WINDOW_RADIUS : 0.0), frame);
         for (uint y = box.y; y <= box.w; ++y) {
             for (uint x = box.x; x <= box.z; ++x) {
                 uint tile = f * push.tiles_per_frame + y * across + x;

@@ -11,9 +11,6 @@
 #include "population.glsl"
 #include "tile.glsl"
 
-// A subgroup's splats in one piece of code, where lanes are constants, and no branches at pixels: as a CPU likes it.
-layout(constant_id = 4) const bool UNROLLED = false;
-
 // Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
 // is meant, see records.glsl.
 struct Record {
@@ -55,10 +52,10 @@ bool blended;
 
 // Pulls at the splat of lane `j` with all pixels of the tile.
 void take(uint j) {
-    vec2 centre = subgroupBroadcast(vec2(own.x, own.y), j);
-    vec4 shape = subgroupBroadcast(vec4(own.l11, own.l12, own.l22, own.opacity), j);
-    vec3 rgb = subgroupBroadcast(tint, j);
-    bool all = subgroupBroadcast(uint(learns), j) != 0;
+    vec2 centre = handed(own.centre, j);
+    vec4 shape = handed(own.shape, j);
+    vec3 rgb = handed(tint, j);
+    bool all = handed(uint(learns), j) != 0;
     precise float u0 = shape.x * (x - centre.x);
     vec2 sum_w = vec2(0.0);
     vec3 sum_ww = vec3(0.0), sum_rgb = vec3(0.0);
@@ -87,18 +84,19 @@ void take(uint j) {
         sum_w += w_g;
         sum_ww += vec3(w_g.x * w.x, w_g.x * w.y, w_g.y * w.y);
     }
-    if (!subgroupAny(touched)) return;
+    bool blends = UNROLLED ? summed(touched ? 1.0 : 0.0) > 0.0 : subgroupAny(touched);
+    if (!(UNROLLED || blends)) return;
     // Of what is frozen x says that it is blended, which SparseAdam asks.
     // guard: blended without a gradient
-    Record total = Record(vec3(1.0, 0.0, subgroupAdd(sum_opacity)), vec3(0.0), vec3(0.0));
+    Record total = Record(vec3(1.0, 0.0, summed(sum_opacity)), vec3(0.0), vec3(0.0));
     if (all) {
-        total.centre.xy = subgroupAdd(sum_w);
-        total.shape = subgroupAdd(sum_ww);
-        total.colour = subgroupAdd(sum_rgb);
+        total.centre.xy = summed(sum_w);
+        total.shape = summed(sum_ww);
+        total.colour = summed(sum_rgb);
     }
     if (gl_SubgroupInvocationID == j) {
         record = total;
-        blended = true;
+        blended = blends;
     }
 }
 
@@ -132,7 +130,7 @@ void tile_backward() {
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
         // Of no opacity where there is none: no pixel takes it.
-        own = Splat(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        own = Splat(vec4(0.0), vec2(0.0));
         tint = vec3(0.0);
         learns = false;
         if (mine < range.y) {
@@ -144,7 +142,7 @@ void tile_backward() {
         }
         blended = false;
         if (UNROLLED) {
-            [[unroll]] for (uint j = 0; j < TILE_WIDTH * TILE_HEIGHT / PIXELS; ++j) take(j);
+            [[unroll]] for (uint j = 0; j < LANES; ++j) take(j);
         } else {
             uint n = min(gl_SubgroupSize, range.y - first);
             for (uint j = 0; j < n; ++j) take(j);

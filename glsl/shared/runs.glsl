@@ -5,16 +5,16 @@
 layout(constant_id = 8) const uint RUN = 8;
 const uint RUNS = TILE / RUN;
 
-// The partial derivatives lie in strips of TILE * STRIP pixels, 9 planes each (plane 3 * channel + which), and within a
-// plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
+// The partial derivatives of a pixel's channel lie together, in strips of TILE * STRIP pixels, a plane for each channel, and within
+// a plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
 // side. A frame has room for tiles_per_frame tiles.
 const uint STRIP_PIXELS = TILE * STRIP;
-const uint STRIP_SIZE = 9 * STRIP_PIXELS;
+const uint STRIP_SIZE = 3 * STRIP_PIXELS;
 
 uint partial_index(Frame frame, uint frame_index, uint tiles_per_frame, uint channel, ivec2 at) {
     uint strip = frame_index * tiles_per_frame * (TILE / STRIP)
         + uint(at.y) / STRIP * tiles_across(frame) + uint(at.x) / TILE;
     uint run = uint(at.x) % TILE / RUN;
-    return strip * STRIP_SIZE + channel * 3 * STRIP_PIXELS
+    return strip * STRIP_SIZE + channel * STRIP_PIXELS
         + uint(at.x) % RUN * (RUNS * STRIP) + run * STRIP + uint(at.y) % STRIP;
 }

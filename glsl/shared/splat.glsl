@@ -1,9 +1,9 @@
 // What projection leaves of a Gaussian in one view, beside its colour (`splat_colours`) and depth (`depth_keys`), and the
 // ellipse that it covers.
 struct Splat {
-    float x, y;          // centre, px
-    float l11, l12, l22; // factor of the conic: w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2
-    float opacity;       // sigmoid(logit) * lobe * compensation
+    vec4 shape;  // factor of the conic (l11, l12, l22): w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2; opacity: sigmoid(logit) *
+                 // lobe * compensation
+    vec2 centre; // px
 };
 
 const float ALPHA_MIN = 1.0 / 255.0; // below it a Gaussian contributes nothing (3DGS)
@@ -22,24 +22,24 @@ const float T_MIN = 1e-4;            // transmittance at which a pixel is finish
 const float SPAN_PAD = 1e-3, SPAN_PAD_RELATIVE = 1.0 / 1048576.0;
 
 ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
-    precise float t = 2.0 * log(255.0 * s.opacity);
+    precise float t = 2.0 * log(255.0 * s.shape.w);
     // guard: wider columns (2 lines)
     t += 1e-4 * (1.0 + abs(t));
-    precise float root = sqrt(max(t, 0.0)), slant = sqrt(s.l12 * s.l12 + s.l22 * s.l22); // `length` is not kept precise
-    precise float half_height = root / s.l22 + SPAN_PAD;
+    precise float root = sqrt(max(t, 0.0)), slant = sqrt(s.shape.y * s.shape.y + s.shape.z * s.shape.z); // `length` is not kept precise
+    precise float half_height = root / s.shape.z + SPAN_PAD;
     // guard: padding of columns
-    precise float pad = SPAN_PAD + SPAN_PAD_RELATIVE * (slant * root / (s.l11 * s.l22) + abs(s.x));
-    precise float top = float(row * int(tile.y)) + 0.5 - s.y;
-    precise float bottom = float(min((row + 1) * int(tile.y), int(size.y))) - 0.5 - s.y;
+    precise float pad = SPAN_PAD + SPAN_PAD_RELATIVE * (slant * root / (s.shape.x * s.shape.z) + abs(s.centre.x));
+    precise float top = float(row * int(tile.y)) + 0.5 - s.centre.y;
+    precise float bottom = float(min((row + 1) * int(tile.y), int(size.y))) - 0.5 - s.centre.y;
     if (!(top <= half_height && bottom >= -half_height)) return ivec2(1, 0);
     top = max(top, -half_height);
     bottom = min(bottom, half_height);
-    precise float dy_right = -s.l12 * root / (s.l22 * slant);
+    precise float dy_right = -s.shape.y * root / (s.shape.z * slant);
     precise float dy_r = clamp(dy_right, top, bottom);
     precise float dy_l = clamp(-dy_right, top, bottom);
-    precise float w_r = s.l22 * dy_r, w_l = s.l22 * dy_l;
-    precise float right = s.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.l12 * dy_r) / s.l11 + pad;
-    precise float left = s.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.l12 * dy_l) / s.l11 - pad;
+    precise float w_r = s.shape.z * dy_r, w_l = s.shape.z * dy_l;
+    precise float right = s.centre.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.shape.y * dy_r) / s.shape.x + pad;
+    precise float left = s.centre.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.shape.y * dy_l) / s.shape.x - pad;
     // Kept within one pixel of the image before the conversion: huge floats have no int.
     // guard: columns of huge splats (2 lines)
     precise float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
@@ -51,13 +51,13 @@ ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
 
 // Rows of tiles that the splat may touch, as (first, last); first > last if none.
 ivec2 tile_rows(Splat s, uvec2 tile, uvec2 size) {
-    precise float t = 2.0 * log(255.0 * s.opacity);
+    precise float t = 2.0 * log(255.0 * s.shape.w);
     // guard: wider rows (2 lines)
     t += 1e-4 * (1.0 + abs(t));
-    precise float half_height = sqrt(max(t, 0.0)) / s.l22 + SPAN_PAD;
+    precise float half_height = sqrt(max(t, 0.0)) / s.shape.z + SPAN_PAD;
     // guard: rows of huge splats (2 lines)
-    precise float first = ceil(clamp(s.y - half_height - 0.5, -1.0, float(size.y)));
-    precise float last = floor(clamp(s.y + half_height - 0.5, -1.0, float(size.y)));
+    precise float first = ceil(clamp(s.centre.y - half_height - 0.5, -1.0, float(size.y)));
+    precise float last = floor(clamp(s.centre.y + half_height - 0.5, -1.0, float(size.y)));
     int y0 = max(int(first), 0), y1 = min(int(last), int(size.y) - 1);
     return y0 > y1 ? ivec2(1, 0) : ivec2(y0 / int(tile.y), y1 / int(tile.y));
 }

@@ -6,9 +6,33 @@
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const uint PIXELS = 8;
+// A subgroup's splats in one piece of code, where lanes are constants, and no branches at pixels: as a CPU likes it.
+layout(constant_id = 4) const bool UNROLLED = false;
+const uint LANES = TILE_WIDTH * TILE_HEIGHT / PIXELS;
 
 uint lane_x() { return gl_SubgroupInvocationID % TILE_WIDTH; }
 uint lane_y(uint k) { return gl_SubgroupInvocationID / TILE_WIDTH + k * (gl_SubgroupSize / TILE_WIDTH); }
+
+// What lane `j` holds, and the sum over lanes, both for all of them. llvmpipe goes from lane to lane for either, but shuffles by
+// constants in one instruction.
+#define HANDED(T) T handed(T x, uint j) { return UNROLLED ? subgroupShuffle(x, j) : subgroupBroadcast(x, j); }
+HANDED(uint)
+HANDED(float)
+HANDED(vec2)
+HANDED(vec3)
+HANDED(vec4)
+
+#define SUMMED(T) \
+    T summed(T x) { \
+        if (!UNROLLED) return subgroupAdd(x); \
+        [[unroll]] for (uint bit = 0; bit < 6; ++bit) { \
+            if (1u << bit < LANES) x += subgroupShuffle(x, gl_SubgroupInvocationID ^ 1u << bit); \
+        } \
+        return x; \
+    }
+SUMMED(float)
+SUMMED(vec2)
+SUMMED(vec3)
 
 // A splat at one pixel. `precise`, so that the backward pass repeats every decision of the forward pass bit for bit.
 struct Response {

@@ -33,7 +33,7 @@ uvec2 same_digit(uint digit, bool live) {
     uvec2 peers = uvec2(0);
     if (LANES > 0) {
         uint shown = live ? digit : DIGITS;
-        [[unroll]] for (uint lane = 0; lane < LANES; ++lane) peers.x |= uint(subgroupBroadcast(shown, lane) == shown) << lane;
+        [[unroll]] for (uint lane = 0; lane < LANES; ++lane) peers.x |= uint(subgroupShuffle(shown, lane) == shown) << lane;
         return peers;
     }
     peers = subgroupBallot(live).xy;

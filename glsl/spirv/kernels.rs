@@ -70,12 +70,8 @@ pub struct ScreenState {
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Splat {
-    pub x: f32,
-    pub y: f32,
-    pub l11: f32,
-    pub l12: f32,
-    pub l22: f32,
-    pub opacity: f32,
+    pub shape: [f32; 4],
+    pub centre: [f32; 2],
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct StepRates {
@@ -1791,7 +1787,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub targets: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub partials: &'a crate::gpu::Buffer<f32>,
+    pub partials: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub image_grad: &'a crate::gpu::Buffer<f32>,
 }
@@ -1811,7 +1807,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub targets: &'a [u32],
     /// ReadOnly
-    pub partials: &'a [f32],
+    pub partials: &'a [[f32; 3]],
     /// WriteOnly
     pub image_grad: &'a mut [f32],
 }
@@ -1834,7 +1830,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
@@ -1885,7 +1881,7 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub targets: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
-    pub partials: &'a crate::gpu::Buffer<f32>,
+    pub partials: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub tile_sums: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
@@ -1907,7 +1903,7 @@ pub struct Host<'a> {
     /// ReadOnly
     pub targets: &'a [u32],
     /// WriteOnly
-    pub partials: &'a mut [f32],
+    pub partials: &'a mut [[f32; 3]],
     /// WriteOnly
     pub tile_sums: &'a mut [[f32; 3]],
     /// WriteOnly
@@ -1932,7 +1928,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];
@@ -3336,10 +3332,10 @@ pub struct Spec {
     pub tile_width: u32,
     pub tile_height: u32,
     pub pixels: u32,
+    pub unrolled: bool,
     pub background_image: bool,
     pub median: bool,
     pub occluded: bool,
-    pub unrolled: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3396,7 +3392,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, background_image: call.constant(4) != 0, median: call.constant(5) != 0, occluded: call.constant(6) != 0, unrolled: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3425,17 +3421,17 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
-        crate::gpu::Constant { id: 4, name: c"background_image", kind: crate::gpu::ConstantKind::Bool },
-        crate::gpu::Constant { id: 5, name: c"median", kind: crate::gpu::ConstantKind::Bool },
-        crate::gpu::Constant { id: 6, name: c"occluded", kind: crate::gpu::ConstantKind::Bool },
-        crate::gpu::Constant { id: 7, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"background_image", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"median", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 7, name: c"occluded", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.background_image as u32), (5, spec.median as u32), (6, spec.occluded as u32), (7, spec.unrolled as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
     }

@@ -58,7 +58,7 @@ pub struct Batch<'a> {
 
 buffers! {
     struct LossBuffers(o: LossOptions) {
-        partials: f32 = partials_len(o.tiles),
+        partials: [f32; 3] = partials_len(o.tiles),
         tile_sums: [f32; 3] = o.tiles,
         loss_map: f32 = o.map_pixels,
     }

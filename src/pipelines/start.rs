@@ -61,7 +61,7 @@ pub fn upload_photos(
 fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
     let Camera { width, height, .. } = photo.camera;
     let frame = Frame { image_first: 0, target_first: 0, width, height };
-    let bytes = (partials_len(tiles_for(&frame)) * size_of::<f32>()) as u64;
+    let bytes = (partials_len(tiles_for(&frame)) * size_of::<[f32; 3]>()) as u64;
     if bytes <= limit {
         return None;
     }

@@ -26,9 +26,9 @@ pub fn tiles_per_frame(frames: &[Frame]) -> u32 {
     frames.iter().map(tiles_for).max().unwrap_or(0)
 }
 
-/// Elements of `partials` for so many tiles: three for each channel of each pixel.
+/// Elements of `partials` for so many tiles: one for each channel of each pixel.
 pub fn partials_len(tiles: u32) -> usize {
-    tiles as usize * (9 * TILE * TILE) as usize
+    tiles as usize * (3 * TILE * TILE) as usize
 }
 
 #[cfg(test)]
@@ -40,6 +40,6 @@ mod tests {
         let frame = |width, height| Frame { width, height, ..Default::default() };
         assert_eq!([(1, 1), (32, 32), (33, 32), (64, 48)].map(|(w, h)| tiles_for(&frame(w, h))), [1, 1, 2, 4]);
         assert_eq!(tiles_per_frame(&[frame(17, 3), frame(64, 48)]), 4);
-        assert_eq!(partials_len(8), 8 * 9216);
+        assert_eq!(partials_len(8), 8 * 3072);
     }
 }

@@ -149,14 +149,7 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
     let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
     let colours: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
     let splats: Vec<types::Splat> = (0..(before + count) as u32)
-        .map(|i| types::Splat {
-            x: 1.0,
-            y: 2.0,
-            l11: 0.1 + unit(i),
-            l12: unit(i + 1) - 0.5,
-            l22: 0.1 + unit(i + 2),
-            opacity: 0.5,
-        })
+        .map(|i| types::Splat { shape: [0.1 + unit(i), unit(i + 1) - 0.5, 0.1 + unit(i + 2), 0.5], centre: [1.0, 2.0] })
         .collect();
     let start: Vec<[f32; 4]> = (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| unit(4 * i + p + 3))).collect();
     let there = (
@@ -199,8 +192,8 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
                 record[6 + c] += f64::from(colours[slot as usize][c]);
             }
         }
-        let s = &splats[before + i];
-        let splat = Splat { l11: s.l11.into(), l12: s.l12.into(), l22: s.l22.into(), ..Splat::default() };
+        let [l11, l12, l22, _] = splats[before + i].shape.map(f64::from);
+        let splat = Splat { l11, l12, l22, ..Splat::default() };
         let add = twin::density_score::density_score(&record, &splat, pulls.then_some([50.0, 33.5]));
         let first = if pulls { PULL as usize } else { 0 };
         (0..2).for_each(|p| want[i][first + p] += add[p]);

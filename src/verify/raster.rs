@@ -204,8 +204,8 @@ impl Ordered {
 
 /// `key` is the bits of the camera's z.
 pub(super) fn wide(s: &types::Splat, colour: [f32; 3], key: u32) -> Splat {
-    let [x, y, l11, l12, l22] = [s.x, s.y, s.l11, s.l12, s.l22].map(f64::from);
-    let [opacity, r, g, b, z] = [s.opacity, colour[0], colour[1], colour[2], f32::from_bits(key)].map(f64::from);
+    let ([x, y], [l11, l12, l22, opacity]) = (s.centre.map(f64::from), s.shape.map(f64::from));
+    let [r, g, b, z] = [colour[0], colour[1], colour[2], f32::from_bits(key)].map(f64::from);
     Splat { x, y, l11, l12, l22, opacity, r, g, b, z }
 }
 

@@ -198,7 +198,7 @@ fn what_does_not_fit_is_not_emitted() {
     let gpu = Gpu::new();
     let frame = Frame { image_first: 0, target_first: 0, width: 256, height: 256 };
     // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
-    let splat = |l: f32| Splat { x: 128.0, y: 128.0, l11: l, l22: l, opacity: 0.5, ..Default::default() };
+    let splat = |l: f32| Splat { shape: [l, 0.0, l, 0.5], centre: [128.0, 128.0] };
     let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
     let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false };
     let emit = emit::Stage::new(&gpu, &spec).unwrap();
@@ -241,12 +241,12 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
     // By turns one of a few rows of tiles, which its own lane lists, and one of all 32, which its subgroup does.
     let splat = |i: u32| {
         let (x, l) = (20.3 + 20.0 * i as f32, if i.is_multiple_of(2) { 0.5 } else { 1e-6 });
-        Splat { x, y: 100.7, l11: l, l22: l, opacity: 0.5, ..Default::default() }
+        Splat { shape: [l, 0.0, l, 0.5], centre: [x, 100.7] }
     };
     let splats: Vec<Splat> = (0..10).map(splat).collect();
     let wide = splats.iter().map(|s| {
-        let [x, y, l11, l22, opacity] = [s.x, s.y, s.l11, s.l22, s.opacity].map(f64::from);
-        reference::Splat { x, y, l11, l22, opacity, ..Default::default() }
+        let ([x, y], [l11, l12, l22, opacity]) = (s.centre.map(f64::from), s.shape.map(f64::from));
+        reference::Splat { x, y, l11, l12, l22, opacity, ..Default::default() }
     });
     let wide: Vec<reference::Splat> = wide.collect();
     for off in [[0, 0, 0], [3, 1, 700], [-1, -3, -1], [2, -2, -1000]] {

@@ -63,8 +63,8 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
         }
         let splat = match h.spec.pulls {
             true => {
-                let s = &h.splats[i];
-                Splat { l11: s.l11.into(), l12: s.l12.into(), l22: s.l22.into(), ..Splat::default() }
+                let [l11, l12, l22, _] = h.splats[i].shape.map(f64::from);
+                Splat { l11, l12, l22, ..Splat::default() }
             }
             false => Splat::default(),
         };

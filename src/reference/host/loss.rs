@@ -59,19 +59,12 @@ fn pixels_of(frame: &Frame, tile: u32) -> impl Iterator<Item = (u32, u32)> {
     (top..(top + TILE).min(height)).flat_map(move |y| (left..(left + TILE).min(width)).map(move |x| (x, y)))
 }
 
-/// Where the three partial derivatives of a pixel's channel lie; `partial_index` of `glsl/shared/ssim.glsl`.
-fn partials_at(
-    frame: &Frame,
-    f: usize,
-    tiles_per_frame: u32,
-    run: u32,
-    channel: usize,
-    (x, y): (u32, u32),
-) -> [usize; 3] {
+/// Where the partial derivatives of a pixel's channel lie; `partial_index` of `glsl/shared/runs.glsl`.
+fn partials_at(frame: &Frame, f: usize, tiles_per_frame: u32, run: u32, channel: usize, (x, y): (u32, u32)) -> usize {
     let strip_pixels = (TILE * STRIP) as usize;
     let strip = f as u32 * tiles_per_frame * (TILE / STRIP) + y / STRIP * frame.width.div_ceil(TILE) + x / TILE;
     let within = x % run * (TILE / run * STRIP) + x % TILE / run * STRIP + y % STRIP;
-    [0, 1, 2].map(|which| (9 * strip as usize + 3 * channel + which) * strip_pixels + within as usize)
+    (3 * strip as usize + channel) * strip_pixels + within as usize
 }
 
 /// What a kernel of the loss reads of a frame.
@@ -99,7 +92,7 @@ pub(super) fn ssim_forward(h: kernels::ssim_forward::Host<'_>) -> Outcome {
                 sums.iter_mut().zip(forward.pixel_sums[pixel]).for_each(|(sum, part)| *sum += part);
                 for (channel, partials) in forward.partials[pixel].iter().enumerate() {
                     let at = partials_at(frame, f, tiles_per_frame, run, channel, (x, y));
-                    at.into_iter().zip(partials).for_each(|(at, &p)| h.partials[at] = p as f32);
+                    h.partials[at] = partials.map(|p| p as f32);
                 }
                 if loss_map {
                     h.loss_map[frame.image_first as usize + pixel] = forward.loss_map[pixel] as f32;
@@ -125,8 +118,7 @@ pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
         let partials: Vec<[[f64; 3]; 3]> = (0..frame.height)
             .flat_map(|y| (0..frame.width).map(move |x| (x, y)))
             .map(|pixel| {
-                let of_channel = |c| partials_at(frame, f, tiles_per_frame, run, c, pixel);
-                [0, 1, 2].map(|c| of_channel(c).map(|at| f64::from(h.partials[at])))
+                [0, 1, 2].map(|c| h.partials[partials_at(frame, f, tiles_per_frame, run, c, pixel)].map(f64::from))
             })
             .collect();
         let (width, height) = (frame.width as usize, frame.height as usize);

@@ -37,13 +37,13 @@ pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
 }
 
 pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
-    let [x, y, l11, l12, l22, opacity] = [s.x, s.y, s.l11, s.l12, s.l22, s.opacity].map(|v| v as f32);
-    (types::Splat { x, y, l11, l12, l22, opacity }, s.color().map(|c| c as f32))
+    let shape = [s.l11, s.l12, s.l22, s.opacity].map(|v| v as f32);
+    (types::Splat { shape, centre: [s.x as f32, s.y as f32] }, s.color().map(|c| c as f32))
 }
 
 /// Of the camera's z nothing here makes use.
 pub(super) fn wide_splat(s: &types::Splat, colour: [f32; 3]) -> Splat {
-    let [x, y, l11, l12, l22, opacity] = [s.x, s.y, s.l11, s.l12, s.l22, s.opacity].map(f64::from);
+    let ([x, y], [l11, l12, l22, opacity]) = (s.centre.map(f64::from), s.shape.map(f64::from));
     let [r, g, b] = colour.map(f64::from);
     Splat { x, y, l11, l12, l22, opacity, r, g, b, z: 1.0 }
 }
