@@ -263,6 +263,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
             background_image: false,
             median: false,
             occluded: false,
+            direct: false,
             unrolled: false,
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())

@@ -219,7 +219,7 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
 fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
     let gpu = Gpu::new();
     let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
-    let held = |splats: u32, isects: u32, reduction: Reduction| {
+    let held = |splats: u32, isects: u32, backward: bool, reduction: Reduction| {
         let options = RasterOptions {
             splats,
             pixels: 1,
@@ -229,16 +229,20 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
             background_image: false,
             median: false,
             occluded: false,
-            backward: true,
+            backward,
             policy: Policy { reduction, ..Policy::default() },
         };
         Raster::plan(&options).bytes()
     };
     // Beside the words of each there are counts of blocks, some bits of a word.
     let many = 1u32 << 20;
-    // Float atomics keep a gradient record for each Gaussian, not for each intersection.
-    for (reduction, splat, isect) in [(Reduction::Deterministic, 68, 56), (Reduction::Atomic, 104, 20)] {
-        let each = |splats, isects| (held(splats, isects, reduction) - held(1, 1, reduction)) as usize / many as usize;
+    // Float atomics keep a gradient record for each Gaussian, not for each intersection; a renderer keeps none, and sorts Gaussians
+    // instead of slots.
+    let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
+    for (backward, reduction, splat, isect) in [(true, fixed, 68, 56), (true, atomic, 104, 20), (false, fixed, 68, 16)]
+    {
+        let held = |splats, isects| held(splats, isects, backward, reduction) as usize;
+        let each = |splats, isects| (held(splats, isects) - held(1, 1)) / many as usize;
         assert!((splat..splat + 2).contains(&each(many, 1)), "{} bytes of the raster for a Gaussian", each(many, 1));
         assert!((isect..isect + 2).contains(&each(1, many)), "{} bytes for an intersection", each(1, many));
     }

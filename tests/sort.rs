@@ -5,7 +5,7 @@ mod common;
 use common::Gpu;
 use glint::{
     gpu::{Buffer, Context, GpuError},
-    pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    pipelines::sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
         blocks::{Blocks, DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
@@ -163,14 +163,19 @@ fn pairs(context: &Context, name: &str, len: usize) -> (Buffer<u32>, Buffer<u32>
     (Buffer::zeroed(context, name, len).unwrap(), Buffer::zeroed(context, name, len).unwrap())
 }
 
-/// Sorts on the GPU; `None` for the values is the compacting sort. Returns the pairs and, of the last pass, the scanned
+/// Sorts on the GPU; `None` for the values: the value of a key is its index. Returns the pairs and, of the last pass, the scanned
 /// counters and the totals.
-fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) -> [Vec<u32>; 4] {
+fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, drops: bool, key_bits: u32) -> [Vec<u32>; 4] {
     let items = keys.len() as u32;
     let counted = Counted::new(context, items).unwrap();
     let input = upload(context, "keys", keys);
     let input_values = values.map(|values| upload(context, "values", values));
-    let radix = RadixSort::new(context, key_bits, values.is_none()).unwrap();
+    let input_is = match (values, drops) {
+        (None, _) => Input::Keys,
+        (_, true) => Input::Some,
+        (_, false) => Input::All,
+    };
+    let radix = RadixSort::new(context, key_bits, input_is).unwrap();
     let (a, b) = (pairs(context, "a", keys.len()), pairs(context, "b", keys.len()));
     let counters = block_counts_len(items, key_bits);
     let block_counts = Buffer::zeroed(context, "block_counts", counters).unwrap();
@@ -187,7 +192,7 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
         RESULT,
     );
     recorder.submit().unwrap().wait().unwrap();
-    let kept = if values.is_some() { keys.len() } else { counted.count.download().unwrap()[1] as usize };
+    let kept = if drops { counted.count.download().unwrap()[1] as usize } else { keys.len() };
     assert_eq!(input.download_range(0, keys.len()).unwrap(), keys, "the input is kept");
     [
         sorted.keys.download_range(0, kept).unwrap(),
@@ -197,17 +202,18 @@ fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) 
     ]
 }
 
-fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits: u32) {
+fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, drops: bool, key_bits: u32) {
     let (passes, bits) = Blocks::of(context.info()).passes_for(key_bits);
     let (mut keys_now, mut values_now) = (keys.to_vec(), values.map(<[u32]>::to_vec));
     let mut last = (vec![], vec![]);
     for pass in 0..passes {
         let block = Blocks::of(context.info()).block as usize;
-        let counts = reference::radix_upsweep::radix_upsweep(&keys_now, pass * bits, bits, values_now.is_none(), block);
+        let compact = drops && pass == 0;
+        let counts = reference::radix_upsweep::radix_upsweep(&keys_now, pass * bits, bits, compact, block);
         last = reference::radix_spine::radix_spine(&counts, bits);
         let (keys, values) = reference::radix_downsweep::radix_downsweep(
-            &keys_now,
-            values_now.as_deref(),
+            (&keys_now, values_now.as_deref()),
+            compact,
             &last.0,
             &last.1,
             pass * bits,
@@ -216,7 +222,7 @@ fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits:
         );
         (keys_now, values_now) = (keys, Some(values));
     }
-    let [keys_out, values_out, block_counts, totals] = sort(context, keys, values, key_bits);
+    let [keys_out, values_out, block_counts, totals] = sort(context, keys, values, drops, key_bits);
     let what = format!("{} keys by {key_bits} bits, values {}", keys.len(), values.is_some());
     assert!(keys_out == keys_now, "keys of {what}");
     assert!(values_out == values_now.unwrap(), "values of {what}");
@@ -224,7 +230,7 @@ fn check_sort(context: &Context, keys: &[u32], values: Option<&[u32]>, key_bits:
     assert!(totals[..last.1.len()] == last.1, "totals of {what}");
     // The twin's passes against the standard library.
     let mut expected: Vec<(u32, u32)> = (0..keys.len())
-        .filter(|&i| values.is_some() || keys[i] != NO_KEY)
+        .filter(|&i| !drops || keys[i] != NO_KEY)
         .map(|i| (keys[i], values.map_or(i as u32, |values| values[i])))
         .collect();
     expected.sort_by_key(|pair| pair.0);
@@ -237,7 +243,7 @@ fn a_sort_is_its_twin_at_every_size() {
     for items in SIZES {
         let keys: Vec<u32> = (0..items).map(noise).collect();
         let values: Vec<u32> = (0..items).map(|i| noise(i + 77)).collect();
-        check_sort(&context, &keys, Some(&values), 32);
+        check_sort(&context, &keys, Some(&values), false, 32);
     }
 }
 
@@ -247,9 +253,9 @@ fn a_sort_is_stable_whatever_the_width_of_the_keys() {
     let values: Vec<u32> = (0..9000).collect();
     for key_bits in [1, 3, 8, 10, 12, 13, 31] {
         let keys: Vec<u32> = (0..9000).map(|i| noise(i) >> (32 - key_bits)).collect();
-        check_sort(&context, &keys, Some(&values), key_bits);
+        check_sort(&context, &keys, Some(&values), false, key_bits);
     }
-    check_sort(&context, &[5; 3000], Some(&values[..3000]), 8);
+    check_sort(&context, &[5; 3000], Some(&values[..3000]), false, 8);
 }
 
 #[test]
@@ -259,7 +265,9 @@ fn a_compacting_sort_drops_what_has_no_key() {
         let keys: Vec<u32> = (0..items)
             .map(|i| if noise(i).is_multiple_of(3) { NO_KEY } else { (0.2 + i as f32 % 77.7).to_bits() })
             .collect();
-        check_sort(&context, &keys, None, 32);
+        let values: Vec<u32> = (0..items).map(|i| noise(i + 77)).collect();
+        check_sort(&context, &keys, None, true, 32);
+        check_sort(&context, &keys, Some(&values), true, 32);
     }
-    check_sort(&context, &[NO_KEY; 5000], None, 32);
+    check_sort(&context, &[NO_KEY; 5000], None, true, 32);
 }

@@ -14,6 +14,7 @@
 layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
 layout(constant_id = 6) const bool MEDIAN = false;           // also note the Gaussian of median depth
 layout(constant_id = 7) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
+layout(constant_id = 8) const bool DIRECT = false;           // `isect_slots` holds Gaussian indices, not slots
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;      // the first frame, index in frames
@@ -113,7 +114,8 @@ void main() {
         tint = vec3(0.0);
         depth = 0.0;
         if (mine < range.y) {
-            global = global_from_slot[isect_slots[mine]];
+            global = isect_slots[mine];
+            if (!DIRECT) global = global_from_slot[global];
             own = splats[global];
             tint = splat_colours[global];
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);

@@ -7,12 +7,13 @@
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
 
-// Keys of 0xFFFFFFFF are dropped, the value of a key is its index (values_in is not read), and the number of
-// remaining keys goes to count[kept_index].
+// Keys of 0xFFFFFFFF are dropped, and the number of remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
 // Lanes of a subgroup where they are few and known, so that each is a constant: on a CPU its value is then handed round by one
 // instruction, while a ballot goes through all lanes. 0: by ballots, one for each bit of a digit.
 layout(constant_id = 4) const uint LANES = 0;
+// The value of a key is its index; values_in is not read.
+layout(constant_id = 5) const bool INDEXED = false;
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
@@ -75,7 +76,7 @@ void main() {
         uint i = row + lane;
         bool live = i < end;
         uint key = live ? keys_in[i] : NONE;
-        uint value = COMPACT ? i : (live ? values_in[i] : 0);
+        uint value = INDEXED ? i : (live ? values_in[i] : 0);
         if (COMPACT) live = key != NONE;
 
         uint digit = digit_of(key, push.shift);

@@ -11,7 +11,7 @@ use super::{
     plan::buffers,
     raster::{Grid, Raster},
     session::Session,
-    sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     views::Views,
 };
 use crate::{
@@ -296,7 +296,7 @@ impl Density {
             )?,
             weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
             scan: Scan::new(context, false)?,
-            sort: RadixSort::new(context, KEY_BITS, true)?,
+            sort: RadixSort::new(context, KEY_BITS, Input::Keys)?,
             plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
             draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
             place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,

@@ -68,7 +68,7 @@ pub enum Room {
 }
 
 /// Bytes of an intersection in the lists that are sorted.
-const INTERSECTION_BYTES: u64 = 20;
+const INTERSECTION_BYTES: u64 = 16;
 
 /// What frames are made for.
 #[derive(Debug, Clone)]

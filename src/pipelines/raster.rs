@@ -6,7 +6,7 @@
 use super::{
     plan::{Held, Plan, buffers},
     session::Policy,
-    sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
     error::{Error, Result},
@@ -205,13 +205,14 @@ buffers! {
 }
 
 buffers! {
-    /// What is by intersection. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on.
+    /// What is by intersection. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on. Where gradients are asked for, slots
+    /// go along, as records lie by slot; else Gaussian indices do, which begin in `isect_slots_1`.
     struct Isects(o: RasterOptions) {
         isect_tiles: u32 = o.isects,
         isect_keys: u32 = o.isects,
         isect_slots: u32 = o.isects,
         isect_slots_1: u32 = o.isects,
-        global_from_slot: u32 = o.isects,
+        global_from_slot: u32 = o.only_if(o.backward, o.isects),
         isect_block_counts: u32 = block_counts_len(o.isects, o.tile_bits()),
     }
 }
@@ -345,6 +346,7 @@ impl Raster {
             median: options.median,
             occluded: options.occluded,
             unrolled: unrolled(context.info()),
+            direct: !options.backward,
         };
         let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
         let (backward, records) = match options.backward {
@@ -356,8 +358,12 @@ impl Raster {
             buffers: RasterBuffers::new(context, &options)?,
             isects: Isects::new(context, &options)?,
             records,
-            depth_sort: RadixSort::new(context, DEPTH_BITS, true)?,
-            tile_sort: RadixSort::new(context, options.tile_bits(), true)?,
+            depth_sort: RadixSort::new(context, DEPTH_BITS, Input::Keys)?,
+            tile_sort: RadixSort::new(
+                context,
+                options.tile_bits(),
+                if options.backward { Input::Keys } else { Input::Some },
+            )?,
             scan: Scan::new(context, true)?,
             dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             emit: emit::Stage::new(context, &emit_spec)?,
@@ -519,7 +525,7 @@ impl Raster {
                 tile_counts: &f.tile_counts,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
                 isect_tiles: &isects.isect_tiles,
-                global_from_slot: &isects.global_from_slot,
+                global_from_slot: if self.options.backward { &isects.global_from_slot } else { &isects.isect_slots_1 },
                 first_slot: &f.first_slot,
             },
             &emit::Push {
@@ -534,7 +540,7 @@ impl Raster {
         );
         let by_tile = self.tile_sort.record(
             recorder,
-            Pairs { keys: &isects.isect_tiles, values: &isects.isect_tiles },
+            Pairs { keys: &isects.isect_tiles, values: &isects.isect_slots_1 },
             [
                 Pairs { keys: &isects.isect_keys, values: &isects.isect_slots },
                 Pairs { keys: &isects.isect_tiles, values: &isects.isect_slots_1 },

@@ -85,6 +85,17 @@ impl Scan {
     }
 }
 
+/// What a [`RadixSort`] is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    /// Pairs, all of which are sorted.
+    All,
+    /// Pairs, of which those whose key is `0xFFFFFFFF` are dropped.
+    Some,
+    /// Keys, of which those of `0xFFFFFFFF` are dropped. The value of a key is its index.
+    Keys,
+}
+
 /// Stable sort of (key, value) pairs, least significant digit first.
 pub struct RadixSort {
     passes: u32,
@@ -116,9 +127,8 @@ pub struct RadixScratch<'a> {
 }
 
 impl RadixSort {
-    /// Sorts keys below 2^`key_bits` (1 to 32). With `compact`, keys of `0xFFFFFFFF` are dropped and the value of a key
-    /// is its index.
-    pub fn new(context: &Context, key_bits: u32, compact: bool) -> Result<Self, GpuError> {
+    /// Sorts keys below 2^`key_bits` (1 to 32).
+    pub fn new(context: &Context, key_bits: u32, input: Input) -> Result<Self, GpuError> {
         let blocks = Blocks::of(context.info());
         let (passes, digit_bits) = blocks.passes_for(key_bits);
         let Blocks { block, workgroup: workgroup_size, .. } = blocks;
@@ -127,8 +137,9 @@ impl RadixSort {
             let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, compact };
             radix_upsweep::Stage::new(context, &spec)
         };
-        let downsweep = |compact| {
-            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact, lanes: constant_lanes };
+        let downsweep = |compact, indexed| {
+            let lanes = constant_lanes;
+            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact, lanes, indexed };
             radix_downsweep::Stage::new(context, &spec)
         };
         let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));
@@ -138,14 +149,17 @@ impl RadixSort {
         Ok(RadixSort {
             passes,
             digit_bits,
-            compact: if compact { Some((upsweep(true)?, downsweep(true)?)) } else { None },
+            compact: match input {
+                Input::All => None,
+                Input::Some | Input::Keys => Some((upsweep(true)?, downsweep(true, input == Input::Keys)?)),
+            },
             upsweep: upsweep(false)?,
             spine: radix_spine::Stage::new(
                 context,
                 &radix_spine::Spec { workgroup_size: spine_size, block, digit_bits },
             )?,
             spine_groups: (1u32 << digit_bits).div_ceil(lanes),
-            downsweep: downsweep(false)?,
+            downsweep: downsweep(false, false)?,
         })
     }
 
@@ -155,8 +169,8 @@ impl RadixSort {
     }
 
     /// Pass p writes `pairs[p % 2]`; the sorted pairs, which are returned, are in the last one written. `input` may be
-    /// `pairs[1]` if it is not needed any more. A compacting sort does not read `input.values`, and leaves the number of
-    /// pairs at `extent.count[kept_index]`, which is not `extent.index`; any other sort takes no notice of `kept_index`.
+    /// `pairs[1]` if it is not needed any more. A sort of [`Input::Keys`] does not read `input.values`. One that drops keys leaves
+    /// the number of pairs at `extent.count[kept_index]`, which is not `extent.index`; any other takes no notice of `kept_index`.
     pub fn record<'a>(
         &self,
         recorder: &mut Recorder,

@@ -2,11 +2,11 @@
 
 use super::radix_upsweep::{NO_KEY, digit_of};
 
-/// One pass: pairs in the order of their digit, pairs of equal digit in their old order. `None` for the values is the
-/// compacting pass: keys of [`NO_KEY`] are dropped and the value of a key is its index.
+/// One pass: pairs in the order of their digit, pairs of equal digit in their old order. `None` for the values: the value of a key
+/// is its index. With `compact`, keys of [`NO_KEY`] are dropped.
 pub fn radix_downsweep(
-    keys: &[u32],
-    values: Option<&[u32]>,
+    (keys, values): (&[u32], Option<&[u32]>),
+    compact: bool,
     block_counts: &[u32],
     digit_totals: &[u32],
     shift: u32,
@@ -24,7 +24,7 @@ pub fn radix_downsweep(
         let before = &block_counts[b << bits..(b + 1) << bits];
         let mut next_place: Vec<u32> = begins.iter().zip(before).map(|(begin, before)| begin + before).collect();
         for (i, &key) in block_keys.iter().enumerate().map(|(i, key)| (b * block + i, key)) {
-            if values.is_none() && key == NO_KEY {
+            if compact && key == NO_KEY {
                 continue;
             }
             let place = &mut next_place[digit_of(key, shift, bits)];
@@ -41,12 +41,14 @@ mod tests {
     use super::super::{radix_spine::radix_spine, radix_upsweep::radix_upsweep};
     use super::*;
 
-    fn sort(keys: &[u32], values: Option<&[u32]>, bits: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
+    fn sort(keys: &[u32], values: Option<&[u32]>, drops: bool, bits: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
         let mut pairs = (keys.to_vec(), values.map(<[u32]>::to_vec));
         for shift in (0..32).step_by(bits as usize) {
-            let counts = radix_upsweep(&pairs.0, shift, bits, pairs.1.is_none(), block);
+            let compact = shift == 0 && drops;
+            let counts = radix_upsweep(&pairs.0, shift, bits, compact, block);
             let (before, totals) = radix_spine(&counts, bits);
-            let (keys, values) = radix_downsweep(&pairs.0, pairs.1.as_deref(), &before, &totals, shift, bits, block);
+            let (keys, values) =
+                radix_downsweep((&pairs.0, pairs.1.as_deref()), compact, &before, &totals, shift, bits, block);
             pairs = (keys, Some(values));
         }
         (pairs.0, pairs.1.unwrap())
@@ -64,7 +66,7 @@ mod tests {
         expected.sort_by_key(|pair| pair.0);
         let expected: (Vec<u32>, Vec<u32>) = expected.into_iter().unzip();
         for (bits, block) in [(1, 64), (4, 1024), (5, 1), (7, 100), (8, 1024), (8, 10_000)] {
-            assert_eq!(sort(&keys, Some(&values), bits, block), expected);
+            assert_eq!(sort(&keys, Some(&values), false, bits, block), expected);
         }
     }
 
@@ -74,7 +76,11 @@ mod tests {
         let mut expected: Vec<(u32, u32)> =
             keys.iter().copied().zip(0..).filter(|pair: &(u32, u32)| pair.0 != NO_KEY).collect();
         expected.sort_by_key(|pair| pair.0);
-        assert_eq!(sort(&keys, None, 8, 1024), expected.into_iter().unzip());
-        assert_eq!(sort(&[NO_KEY; 9], None, 8, 4), (vec![], vec![]));
+        let (kept, indices): (Vec<u32>, Vec<u32>) = expected.into_iter().unzip();
+        assert_eq!(sort(&keys, None, true, 8, 1024), (kept.clone(), indices.clone()));
+        let values: Vec<u32> = (0..keys.len() as u32).map(|i| 3 * i).collect();
+        let tripled = indices.iter().map(|i| 3 * i).collect();
+        assert_eq!(sort(&keys, Some(&values), true, 8, 1024), (kept, tripled));
+        assert_eq!(sort(&[NO_KEY; 9], None, true, 8, 4), (vec![], vec![]));
     }
 }

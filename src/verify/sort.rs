@@ -4,7 +4,7 @@ use super::Bench;
 use crate::{
     error::Result,
     gpu::{Buffer, Recorder},
-    pipelines::sort::{Extent, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    pipelines::sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
         blocks::{Blocks, DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
@@ -27,8 +27,8 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         scan(bench, items, gather)?;
     }
     for key_bits in KEY_BITS {
-        for compact in [true, false] {
-            radix(bench, items, key_bits, compact)?;
+        for input in [Input::Keys, Input::Some, Input::All] {
+            radix(bench, items, key_bits, input)?;
         }
     }
     Ok(())
@@ -151,9 +151,10 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
     Ok(())
 }
 
-fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Result<()> {
+fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, input_is: Input) -> Result<()> {
     let context = bench.context;
     let (passes, bits) = Blocks::of(context.info()).passes_for(key_bits);
+    let (compact, indexed) = (input_is != Input::All, input_is == Input::Keys);
     // Every third has no key in a compacting sort.
     let key = |i: u32| if compact && noise(i).is_multiple_of(3) { NO_KEY } else { noise(i + 5) >> (32 - key_bits) };
     let keys: Vec<u32> = (0..items).map(key).collect();
@@ -163,7 +164,7 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
     let input = (Buffer::from_slice(context, "keys", &keys)?, Buffer::from_slice(context, "values", &values)?);
     let buffer = |name: &str, len: usize| Buffer::zeroed(context, name, len);
     let (a, b) = ((buffer("keys a", n)?, buffer("values a", n)?), (buffer("keys b", n)?, buffer("values b", n)?));
-    let stage = RadixSort::new(context, key_bits, compact)?;
+    let stage = RadixSort::new(context, key_bits, input_is)?;
     let block_counts = buffer("block counts", block_counts_len(items, key_bits))?;
     let digit_totals = buffer("digit totals", DIGIT_TOTALS)?;
     let pairs = [&a, &b].map(|p| Pairs { keys: &p.0, values: &p.1 });
@@ -174,15 +175,16 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
         stage.record(recorder, from, pairs, scratch, counted.extent(), RESULT);
     })?;
 
-    let (mut keys_now, mut values_now) = (keys, (!compact).then_some(values));
+    let (mut keys_now, mut values_now) = (keys, (!indexed).then_some(values));
     let mut last = (vec![], vec![]);
     for pass in 0..passes {
         let (shift, block) = (pass * bits, Blocks::of(context.info()).block as usize);
-        let counts = reference::radix_upsweep::radix_upsweep(&keys_now, shift, bits, values_now.is_none(), block);
+        let drops = compact && pass == 0;
+        let counts = reference::radix_upsweep::radix_upsweep(&keys_now, shift, bits, drops, block);
         last = reference::radix_spine::radix_spine(&counts, bits);
         let (keys, values) = reference::radix_downsweep::radix_downsweep(
-            &keys_now,
-            values_now.as_deref(),
+            (&keys_now, values_now.as_deref()),
+            drops,
             &last.0,
             &last.1,
             shift,
@@ -192,13 +194,18 @@ fn radix(bench: &mut Bench<'_>, items: u32, key_bits: u32, compact: bool) -> Res
         (keys_now, values_now) = (keys, Some(values));
     }
     let kept = keys_now.len();
-    let variant = format!("{passes}×{bits} bits{}", if compact { ", compacting" } else { "" });
+    let what = match input_is {
+        Input::All => "",
+        Input::Some => ", compacting pairs",
+        Input::Keys => ", compacting",
+    };
+    let variant = format!("{passes}×{bits} bits{what}");
     let (counters, totals) = (block_counts.download()?, digit_totals.download()?);
     let counter_bytes = 4.0 * last.0.len() as f64;
-    // Of a compacting sort the first pass reads all keys but no values, later ones only what was kept.
+    // Of a compacting sort the first pass reads all keys, and no values where they are indices, later ones only what was kept.
     let per_pass = |first: f64, later: f64| (first + later * f64::from(passes - 1)) / f64::from(passes);
     let (all, kept_bytes) = (4.0 * n as f64, 4.0 * kept as f64);
-    let down_first = all * if compact { 1.0 } else { 2.0 } + 2.0 * kept_bytes;
+    let down_first = all * if indexed { 1.0 } else { 2.0 } + 2.0 * kept_bytes;
     let rows = [
         ("radix_upsweep", per_pass(all, kept_bytes) + counter_bytes),
         ("radix_spine", 2.0 * counter_bytes),

@@ -128,12 +128,16 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         median_threshold,
         depth_form: [a, b],
     } = h.push;
-    let kernels::blend::Spec { tile_width, tile_height, background_image, median, occluded, .. } = h.spec;
+    let kernels::blend::Spec { tile_width, tile_height, background_image, median, occluded, direct, .. } = h.spec;
+    // Where the list holds Gaussians, the slot of each is where it lies in the list.
+    let places: Vec<u32> = (0..h.isect_slots.len() as u32).collect();
+    let (isect_slots, global_from_slot) =
+        if direct { (&places[..], h.isect_slots) } else { (h.isect_slots, h.global_from_slot) };
     let lists = Lists {
         frames: h.frames,
         tile_ranges: h.tile_ranges,
-        isect_slots: h.isect_slots,
-        global_from_slot: h.global_from_slot,
+        isect_slots,
+        global_from_slot,
         tile: [tile_width, tile_height],
         frame_first,
         tiles_x,

@@ -84,11 +84,11 @@ pub(super) fn radix_spine(h: kernels::radix_spine::Host<'_>) -> Outcome {
 
 pub(super) fn radix_downsweep(h: kernels::radix_downsweep::Host<'_>) -> Outcome {
     let kernels::radix_downsweep::Push { count_index, kept_index, shift } = h.push;
-    let kernels::radix_downsweep::Spec { block, digit_bits, compact, .. } = h.spec;
+    let kernels::radix_downsweep::Spec { block, digit_bits, compact, indexed, .. } = h.spec;
     let (items, blocks) = blocks(h.count[count_index as usize], block, h.workgroups.subgroups());
     let (keys, values) = twin::radix_downsweep::radix_downsweep(
-        &h.keys_in[..items],
-        (!compact).then(|| &h.values_in[..items]),
+        (&h.keys_in[..items], (!indexed).then(|| &h.values_in[..items])),
+        compact,
         &h.block_counts[..blocks << digit_bits],
         &h.digit_totals[..1 << digit_bits],
         shift,
