@@ -1,13 +1,15 @@
-//! Quality over time: draws tables of `bench/train`, a panel for each dataset and a line for each strategy.
+//! Quality over time, Gaussians or memory: draws tables of `bench/train`, a panel for each dataset and a line for each strategy.
 //!
 //!     STEPS="300 1000 3000" bench/train OUT DATASET... > now.md
 //!     cargo bench --bench curves -- curves.svg now.md before=earlier.md
+//!     LIMIT="2000 4000 8000" POINTS=half bench/train OUT DATASET... > limits.md
+//!     cargo bench --bench curves -- curves.svg limits.md --over gaussians
 //!
 //! `NAME=FILE` puts NAME before the strategies of a file. Points are means over seeds, bars go from the least to the largest.
 
 use std::{collections::BTreeMap, error::Error, fs, process::ExitCode};
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use plotters::{coord::Shift, prelude::*};
 
 #[derive(Parser)]
@@ -17,12 +19,45 @@ struct Args {
     /// Tables as `bench/train` prints them.
     #[arg(required = true, value_name = "[NAME=]FILE")]
     tables: Vec<String>,
+    /// What quality is drawn over.
+    #[arg(long, value_enum, default_value_t = Over::Seconds)]
+    over: Over,
     /// What cargo adds.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// Seconds and PSNR of each seed, by dataset, then by line of the plot, then by steps.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Over {
+    /// Of training; a line goes through the lengths of runs.
+    Seconds,
+    /// Of the base; a line goes through limits.
+    Gaussians,
+    /// What the device holds in the end; a line goes through limits.
+    Memory,
+}
+
+impl Over {
+    fn title(self) -> &'static str {
+        match self {
+            Over::Seconds => "seconds of training",
+            Over::Gaussians => "Gaussians",
+            Over::Memory => "memory of the device, MB",
+        }
+    }
+}
+
+/// A line of a table.
+struct Run {
+    dataset: String,
+    strategy: String,
+    steps: u32,
+    limit: u32,
+    /// Where it is drawn.
+    at: [f64; 2],
+}
+
+/// Where runs of each seed are drawn, by dataset, then by line of the plot, then by steps or limit.
 type Curves = BTreeMap<String, BTreeMap<String, BTreeMap<u32, Vec<[f64; 2]>>>>;
 
 /// Pixels of a panel.
@@ -39,22 +74,44 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn Error>> {
-    let mut curves = Curves::new();
+    let mut runs = vec![];
     for table in &args.tables {
         let (name, path) = table.split_once('=').unwrap_or(("", table));
         let text = fs::read_to_string(path).map_err(|e| format!("{path}: {e}"))?;
         for line in text.lines() {
             let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
-            let [dataset, strategy, steps, _, _, quality, seconds] = cells[..] else { continue };
+            let [dataset, strategy, steps, limit, _, gaussians, quality, seconds, memory] = cells[..] else { continue };
             // The head and the rule below it.
             let Ok(steps) = steps.parse() else { continue };
-            let wrong = |what: &str| format!("{path}: `{line}`: {what} is no number");
-            let psnr = quality.split(' ').next().unwrap_or("").parse().map_err(|_| wrong("PSNR"))?;
-            let seconds = seconds.parse().map_err(|_| wrong("the time"))?;
-            let lines = curves.entry(dataset.to_owned()).or_default();
-            let points = lines.entry(format!("{name} {strategy}").trim().to_owned()).or_default();
-            points.entry(steps).or_default().push([seconds, psnr]);
+            let number = |what: &str, cell: &str| -> Result<f64, String> {
+                cell.parse().map_err(|_| format!("{path}: `{line}`: {what} is no number"))
+            };
+            let x = match args.over {
+                Over::Seconds => number("the time", seconds)?,
+                Over::Gaussians => number("the number of Gaussians", gaussians)?,
+                Over::Memory => number("the memory", memory)?,
+            };
+            runs.push(Run {
+                dataset: dataset.to_owned(),
+                strategy: format!("{name} {strategy}").trim().to_owned(),
+                steps,
+                limit: number("the limit", limit)? as u32,
+                at: [x, number("PSNR", quality.split(' ').next().unwrap_or(""))?],
+            });
         }
+    }
+    // What a line does not go through is in its name where there are several.
+    let (several_steps, several_limits) =
+        (runs.iter().any(|r| r.steps != runs[0].steps), runs.iter().any(|r| r.limit != runs[0].limit));
+    let mut curves = Curves::new();
+    for Run { dataset, strategy, steps, limit, at } in runs {
+        let (line, key) = match args.over {
+            Over::Seconds if several_limits => (format!("{strategy}, {limit} Gaussians"), steps),
+            Over::Seconds => (strategy, steps),
+            _ if several_steps => (format!("{strategy}, {steps} steps"), limit),
+            _ => (strategy, limit),
+        };
+        curves.entry(dataset).or_default().entry(line).or_default().entry(key).or_default().push(at);
     }
     if curves.is_empty() {
         return Err("no table of bench/train in these files".into());
@@ -64,7 +121,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         let area = SVGBackend::with_string(&mut svg, (PANEL.0 * curves.len() as u32, PANEL.1)).into_drawing_area();
         area.fill(&WHITE)?;
         for (panel, (dataset, lines)) in area.split_evenly((1, curves.len())).iter().zip(&curves) {
-            draw(panel, dataset, lines)?;
+            draw(panel, dataset, lines, args.over)?;
         }
         area.present()?;
     }
@@ -75,6 +132,7 @@ fn draw(
     panel: &DrawingArea<SVGBackend<'_>, Shift>,
     dataset: &str,
     lines: &BTreeMap<String, BTreeMap<u32, Vec<[f64; 2]>>>,
+    over: Over,
 ) -> Result<(), Box<dyn Error>> {
     let all = || lines.values().flat_map(|points| points.values().flatten());
     let range =
@@ -89,7 +147,7 @@ fn draw(
     chart
         .configure_mesh()
         .light_line_style(WHITE)
-        .x_desc("seconds of training")
+        .x_desc(over.title())
         .y_desc("test PSNR, dB")
         .x_label_formatter(&|&v| match format!("{v}") {
             text if text.starts_with(['1', '2', '5']) => text,

@@ -41,7 +41,7 @@ fn a_fault_in_every_stage_is_seen_in_every_row() {
     let blind: Vec<_> = rows.iter().filter(|row| row["breaches"] == serde_json::json!([])).collect();
     assert!(blind.is_empty(), "{blind:#?}");
     let said = String::from_utf8(judged.stderr).unwrap();
-    assert!(said.contains(&format!("error: {} rows break their bound", rows.len())), "{said}");
+    assert!(said.contains(&format!("error: {} rows out of bounds", rows.len())), "{said}");
 }
 
 fn glint(arguments: &[&str]) -> std::process::Output {

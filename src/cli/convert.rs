@@ -7,7 +7,7 @@ use std::{
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg, counted,
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
@@ -173,7 +173,7 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
 
 impl Report {
     fn text(&self, output: &Path) -> String {
-        let mut text = format!("{}: {} Gaussians", output.display(), self.gaussians);
+        let mut text = format!("{}: {}", output.display(), counted(self.gaussians, "Gaussian"));
         if self.supplementary > 0 {
             let _ = write!(text, ", {} with lobes", self.supplementary);
         }

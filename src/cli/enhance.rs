@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
+    counted,
     dataset::{check_sight, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
@@ -317,7 +318,7 @@ impl Args {
         }
         let dataset = self.photos.open(&self.dataset)?;
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
+        self.replace.check_ply(&self.output, &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         // Each view may round its share up.
         let options = self.options()?;
@@ -543,8 +544,9 @@ impl Gain {
     fn text(&self) -> String {
         let Gain { views, before, after, base_alone } = self;
         format!(
-            "{views} test views: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
+            "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
              the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n",
+            counted(*views, "test view"),
             before.psnr,
             after.psnr,
             after.psnr - before.psnr,

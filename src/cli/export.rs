@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::{
-    DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg, counted,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
 };
@@ -105,7 +105,7 @@ impl Args {
     fn text(&self, report: &Report) -> String {
         let &Report { gaussians, supplementary, sh_degree, cameras, page_bytes, .. } = report;
         let (path, megabytes) = (self.html.display(), page_bytes as f64 / 1e6);
-        let mut text = format!("{path}: {gaussians} Gaussians of {} bytes", report.bytes_per_gaussian);
+        let mut text = format!("{path}: {} of {} bytes", counted(gaussians, "Gaussian"), report.bytes_per_gaussian);
         if supplementary > 0 {
             text += &format!(", {supplementary} with lobes of {} bytes", report.bytes_per_gaussian_with_lobe);
         }

@@ -2,7 +2,7 @@ use std::{fmt::Write, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{DeviceArgs, Outcome, SceneArgs, dataset::DatasetArgs, print, print_json};
+use super::{DeviceArgs, Outcome, SceneArgs, counted, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
     data::{DatasetOptions, Kind, is_scene_folder},
@@ -138,12 +138,14 @@ fn scene_text(scene: &SceneSummary) -> String {
                 ),
             )
         }
-        None => lines
-            .add("scene", format_args!("{} Gaussians, SH degree {}, no supplement", scene.base.count, scene.sh_degree)),
+        None => lines.add(
+            "scene",
+            format_args!("{}, SH degree {}, no supplement", counted(scene.base.count, "Gaussian"), scene.sh_degree),
+        ),
     }
     gaussians_text(&mut lines, &scene.base);
     if let Some(supplement) = &scene.supplement {
-        lines.add("supplement", format_args!("{} Gaussians with lobes", supplement.gaussians.count));
+        lines.add("supplement", format_args!("{} with lobes", counted(supplement.gaussians.count, "Gaussian")));
         gaussians_text(&mut lines, &supplement.gaussians);
         lines.add("  lobe width", spread(&supplement.lobes.width));
         lines.add("  sharpness", spread(&supplement.lobes.sharpness));
@@ -175,11 +177,14 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     lines.add("points", dataset.points.map_or("none".into(), |n| n.to_string()));
     if dataset.undistorted > 0 {
         let outside = 100.0 * dataset.outside;
-        let text = format!("taken out of {} photos, {outside:.1} % of one at most does not count", dataset.undistorted);
+        let text = format!(
+            "taken out of {}, {outside:.1} % of one at most does not count",
+            counted(dataset.undistorted, "photo")
+        );
         lines.add("distortion", text);
     }
     if dataset.masked > 0 {
-        lines.add("masks", format_args!("of {} photos", dataset.masked));
+        lines.add("masks", format_args!("of {}", counted(dataset.masked, "photo")));
     }
     lines.add("extent", format_args!("{:.4} scene units", dataset.extent));
     if let (Some(center), Some(radius)) = (dataset.focus_center, dataset.focus_radius) {

@@ -164,7 +164,7 @@ pub fn main() -> ExitCode {
             1,
         ),
         Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
-        Err(Failure::Bounds(count)) => (format!("{count} rows break their bound (see the table)"), 1),
+        Err(Failure::Bounds(count)) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
     };
     // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
     let line = text.replace(char::is_control, " ");
@@ -410,6 +410,11 @@ impl SceneArgs {
         }
         Ok(file)
     }
+}
+
+/// "1 photo", "12 photos".
+fn counted(count: usize, one: &str) -> String {
+    format!("{count} {one}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Prints a result. A reader that has gone away has seen enough.

@@ -11,7 +11,7 @@ use std::{
 use super::progress::note;
 use crate::{
     Error, Result,
-    data::{Dataset, sweep},
+    data::{Dataset, SceneFormat, sweep},
 };
 
 #[derive(Debug, clap::Args)]
@@ -85,6 +85,21 @@ impl OutputArgs {
         self.check_replaced(path, inputs)?;
         clear(folder);
         Ok(())
+    }
+
+    /// The same for a plain PLY scene, which a name of compressed ones would misname.
+    pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
+        if SceneFormat::of(path) == Some(SceneFormat::PackedPly) {
+            let plain = path.file_stem().map(Path::new).unwrap_or(path).with_extension("ply");
+            return Err(Error::input(
+                path,
+                format!(
+                    "a plain PLY is written here, of which `glint convert` makes a compressed one; expected a name such as {}",
+                    plain.display()
+                ),
+            ));
+        }
+        self.check_file(path, "ply", "a PLY scene", inputs)
     }
 
     /// Makes the folder that files go to, and fails if they cannot, or should not.
@@ -189,6 +204,9 @@ mod tests {
         let check = |force| OutputArgs { force }.check_file(&at("other.ply"), "ply", "a scene", &inputs);
         assert!(check(false).unwrap_err().to_string().contains("--force"));
         check(true).unwrap();
+        let packed = OutputArgs { force: true }.check_ply(&at("new.compressed.ply"), &inputs).unwrap_err();
+        assert!(packed.to_string().ends_with("a name such as new.ply"), "{packed}");
+        OutputArgs { force: true }.check_ply(&at("new.ply"), &inputs).unwrap();
     }
 
     #[test]

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{
-    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
+    DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg, counted,
     names::stems,
     output::{Inputs, OutputArgs},
     picture::{Content, Format, Picture},
@@ -168,7 +168,7 @@ impl Args {
             print_json(&written)?;
         } else {
             let what = self.what.to_possible_value().map_or(String::new(), |v| v.get_name().to_owned());
-            print(format_args!("{}: {} views ({what})\n", self.output.display(), written.len()))?;
+            print(format_args!("{}: {} ({what})\n", self.output.display(), counted(written.len(), "view")))?;
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
+    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::check_sight,
     deadline::{Deadline, MOST, Plan, duration},
     history::{History, Moment},
@@ -184,6 +184,8 @@ struct Report<'a> {
     /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_exposure: Option<f32>,
+    /// What the device holds for training at its end, when it is the most.
+    device_megabytes: f64,
     /// How often a buffer was too small and was grown.
     buffers_grown: u32,
     /// In the order in which they first run; empty where the device has no timestamps.
@@ -205,7 +207,7 @@ impl Args {
         if let Some(init) = &self.init {
             inputs = inputs.scene(init);
         }
-        self.replace.check_file(&self.output, "ply", "a PLY scene", &inputs)?;
+        self.replace.check_ply(&self.output, &inputs)?;
         let first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
@@ -368,6 +370,7 @@ impl Args {
             }
             let trained = trainer.stop()?;
             let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
+            let device_megabytes = context.memory().used as f64 / 1e6;
             let steps = trained.losses.len() as u32;
             let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
@@ -398,6 +401,7 @@ impl Args {
                 steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
                 final_loss: pass_loss(last),
                 largest_exposure,
+                device_megabytes,
                 buffers_grown: trained.steps.grown,
                 stages: stages.into_iter().map(stage).collect(),
             };
@@ -409,8 +413,11 @@ impl Args {
                 print_json(&report)?;
             } else {
                 print(format_args!(
-                    "{output}: {gaussians} Gaussians of SH degree {sh_degree} from {photos} photos\n\
-                     {did} steps in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n"
+                    "{output}: {} of SH degree {sh_degree} from {}\n\
+                     {} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
+                    counted(gaussians, "Gaussian"),
+                    counted(photos, "photo"),
+                    counted(did as usize, "step"),
                 ))?;
             }
             if steps < iterations {
