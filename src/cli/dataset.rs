@@ -68,7 +68,12 @@ impl DatasetArgs {
     }
 }
 
-/// Tells how many photos `evaluate` left out.
+/// Whether masks leave out all of a photo, given packed.
+pub(super) fn is_uncounted(packed: &[u32]) -> bool {
+    packed.iter().all(|pixel| pixel >> 24 == 0)
+}
+
+/// Tells how many photos are left out.
 pub(super) fn note_uncounted(photos: usize) {
     if photos > 0 {
         let s = if photos == 1 { "" } else { "s" };

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::{
     DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
     counted,
-    dataset::{check_sight, note_uncounted},
+    dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
@@ -348,12 +348,14 @@ impl Args {
         };
         self.watch.with(&run, |context, look_at| {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let mut pixels = Vec::with_capacity(photos.len());
+            let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, |done, words| {
                 pixels.push(crc32fast::hash(bytemuck::cast_slice(words)));
+                uncounted += usize::from(is_uncounted(words));
                 reading.set(done as u64);
             })?;
             drop(reading);
+            note_uncounted(uncounted);
             let session = self.learn.session(context, self.draw.policy(), background, extent, self.seed.into());
             let work = match &self.work {
                 Some(folder) => {
@@ -532,7 +534,15 @@ fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) ->
             Ok(())
         })
     };
-    let (before, after) = (compare(base)?, compare(&found.scene)?);
+    let before = match compare(base) {
+        // The scene is written: that nothing can be said of it is no failure.
+        Err(Error::Usage(why)) => {
+            note(why);
+            return Ok(None);
+        }
+        before => before?,
+    };
+    let after = compare(&found.scene)?;
     let base_alone = if found.original.is_some() { before.augmented } else { after.base };
     let views = after.views.len();
     note_uncounted(photos.len() - views);

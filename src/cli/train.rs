@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
-    dataset::check_sight,
+    dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
@@ -234,12 +234,14 @@ impl Args {
         self.watch.with(&run, |context, look_at| {
             let background = dataset.background;
             let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let mut checksums = Vec::with_capacity(photos.len());
+            let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, |done, words| {
                 checksums.push(crc32fast::hash(bytemuck::cast_slice(words)));
+                uncounted += usize::from(is_uncounted(words));
                 reading.set(done as u64);
             })?;
             drop(reading);
+            note_uncounted(uncounted);
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));

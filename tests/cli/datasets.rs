@@ -152,6 +152,14 @@ fn photos_that_masks_hide_whole_are_left_out() {
     );
     hide("i.png");
     work.refused("eval base.ply data", &["nothing to compare", "2 photos"]);
+    hide(NAMES[1]);
+    for command in
+        ["train data -o some.ply --iterations 20", "enhance data --base base.ply -o some.ply --force --ratio 0.05"]
+    {
+        let notes = work.notes(command);
+        assert!(notes.contains("1 photo left out"), "{command}: {notes}");
+        assert_eq!(notes.contains("nothing to compare"), command.starts_with("enhance"), "{command}: {notes}");
+    }
     NAMES.iter().for_each(|name| hide(name));
     work.refused("train data -o none.ply --iterations 20", &["no pixel of the training photos counts"]);
     work.refused("enhance data --base base.ply -o none.ply", &["no pixel of the training photos counts"]);

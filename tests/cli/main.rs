@@ -217,6 +217,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
         "seconds",
         "steps_per_second",
         "final_loss",
+        "device_megabytes",
         "buffers_grown",
         "stages",
     ]);
