@@ -2,11 +2,11 @@
 //
 // One subgroup takes one tile of TILE_WIDTH x TILE_HEIGHT pixels; a lane takes PIXELS of them, in one column, so that the
 // offset in x is computed once. TILE_WIDTH divides the subgroup size and TILE_WIDTH * TILE_HEIGHT = subgroup size * PIXELS.
-// A lane loads one splat, then all are handed round by broadcast: one load instruction serves a whole subgroup of splats.
+// A lane loads one splat, then all are handed round: one load instruction serves a whole subgroup of splats.
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const uint PIXELS = 8;
-// A subgroup's splats in one piece of code, where lanes are constants, and no branches at pixels: as a CPU likes it.
+// A subgroup's splats in one piece of code, where lanes are constants and meet by shuffles, and no branches at pixels: as a CPU likes it.
 layout(constant_id = 4) const bool UNROLLED = false;
 const uint LANES = TILE_WIDTH * TILE_HEIGHT / PIXELS;
 
