@@ -239,7 +239,7 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
     // Float atomics keep a gradient record for each Gaussian, not for each intersection; a renderer keeps none, and sorts Gaussians
     // instead of slots.
     let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
-    for (backward, reduction, splat, isect) in [(true, fixed, 68, 56), (true, atomic, 104, 20), (false, fixed, 68, 16)]
+    for (backward, reduction, splat, isect) in [(true, fixed, 68, 40), (true, atomic, 104, 16), (false, fixed, 68, 16)]
     {
         let held = |splats, isects| held(splats, isects, backward, reduction) as usize;
         let each = |splats, isects| (held(splats, isects) - held(1, 1)) / many as usize;

@@ -51,7 +51,7 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
 #[test]
 fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     let isects = 1_000_000;
-    // The lists take 20 MB and more, the records 36 MB.
+    // The records take 36 MB, the lists 4 MB and more; without records 16 MB and more.
     let gpu = Gpu::with(ContextOptions { memory_budget: Some(30_000_000), ..ContextOptions::from_env() });
     let refused = Raster::new(&gpu, options(isects, Reduction::Deterministic)).err().unwrap();
     assert!(matches!(&refused, GpuError::OverBudget { name, .. } if name.starts_with("record")), "{refused}");

@@ -2,7 +2,7 @@
 // Blends each tile's splats front to back into colour and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, global_from_slot, splats, splat_colours, depth_keys, scene_depths -> image (rgb with background, transmittance), median_ids
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, depth_keys, scene_depths -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -10,6 +10,7 @@
 #include "../shared/splat.glsl"
 #include "../shared/frame.glsl"
 #include "../shared/tile.glsl"
+#include "../shared/slots.glsl"
 
 layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
 layout(constant_id = 6) const bool MEDIAN = false;           // also note the Gaussian of median depth
@@ -29,14 +30,15 @@ layout(push_constant, scalar) uniform Push {
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ranges[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer MedianIds { uint median_ids[]; };
-layout(set = 0, binding = 9, scalar) readonly buffer DepthKeys { uint depth_keys[]; };
-layout(set = 0, binding = 10, scalar) readonly buffer SceneDepths { float scene_depths[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer RankBlocks { uvec2 rank_blocks[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer MedianIds { uint median_ids[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer DepthKeys { uint depth_keys[]; };
+layout(set = 0, binding = 11, scalar) readonly buffer SceneDepths { float scene_depths[]; };
 
 // Camera z of what a mesh left in the depth buffer; the farthest where it left nothing (or nonsense).
 float occluder(uint at) {
@@ -115,7 +117,7 @@ void main() {
         depth = 0.0;
         if (mine < range.y) {
             global = isect_slots[mine];
-            if (!DIRECT) global = global_from_slot[global];
+            if (!DIRECT) global = global_from_rank[rank_of(rank_blocks[global / SLOTS_PER_BLOCK], global)];
             own = splats[global];
             tint = splat_colours[global];
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);

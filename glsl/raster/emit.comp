@@ -3,7 +3,8 @@
 //
 // One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
 // Gaussian filling the screen does not hold its neighbours up.
-// global_from_rank, splats, rank_first_slot, tile_counts -> isect_tiles, global_from_slot (by slot), first_slot (by Gaussian index)
+// global_from_rank, splats, rank_first_slot, tile_counts -> isect_tiles and, where DIRECT, isect_globals (by slot), else rank_blocks, which
+// begin at 0 (shared/slots.glsl); first_slot (by Gaussian index)
 // A splat has exactly as many slots as projection counted, whatever is found here: a tile more than counted is left out, and for
 // each tile fewer a slot gets the tile NONE, which the sort drops. The two come from one arithmetic (shared/splat.glsl), but a tile
 // of difference must not lie in a neighbour's slot.
@@ -12,10 +13,12 @@
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
 #include "../shared/frame.glsl"
+#include "../shared/slots.glsl"
 
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
-layout(constant_id = 3) const bool BATCH = false; // splats of many frames at once, splat_frames says which
+layout(constant_id = 3) const bool BATCH = false;  // splats of many frames at once, splat_frames says which
+layout(constant_id = 4) const bool DIRECT = false; // Gaussian indices are sorted, not slots
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;     // the first frame, index in frames
@@ -33,8 +36,9 @@ layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer SplatFrames { uint splat_frames[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer IsectTiles { uint isect_tiles[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer GlobalFromSlot { uint global_from_slot[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer IsectGlobals { uint isect_globals[]; };
+layout(set = 0, binding = 9, scalar) buffer RankBlocks { uvec2 rank_blocks[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
 
 const int BIG = 8;
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
@@ -48,10 +52,17 @@ void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uin
         [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
             if (first + int(k) <= span.y && at + k < room) { // guard: tiles as many as counted
                 isect_tiles[slot + at + k] = row_first + uint(first) + k;
-                global_from_slot[slot + at + k] = global;
+                if (DIRECT) isect_globals[slot + at + k] = global;
             }
         }
     }
+}
+
+// That `room` slots from `slot` on are of `rank`: of the blocks that begin there, one in `stride` from the one with number `at` on.
+void claim(uint rank, uint slot, uint room, uint at, uint stride) {
+    if (DIRECT) return;
+    uint first = (slot + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK, end = (slot + room + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK;
+    for (uint block = first + at; block < end; block += stride) rank_blocks[block].x = rank;
 }
 
 Splat from_lane(Splat s, uint lane) {
@@ -78,10 +89,12 @@ void main() {
         }
         rows = tile_rows(s, tile, size);
         first_slot[global] = slot;
+        if (!DIRECT && room > 0) atomicOr(rank_blocks[slot / SLOTS_PER_BLOCK].y, ~1u & 1u << slot % SLOTS_PER_BLOCK);
     }
 
     bool big = rows.y - rows.x >= BIG;
     if (live && !big) {
+        claim(rank, slot, room, 0, 1);
         uint at = 0;
         for (int row = rows.x; row <= rows.y; ++row) {
             ivec2 span = tile_span(s, row, tile, size);
@@ -97,8 +110,9 @@ void main() {
         ivec2 whole_rows = ivec2(subgroupShuffle(rows.x, lane), subgroupShuffle(rows.y, lane));
         uint whole_global = subgroupShuffle(global, lane), next = 0;
         uint whole_slot = subgroupShuffle(slot, lane), whole_room = subgroupShuffle(room, lane);
-        uint whole_frame = subgroupShuffle(frame, lane);
+        uint whole_frame = subgroupShuffle(frame, lane), whole_rank = subgroupShuffle(rank, lane);
         uvec2 whole_size = uvec2(subgroupShuffle(size.x, lane), subgroupShuffle(size.y, lane));
+        claim(whole_rank, whole_slot, whole_room, gl_SubgroupInvocationID, gl_SubgroupSize);
         for (int first = whole_rows.x; first <= whole_rows.y; first += int(gl_SubgroupSize)) {
             int row = first + int(gl_SubgroupInvocationID);
             ivec2 span = row <= whole_rows.y ? tile_span(whole, row, tile, whole_size) : ivec2(1, 0);

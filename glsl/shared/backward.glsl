@@ -10,6 +10,7 @@
 #include "frame.glsl"
 #include "population.glsl"
 #include "tile.glsl"
+#include "slots.glsl"
 
 // Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
 // is meant, see records.glsl.
@@ -29,12 +30,13 @@ layout(push_constant, scalar) uniform Push {
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer TileRanges { uvec2 tile_ranges[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slots[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer GlobalFromSlot { uint global_from_slot[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer ImageGrad { float image_grad[]; };
-layout(set = 0, binding = 8, scalar) readonly buffer Population { uint segment_first[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer RankBlocks { uvec2 rank_blocks[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer ImageGrad { float image_grad[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Population { uint segment_first[]; };
 
 // The pixels of this lane.
 float x;       // of their centres
@@ -135,7 +137,7 @@ void tile_backward() {
         learns = false;
         if (mine < range.y) {
             slot = isect_slots[mine];
-            global = global_from_slot[slot];
+            global = global_from_rank[rank_of(rank_blocks[slot / SLOTS_PER_BLOCK], slot)];
             own = splats[global];
             tint = splat_colours[global];
             learns = global >= all_first;

@@ -3347,7 +3347,9 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub isect_slots: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub global_from_slot: &'a crate::gpu::Buffer<u32>,
+    pub rank_blocks: &'a crate::gpu::Buffer<[u32; 2]>,
+    /// ReadOnly
+    pub global_from_rank: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub splats: &'a crate::gpu::Buffer<Splat>,
     /// ReadOnly
@@ -3375,7 +3377,9 @@ pub struct Host<'a> {
     /// ReadOnly
     pub isect_slots: &'a [u32],
     /// ReadOnly
-    pub global_from_slot: &'a [u32],
+    pub rank_blocks: &'a [[u32; 2]],
+    /// ReadOnly
+    pub global_from_rank: &'a [u32],
     /// ReadOnly
     pub splats: &'a [Splat],
     /// ReadOnly
@@ -3395,7 +3399,7 @@ impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3408,7 +3412,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"backdrop", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -3435,7 +3440,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
     }
 }
 }
@@ -3467,7 +3472,9 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub isect_slots: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub global_from_slot: &'a crate::gpu::Buffer<u32>,
+    pub rank_blocks: &'a crate::gpu::Buffer<[u32; 2]>,
+    /// ReadOnly
+    pub global_from_rank: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub splats: &'a crate::gpu::Buffer<Splat>,
     /// ReadOnly
@@ -3497,7 +3504,9 @@ pub struct Host<'a> {
     /// ReadOnly
     pub isect_slots: &'a [u32],
     /// ReadOnly
-    pub global_from_slot: &'a [u32],
+    pub rank_blocks: &'a [[u32; 2]],
+    /// ReadOnly
+    pub global_from_rank: &'a [u32],
     /// ReadOnly
     pub splats: &'a [Splat],
     /// ReadOnly
@@ -3519,7 +3528,7 @@ impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3532,7 +3541,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -3556,7 +3566,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
 }
 }
@@ -3588,7 +3598,9 @@ pub struct Buffers<'a> {
     /// ReadOnly
     pub isect_slots: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
-    pub global_from_slot: &'a crate::gpu::Buffer<u32>,
+    pub rank_blocks: &'a crate::gpu::Buffer<[u32; 2]>,
+    /// ReadOnly
+    pub global_from_rank: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub splats: &'a crate::gpu::Buffer<Splat>,
     /// ReadOnly
@@ -3618,7 +3630,9 @@ pub struct Host<'a> {
     /// ReadOnly
     pub isect_slots: &'a [u32],
     /// ReadOnly
-    pub global_from_slot: &'a [u32],
+    pub rank_blocks: &'a [[u32; 2]],
+    /// ReadOnly
+    pub global_from_rank: &'a [u32],
     /// ReadOnly
     pub splats: &'a [Splat],
     /// ReadOnly
@@ -3640,7 +3654,7 @@ impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3653,7 +3667,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -3677,7 +3692,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.global_from_slot.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
 }
 }
@@ -3698,6 +3713,7 @@ pub struct Spec {
     pub tile_width: u32,
     pub tile_height: u32,
     pub batch: bool,
+    pub direct: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3718,7 +3734,9 @@ pub struct Buffers<'a> {
     /// WriteOnly
     pub isect_tiles: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
-    pub global_from_slot: &'a crate::gpu::Buffer<u32>,
+    pub isect_globals: &'a crate::gpu::Buffer<u32>,
+    /// ReadWrite
+    pub rank_blocks: &'a crate::gpu::Buffer<[u32; 2]>,
     /// WriteOnly
     pub first_slot: &'a crate::gpu::Buffer<u32>,
 }
@@ -3744,15 +3762,17 @@ pub struct Host<'a> {
     /// WriteOnly
     pub isect_tiles: &'a mut [u32],
     /// WriteOnly
-    pub global_from_slot: &'a mut [u32],
+    pub isect_globals: &'a mut [u32],
+    /// ReadWrite
+    pub rank_blocks: &'a mut [[u32; 2]],
     /// WriteOnly
     pub first_slot: &'a mut [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, batch: call.constant(3) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, batch: call.constant(3) != 0, direct: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), count: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), rank_first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), splat_frames: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), global_from_slot: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), count: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), rank_first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), splat_frames: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), isect_globals: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3770,7 +3790,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"splat_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"global_from_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"isect_globals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
@@ -3778,15 +3799,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_width", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"batch", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 4, name: c"direct", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.batch as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.batch as u32), (4, spec.direct as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.count.raw(), b.global_from_rank.raw(), b.rank_first_slot.raw(), b.splats.raw(), b.tile_counts.raw(), b.splat_frames.raw(), b.isect_tiles.raw(), b.global_from_slot.raw(), b.first_slot.raw()])
+        with(&[b.frames.raw(), b.count.raw(), b.global_from_rank.raw(), b.rank_first_slot.raw(), b.splats.raw(), b.tile_counts.raw(), b.splat_frames.raw(), b.isect_tiles.raw(), b.isect_globals.raw(), b.rank_blocks.raw(), b.first_slot.raw()])
     }
 }
 }
@@ -5291,6 +5313,9 @@ pub mod screen {
 #[doc = "rendered, stepped and pruned, and more are drawn"] pub const DRAWING: u32 = 1;
 #[doc = "the same for one more round, without a draw at its end"] pub const FILLED: u32 = 2;
 #[doc = ""] pub const FIRST_SCALE_MIN: f32 = 0.6;
+}
+pub mod slots {
+#[doc = ""] pub const SLOTS_PER_BLOCK: u32 = 32;
 }
 pub mod splat {
 #[doc = "3DGS"] pub const ALPHA_MAX: f32 = 0.99;

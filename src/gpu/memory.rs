@@ -134,6 +134,8 @@ pub struct RawBuffer {
     pub(super) unused: bool,
     name: String,
     allocation: Option<Allocation>,
+    /// In whose memory it lies, where it has none of its own.
+    over: Option<Arc<RawBuffer>>,
     context: Context,
     _share: Share,
 }
@@ -163,6 +165,20 @@ impl RawBuffer {
     /// Bytes that it was made with.
     pub fn bytes_len(&self) -> u64 {
         self.bytes
+    }
+
+    /// Stands for its memory: one for all that lie in the same.
+    pub(super) fn memory(&self) -> vk::Buffer {
+        self.over.as_ref().map_or(self.handle, |over| over.handle)
+    }
+
+    /// Its name, for debuggers.
+    fn label(&self) {
+        if let (Some(debug), Ok(name)) = (&self.context.0.debug, std::ffi::CString::new(self.name.as_str())) {
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(self.handle).object_name(&name);
+            // SAFETY: the handle is live.
+            let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
     }
 
     /// As a buffer of bytes.
@@ -203,14 +219,7 @@ impl<T: Pod> Buffer<T> {
         }
         let share = Share::take(context, name, bytes, location)?;
         let device = &context.0.device;
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(
-            vk::BufferUsageFlags::STORAGE_BUFFER
-                | vk::BufferUsageFlags::INDIRECT_BUFFER
-                | vk::BufferUsageFlags::TRANSFER_SRC
-                | vk::BufferUsageFlags::TRANSFER_DST,
-        );
-        // SAFETY: a live device and a structure that lives for the call.
-        let handle = unsafe { device.create_buffer(&info, None) }.check("vkCreateBuffer")?;
+        let handle = without_memory(context, bytes)?;
         // SAFETY: the handle was made above; it is destroyed here on failure and in Drop otherwise.
         unsafe {
             let allocated = allocate(context, handle, name, location);
@@ -228,16 +237,60 @@ impl<T: Pod> Buffer<T> {
                 unused,
                 name: name.into(),
                 allocation: Some(allocation),
+                over: None,
                 context: context.clone(),
                 _share: share,
             };
             bound.check("vkBindBufferMemory")?;
-            if let (Some(debug), Ok(name)) = (&context.0.debug, std::ffi::CString::new(name)) {
-                let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
-                let _ = debug.set_debug_utils_object_name(&info);
-            }
+            raw.label();
             Ok(Buffer { raw: Arc::new(raw), len, element: PhantomData })
         }
+    }
+
+    /// `len` elements, at least one, in the memory of `parent` from byte `first` on: for what is not needed at the same time. The recorder
+    /// takes a use of either for one of both. In memory of its own where `parent` has no such bytes, or the device none that may begin there.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn over<P: Pod>(
+        context: &Context,
+        name: &str,
+        parent: &Buffer<P>,
+        first: u64,
+        len: usize,
+    ) -> Result<Self, GpuError> {
+        let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
+        let within = first.checked_add(bytes).is_some_and(|end| end <= parent.raw.bytes);
+        let Some(allocation) = parent.raw.allocation.as_ref().filter(|_| within) else {
+            return Self::new(context, name, len, Location::Device);
+        };
+        let device = &context.0.device;
+        let raw = RawBuffer {
+            handle: without_memory(context, bytes)?,
+            bytes,
+            unused: false,
+            name: name.into(),
+            allocation: None,
+            over: Some(parent.raw.clone()),
+            context: context.clone(),
+            _share: Share::take(context, name, 0, Location::Device)?,
+        };
+        // SAFETY: the handle was made above, and is destroyed when `raw` is dropped.
+        let needs = unsafe { device.get_buffer_memory_requirements(raw.handle) };
+        // SAFETY: as above.
+        let parents = unsafe { device.get_buffer_memory_requirements(parent.raw.handle) };
+        let offset = allocation.offset() + first;
+        // Whatever the device asks, which no device at hand does.
+        if !offset.is_multiple_of(needs.alignment)
+            || first + needs.size > parents.size
+            || parents.memory_type_bits & !needs.memory_type_bits != 0
+        {
+            return Self::new(context, name, len, Location::Device);
+        }
+        // SAFETY: both are live, and the memory as long as `raw` holds `parent`; offset, size and type of the memory were asked above.
+        unsafe { device.bind_buffer_memory(raw.handle, allocation.memory(), offset) }.check("vkBindBufferMemory")?;
+        raw.label();
+        Ok(Buffer { raw: Arc::new(raw), len, element: PhantomData })
     }
 
     /// A device buffer that holds `data`.
@@ -343,6 +396,18 @@ impl<T: Pod> Buffer<T> {
         // ours, so the two do not overlap. Host-coherent memory is what gpu-allocator gives for these locations.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.as_ptr().cast::<u8>(), n) };
     }
+}
+
+/// A buffer without memory.
+fn without_memory(context: &Context, bytes: u64) -> Result<vk::Buffer, GpuError> {
+    let info = vk::BufferCreateInfo::default().size(bytes).usage(
+        vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::INDIRECT_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST,
+    );
+    // SAFETY: a live device and a structure that lives for the call.
+    unsafe { context.0.device.create_buffer(&info, None) }.check("vkCreateBuffer")
 }
 
 /// # Safety

@@ -549,7 +549,7 @@ impl Recorder {
 
     /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
     pub(super) fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)> + Clone) {
-        let used = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.handle, a.writes()));
+        let used = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.memory(), a.writes()));
         let touched = &self.kept.touched;
         if used.clone().any(|(b, writes)| touched.get(&b).is_some_and(|written| *written || writes)) {
             self.barrier();

@@ -14,6 +14,7 @@ use crate::{
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
+        constants::slots::SLOTS_PER_BLOCK,
         dispatch_args, emit,
         status::Resource,
         tile_ranges,
@@ -27,7 +28,7 @@ pub enum Reduction {
     /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
     #[default]
     Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection.
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, some of which sorting uses before.
     Deterministic,
     /// By float atomics in any order. Takes 36 bytes for each Gaussian.
     Atomic,
@@ -151,7 +152,12 @@ impl RasterOptions {
 
     /// Elements of each buffer of gradient records.
     fn records(&self, by_gaussian: bool) -> u32 {
-        self.only_if(self.backward, if by_gaussian { self.splats } else { self.isects })
+        self.only_if(self.backward, if by_gaussian { self.splats } else { self.room() })
+    }
+
+    /// As many as the intersections, rounded up so that lists that share memory begin where a device lets buffers begin.
+    fn room(&self) -> u32 {
+        self.isects.checked_next_multiple_of(LIST_ALIGNMENT).unwrap_or(self.isects)
     }
 }
 
@@ -166,6 +172,8 @@ const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
 /// Bits of a depth key.
 const DEPTH_BITS: u32 = 32;
+/// Words: 256 bytes, where every driver at hand lets a buffer begin in memory. Else [`Buffer::over`] takes memory of its own.
+const LIST_ALIGNMENT: u32 = 64;
 
 buffers! {
     /// What is by splat, by pixel and by tile.
@@ -205,20 +213,46 @@ buffers! {
 }
 
 buffers! {
-    /// What is by intersection. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on. Where gradients are asked for, slots
-    /// go along, as records lie by slot; else Gaussian indices do, which begin in `isect_slots_1`.
+    /// What is by intersection, while the view is blended and after. In `isect_slots` sorting ends; where gradients are asked for it sorts
+    /// slots, as records lie by slot, and `rank_blocks` says whose they are; else Gaussian indices.
     struct Isects(o: RasterOptions) {
-        isect_tiles: u32 = o.isects,
-        isect_keys: u32 = o.isects,
         isect_slots: u32 = o.isects,
-        isect_slots_1: u32 = o.isects,
-        global_from_slot: u32 = o.only_if(o.backward, o.isects),
+        rank_blocks: [u32; 2] = o.only_if(o.backward, o.isects.div_ceil(SLOTS_PER_BLOCK)),
         isect_block_counts: u32 = block_counts_len(o.isects, o.tile_bits()),
     }
 }
 
 buffers! {
-    /// Gradient records, by intersection slot.
+    /// What is by intersection until they are sorted. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on.
+    struct Sorting(o: RasterOptions) {
+        isect_tiles: u32 = o.isects,
+        isect_keys: u32 = o.isects,
+        isect_slots_1: u32 = o.isects,
+    }
+}
+
+impl Sorting {
+    /// In the memory of records by intersection, which are written when all is sorted.
+    fn over(context: &Context, options: &RasterOptions, records: &Records) -> Result<Self, GpuError> {
+        let list = |name, place: u64| {
+            let first = place * 4 * u64::from(options.room());
+            Buffer::over(context, name, &records.record_shapes, first, options.isects as usize)
+        };
+        Ok(Sorting {
+            isect_tiles: list("isect_tiles", 0)?,
+            isect_keys: list("isect_keys", 1)?,
+            isect_slots_1: list("isect_slots_1", 2)?,
+        })
+    }
+
+    /// Nothing.
+    fn none(unused: &Unused) -> Self {
+        Sorting { isect_tiles: unused.of(), isect_keys: unused.of(), isect_slots_1: unused.of() }
+    }
+}
+
+buffers! {
+    /// Gradient records, by intersection slot. Until the backward pass their memory may be what sorting works in.
     pub struct Records(o: RasterOptions) {
         /// Σ g w_u, Σ g w_v, Σ ∂loss/∂opacity.
         pub record_centres: [f32; 3] = o.records(false),
@@ -309,6 +343,7 @@ pub struct Raster {
     /// By Gaussian, by tile and by pixel; what is by intersection is apart and can grow.
     pub buffers: RasterBuffers,
     isects: Isects,
+    sorting: Sorting,
     /// Where gradients are asked for; by Gaussian where [`Raster::by_gaussian`].
     pub records: Records,
     depth_sort: RadixSort,
@@ -348,15 +383,21 @@ impl Raster {
             unrolled: unrolled(context.info()),
             direct: !options.backward,
         };
-        let emit_spec = emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch };
+        let emit_spec =
+            emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch, direct: !options.backward };
         let (backward, records) = match options.backward {
             true => Backward::new(context, &options, tile).map(|(stage, records)| (Some(stage), records))?,
             false => (None, Records::new(context, &options)?),
+        };
+        let sorting = match backward {
+            Some(Backward::Deterministic(_)) => Sorting::over(context, &options, &records)?,
+            _ => Sorting::new(context, &options)?,
         };
         Ok(Raster {
             tile,
             buffers: RasterBuffers::new(context, &options)?,
             isects: Isects::new(context, &options)?,
+            sorting,
             records,
             depth_sort: RadixSort::new(context, DEPTH_BITS, Input::Keys)?,
             tile_sort: RadixSort::new(
@@ -378,16 +419,17 @@ impl Raster {
 
     /// What a raster of these options holds, its records by intersection.
     pub fn plan(options: &RasterOptions) -> Plan {
-        let records = match options.policy.reduction {
-            Reduction::Atomic => GaussianRecords::plan(options),
-            Reduction::Auto | Reduction::Deterministic => Records::plan(options),
-        };
-        RasterBuffers::plan(options).and(Isects::plan(options)).and(records)
+        let own = RasterBuffers::plan(options).and(Isects::plan(options));
+        match (options.backward, options.policy.reduction) {
+            (true, Reduction::Auto | Reduction::Deterministic) => own.and(Records::plan(options)),
+            (true, Reduction::Atomic) => own.and(Sorting::plan(options)).and(GaussianRecords::plan(options)),
+            (false, _) => own.and(Sorting::plan(options)).and(Records::plan(options)),
+        }
     }
 
     /// All its buffers, but for gradient records.
     pub fn held(&self) -> Vec<Held> {
-        [self.buffers.held(), self.isects.held()].concat()
+        [self.buffers.held(), self.isects.held(), self.sorting.held()].concat()
     }
 
     /// The context that it was made on.
@@ -444,8 +486,9 @@ impl Raster {
             self.options.isects = before;
             let made_way = self.records.record_centres.len() < before as usize;
             if let (Some(Backward::Deterministic(_)), true) = (&self.backward, made_way) {
-                match Records::new(&self.context, &self.options) {
-                    Ok(records) => self.records = records,
+                let again = Records::new(&self.context, &self.options);
+                match again.and_then(|r| Sorting::over(&self.context, &self.options, &r).map(|sorting| (r, sorting))) {
+                    Ok((records, sorting)) => (self.records, self.sorting) = (records, sorting),
                     Err(_) => self.options.isects = 0,
                 }
             }
@@ -455,13 +498,18 @@ impl Raster {
 
     /// Everything by intersection, buffer by buffer: never more than the old ones and one new one are held.
     fn remake(&mut self) -> Result<(), GpuError> {
-        self.isects.remake(&self.context, &self.options)?;
-        if let Some(Backward::Deterministic(_)) = self.backward {
-            // What there was makes room for what comes.
-            self.records = Records::new(&self.context, &RasterOptions { backward: false, ..self.options })?;
-            let (stage, records) = Backward::new(&self.context, &self.options, self.tile)?;
-            (self.backward, self.records) = (Some(stage), records);
-        }
+        let (context, options) = (&self.context, &self.options);
+        self.isects.remake(context, options)?;
+        let Some(Backward::Deterministic(_)) = self.backward else { return self.sorting.remake(context, options) };
+        // What there was makes room for what comes.
+        self.sorting = Sorting::none(&self.unused);
+        self.records = Records::new(context, &RasterOptions { backward: false, ..*options })?;
+        let (stage, records) = Backward::new(context, options, self.tile)?;
+        self.sorting = match stage {
+            Backward::Deterministic(_) => Sorting::over(context, options, &records)?,
+            Backward::Atomic(_) => Sorting::new(context, options)?,
+        };
+        (self.backward, self.records) = (Some(stage), records);
         Ok(())
     }
 
@@ -482,7 +530,7 @@ impl Raster {
         status: &Buffer<u32>,
     ) {
         let per_block = items_per_group(self.context.info());
-        let (f, isects, capacity) = (&self.buffers, &self.isects, self.options.isects);
+        let (f, isects, sorting, capacity) = (&self.buffers, &self.isects, &self.sorting, self.options.isects);
         let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
         recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
         let by_depth = self.depth_sort.record(
@@ -513,7 +561,14 @@ impl Raster {
         );
         self.args_for(recorder, status, ISECTS, capacity, per_block, ISECT_BLOCKS);
 
+        // The last pass writes where sorting ends.
+        let values = match self.tile_sort.last_pair() {
+            0 => [&isects.isect_slots, &sorting.isect_slots_1],
+            _ => [&sorting.isect_slots_1, &isects.isect_slots],
+        };
         let no_frames = self.unused.of();
+        // Nothing begins yet.
+        recorder.fill(&isects.rank_blocks, 0);
         self.emit.record_indirect(
             recorder,
             &emit::Buffers {
@@ -524,8 +579,9 @@ impl Raster {
                 splats: &f.splats,
                 tile_counts: &f.tile_counts,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
-                isect_tiles: &isects.isect_tiles,
-                global_from_slot: if self.options.backward { &isects.global_from_slot } else { &isects.isect_slots_1 },
+                isect_tiles: &sorting.isect_tiles,
+                isect_globals: values[1],
+                rank_blocks: &isects.rank_blocks,
                 first_slot: &f.first_slot,
             },
             &emit::Push {
@@ -540,10 +596,10 @@ impl Raster {
         );
         let by_tile = self.tile_sort.record(
             recorder,
-            Pairs { keys: &isects.isect_tiles, values: &isects.isect_slots_1 },
+            Pairs { keys: &sorting.isect_tiles, values: values[1] },
             [
-                Pairs { keys: &isects.isect_keys, values: &isects.isect_slots },
-                Pairs { keys: &isects.isect_tiles, values: &isects.isect_slots_1 },
+                Pairs { keys: &sorting.isect_keys, values: values[0] },
+                Pairs { keys: &sorting.isect_tiles, values: values[1] },
             ],
             RadixScratch { block_counts: &isects.isect_block_counts, digit_totals: &f.digit_totals },
             extent(ISECTS, ISECT_BLOCKS),
@@ -586,8 +642,9 @@ impl Raster {
             &blend::Buffers {
                 frames,
                 tile_ranges: &f.tile_ranges,
-                isect_slots: self.isect_slots(),
-                global_from_slot: &self.isects.global_from_slot,
+                isect_slots: &self.isects.isect_slots,
+                rank_blocks: &self.isects.rank_blocks,
+                global_from_rank: self.global_from_rank(),
                 splats: &f.splats,
                 splat_colours: &f.splat_colours,
                 backdrop: &f.backdrop,
@@ -620,7 +677,8 @@ impl Raster {
         frozen: u32,
     ) {
         let Some(backward) = &self.backward else { return };
-        let (f, isect_slots, global_from_slot) = (&self.buffers, self.isect_slots(), &self.isects.global_from_slot);
+        let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
+        let Isects { isect_slots, rank_blocks, .. } = &self.isects;
         let RasterBuffers { tile_ranges, splats, splat_colours, image, image_grad, .. } = f;
         let Records { record_centres, record_shapes, record_colours } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
@@ -637,7 +695,8 @@ impl Raster {
                     frames,
                     tile_ranges,
                     isect_slots,
-                    global_from_slot,
+                    rank_blocks,
+                    global_from_rank,
                     splats,
                     splat_colours,
                     image,
@@ -656,7 +715,8 @@ impl Raster {
                     frames,
                     tile_ranges,
                     isect_slots,
-                    global_from_slot,
+                    rank_blocks,
+                    global_from_rank,
                     splats,
                     splat_colours,
                     image,
@@ -672,7 +732,6 @@ impl Raster {
         }
     }
 
-    #[cfg(feature = "train")]
     /// Gaussian index by depth rank.
     pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
         [&self.buffers.global_from_rank, &self.buffers.global_from_rank_1][self.depth_sort.last_pair()]
@@ -681,16 +740,18 @@ impl Raster {
     /// Tiles of the sorted intersections.
     #[cfg(feature = "train")]
     pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
-        [&self.isects.isect_keys, &self.isects.isect_tiles][self.tile_sort.last_pair()]
-    }
-
-    pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
-        [&self.isects.isect_slots, &self.isects.isect_slots_1][self.tile_sort.last_pair()]
+        [&self.sorting.isect_keys, &self.sorting.isect_tiles][self.tile_sort.last_pair()]
     }
 
     #[cfg(feature = "train")]
-    pub(crate) fn global_from_slot(&self) -> &Buffer<u32> {
-        &self.isects.global_from_slot
+    pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
+        &self.isects.isect_slots
+    }
+
+    /// Whose slots are, see `glsl/shared/slots.glsl`.
+    #[cfg(feature = "train")]
+    pub(crate) fn rank_blocks(&self) -> &Buffer<[u32; 2]> {
+        &self.isects.rank_blocks
     }
 
     fn args_for(

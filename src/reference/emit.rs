@@ -5,6 +5,7 @@ use super::{
     NONE, Splat,
     tiles::{Tiling, for_each_tile},
 };
+use crate::stages::constants::slots::SLOTS_PER_BLOCK;
 
 /// What [`emit`] lists.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -28,4 +29,46 @@ pub fn emit(splats: &[Splat], tile_counts: &[u32], global_from_rank: &[u32], til
         out.global_from_slot.resize(out.tile_of_slot.len(), global);
     }
     out
+}
+
+/// Says of slots `first..first + count`, of which there is one at least, that they are of `rank`. Blocks begin at 0; see
+/// `glsl/shared/slots.glsl`.
+pub fn claim(rank_blocks: &mut [[u32; 2]], rank: u32, first: u32, count: u32) {
+    if !first.is_multiple_of(SLOTS_PER_BLOCK) {
+        rank_blocks[(first / SLOTS_PER_BLOCK) as usize][1] |= 1 << (first % SLOTS_PER_BLOCK);
+    }
+    let blocks = first.div_ceil(SLOTS_PER_BLOCK) as usize..(first + count).div_ceil(SLOTS_PER_BLOCK) as usize;
+    rank_blocks[blocks].iter_mut().for_each(|block| block[0] = rank);
+}
+
+/// Gaussian index of the first `slots` slots; [`NONE`] where one leads out of a list.
+pub fn globals(rank_blocks: &[[u32; 2]], global_from_rank: &[u32], slots: usize) -> Vec<u32> {
+    let global = |slot: u32| {
+        let [rank, begins] = *rank_blocks.get((slot / SLOTS_PER_BLOCK) as usize)?;
+        let upto = u32::MAX >> (SLOTS_PER_BLOCK - 1 - slot % SLOTS_PER_BLOCK);
+        global_from_rank.get(rank.wrapping_add((begins & upto).count_ones()) as usize).copied()
+    };
+    (0..slots as u32).map(|slot| global(slot).unwrap_or(NONE)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    proptest::proptest! {
+        /// Splats of 1 to 100 slots, whose ends lie anywhere in blocks.
+        #[test]
+        fn slots_know_their_splats(counts in proptest::collection::vec(1u32..100, 1..200)) {
+            let slots: u32 = counts.iter().sum();
+            let mut blocks = vec![[0; 2]; slots.div_ceil(SLOTS_PER_BLOCK) as usize];
+            let (mut first, mut want) = (0, vec![]);
+            for (rank, &count) in (0..).zip(&counts) {
+                claim(&mut blocks, rank, first, count);
+                first += count;
+                want.resize(first as usize, 1000 + rank);
+            }
+            let ranked: Vec<u32> = (1000..).take(counts.len()).collect();
+            proptest::prop_assert_eq!(globals(&blocks, &ranked, slots as usize), want);
+        }
+    }
 }

@@ -19,7 +19,7 @@ use crate::{
         blend::{Blended, Margin, blend},
         blend_backward::{Record, blend_backward, blend_backward_magnitudes},
         blend_backward_atomic::blend_backward_atomic,
-        emit::emit,
+        emit::{emit, globals},
         median_depth::{DepthAt, median_depth},
         project::project,
         random_camera, random_scene,
@@ -172,12 +172,13 @@ impl Ordered {
         let splat = |i: usize| wide(&splats[i], colours[i], self.depth_keys[i]);
         self.splats = (0..count).map(|i| if seen(i) { splat(i) } else { Splat::default() }).collect();
         let first_slot = buffers.first_slot.download_range(0, count)?;
+        let global_from_rank = raster.global_from_rank().download_range(0, visible)?;
         self.isects = Intersections {
             tiling: self.isects.tiling,
-            global_from_rank: raster.global_from_rank().download_range(0, visible)?,
+            global_from_slot: globals(&raster.rank_blocks().download()?, &global_from_rank, isects),
+            global_from_rank,
             isect_tiles: raster.isect_tiles().download_range(0, isects)?,
             isect_slots: raster.isect_slots().download_range(0, isects)?,
-            global_from_slot: raster.global_from_slot().download_range(0, isects)?,
             first_slot: (0..count).map(|i| if seen(i) { first_slot[i] } else { 0 }).collect(),
             tile_ranges: buffers.tile_ranges.download_range(0, self.isects.tiling.count())?,
         };

@@ -19,6 +19,7 @@ use crate::{
         Background, Intersections, NONE, Options, Splat,
         blend::{Blended, blend},
         blend_backward::{Record, blend_backward, blend_backward_magnitudes},
+        emit::globals,
         screen_backward::{ScreenGrad, ScreenMoments, magnitudes as screen_magnitudes, screen_backward, screen_step},
         screen_draw::{Draw, draw_size, key, new_screen_gaussian, screen_draw},
         screen_project::{ScreenGaussian, screen_project},
@@ -150,7 +151,8 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     let (splats, colours, image) = (r.splats.download()?, r.splat_colours.download()?, r.image.download()?);
     let isect_count = r.count.download()?[ISECTS as usize] as usize;
     let slots = raster.isect_slots().download_range(0, isect_count)?;
-    let global_from_slot = raster.global_from_slot().download_range(0, isect_count)?;
+    let global_from_slot =
+        globals(&raster.rank_blocks().download()?, &raster.global_from_rank().download()?, isect_count);
     let ranges = r.tile_ranges.download()?;
     let visible: Vec<usize> = (0..count).filter(|&i| keys[i] != NONE).collect();
     let mut row = bench.row("screen_project", format!("{tile}"));

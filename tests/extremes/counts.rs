@@ -19,7 +19,9 @@ use glint::{
     },
     scene::{Camera, Scene},
     stages::{
-        WORKGROUP, emit,
+        WORKGROUP,
+        constants::slots::SLOTS_PER_BLOCK,
+        emit,
         types::{Frame, Splat},
     },
 };
@@ -200,10 +202,11 @@ fn what_does_not_fit_is_not_emitted() {
     // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
     let splat = |l: f32| Splat { shape: [l, 0.0, l, 0.5], centre: [128.0, 128.0] };
     let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
-    let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false };
-    let emit = emit::Stage::new(&gpu, &spec).unwrap();
-    for capacity in [2, 500] {
-        let [tiles, globals] = ["isect tiles", "global from slot"].map(|name| words(name, &[7777; 2000]));
+    let spec = |direct| emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct };
+    for (direct, capacity) in [(true, 2), (true, 500), (false, 2), (false, 500)] {
+        let emit = emit::Stage::new(&gpu, &spec(direct)).unwrap();
+        let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &[7777; 2000]));
+        let blocks = Buffer::from_slice(&gpu, "rank blocks", &[[0u32; 2]; 100]).unwrap();
         let mut recorder = gpu.recorder("emit").unwrap();
         emit.record_indirect(
             &mut recorder,
@@ -216,7 +219,8 @@ fn what_does_not_fit_is_not_emitted() {
                 tile_counts: &words("tile counts", &[100, 1024]),
                 splat_frames: &words("splat frames", &[0, 0]),
                 isect_tiles: &tiles,
-                global_from_slot: &globals,
+                isect_globals: &globals,
+                rank_blocks: &blocks,
                 first_slot: &words("first slots", &[0, 0]),
             },
             &emit::Push { frame_first: 0, tiles_x: 32, tiles_per_frame: 1024, capacity, count_index: 0 },
@@ -227,6 +231,12 @@ fn what_does_not_fit_is_not_emitted() {
         let (tiles, globals) = (tiles.download().unwrap(), globals.download().unwrap());
         let room = capacity as usize;
         assert!(tiles[room..].iter().chain(&globals[room..]).all(|&word| word == 7777), "{capacity}");
+        let begun = room.div_ceil(SLOTS_PER_BLOCK as usize);
+        assert!(blocks.download().unwrap()[begun..].iter().all(|block| *block == [0; 2]), "{capacity}");
+        let globals = match direct {
+            true => globals,
+            false => reference::emit::globals(&blocks.download().unwrap(), &[0, 1], room),
+        };
         let small = globals.iter().take_while(|&&g| g == 0).count();
         assert!(if room < 100 { small == room } else { small > 3 && globals[100..room].iter().all(|&g| g == 1) });
     }
@@ -255,39 +265,51 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
             for_each_tile(s, &tiling, |_| tiles += 1);
             tiles
         });
-        let counts: Vec<u32> = listed.enumerate().map(|(i, n): (usize, i32)| (n + off[i % 3]).max(0) as u32).collect();
+        let counts: Vec<u32> = listed.enumerate().map(|(i, n): (usize, i32)| (n + off[i % 3]).max(1) as u32).collect();
         let ranks: Vec<u32> = (0..10).collect();
         let twin = reference::emit::emit(&wide, &counts, &ranks, &tiling);
         let slots = twin.tile_of_slot.len();
         let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
-        let [tiles, globals] = ["isect tiles", "global from slot"].map(|name| words(name, &vec![7777; slots + 9]));
-        let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false };
-        let mut recorder = gpu.recorder("emit").unwrap();
-        emit::Stage::new(&gpu, &spec).unwrap().record_indirect(
-            &mut recorder,
-            &emit::Buffers {
-                frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
-                count: &words("count", &[10]),
-                global_from_rank: &words("ranks", &ranks),
-                rank_first_slot: &words("first slots by rank", &twin.first_slot),
-                splats: &Buffer::from_slice(&gpu, "splats", &splats).unwrap(),
-                tile_counts: &words("tile counts", &counts),
-                splat_frames: &words("splat frames", &[0]),
-                isect_tiles: &tiles,
-                global_from_slot: &globals,
-                first_slot: &words("first slots", &[0; 10]),
-            },
-            &emit::Push { frame_first: 0, tiles_x: 32, tiles_per_frame: 1024, capacity: slots as u32, count_index: 0 },
-            &words("args", &[1, 1, 1]),
-            0,
-        );
-        recorder.submit().unwrap().wait().unwrap();
+        let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &vec![7777; slots + 9]));
+        let blocks = Buffer::from_slice(&gpu, "rank blocks", &vec![[0u32; 2]; slots]).unwrap();
+        for direct in [true, false] {
+            let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct };
+            let mut recorder = gpu.recorder("emit").unwrap();
+            emit::Stage::new(&gpu, &spec).unwrap().record_indirect(
+                &mut recorder,
+                &emit::Buffers {
+                    frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
+                    count: &words("count", &[10]),
+                    global_from_rank: &words("ranks", &ranks),
+                    rank_first_slot: &words("first slots by rank", &twin.first_slot),
+                    splats: &Buffer::from_slice(&gpu, "splats", &splats).unwrap(),
+                    tile_counts: &words("tile counts", &counts),
+                    splat_frames: &words("splat frames", &[0]),
+                    isect_tiles: &tiles,
+                    isect_globals: &globals,
+                    rank_blocks: &blocks,
+                    first_slot: &words("first slots", &[0; 10]),
+                },
+                &emit::Push {
+                    frame_first: 0,
+                    tiles_x: 32,
+                    tiles_per_frame: 1024,
+                    capacity: slots as u32,
+                    count_index: 0,
+                },
+                &words("args", &[1, 1, 1]),
+                0,
+            );
+            recorder.submit().unwrap().wait().unwrap();
+        }
         let (tiles, globals) = (tiles.download().unwrap(), globals.download().unwrap());
         assert_eq!(tiles[..slots], twin.tile_of_slot, "{off:?}");
         assert_eq!((&tiles[slots..], &globals[slots..]), (&[7777; 9][..], &[7777; 9][..]));
         for slot in (0..slots).filter(|&slot| tiles[slot] != reference::NONE) {
             assert_eq!(globals[slot], twin.global_from_slot[slot], "{off:?}");
         }
+        let by_rank = reference::emit::globals(&blocks.download().unwrap(), &ranks, slots);
+        assert_eq!(by_rank, twin.global_from_slot, "{off:?}");
     }
 }
 

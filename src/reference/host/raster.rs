@@ -3,8 +3,11 @@
 use super::{Outcome, page, params, pixels, view, wide_rows};
 use crate::{
     reference::{
-        self as twin, Background, Intersections, NONE, Options, Splat, blend_backward::Record, emit::Emitted,
-        median_depth::DepthAt, tiles::Tiling,
+        self as twin, Background, Intersections, NONE, Options, Splat,
+        blend_backward::Record,
+        emit::{Emitted, claim, globals},
+        median_depth::DepthAt,
+        tiles::Tiling,
     },
     scene::layout,
     stages::{
@@ -56,9 +59,9 @@ fn tiling(frame: &Frame, [tile_width, tile_height]: [u32; 2], tiles_x: u32, tile
 
 pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
     let kernels::emit::Push { frame_first, tiles_x, tiles_per_frame, capacity, count_index } = h.push;
-    let kernels::emit::Spec { tile_width, tile_height, batch, .. } = h.spec;
+    let kernels::emit::Spec { tile_width, tile_height, batch, direct, .. } = h.spec;
     let count = h.workgroups.threads().min(h.count[count_index as usize] as usize);
-    for (&global, &slot) in h.global_from_rank[..count].iter().zip(h.rank_first_slot) {
+    for (rank, (&global, &slot)) in (0..).zip(h.global_from_rank[..count].iter().zip(h.rank_first_slot)) {
         let i = global as usize;
         let f = if batch { h.splat_frames[i] } else { 0 };
         let frame = &h.frames[(frame_first + f) as usize];
@@ -69,7 +72,12 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
         let slots = slot as usize..slot as usize + room as usize;
         for (slot, tile) in slots.zip(tile_of_slot) {
             h.isect_tiles[slot] = if tile == NONE { NONE } else { f * tiles_per_frame + tile };
-            h.global_from_slot[slot] = global;
+            if direct {
+                h.isect_globals[slot] = global;
+            }
+        }
+        if !direct && room > 0 {
+            claim(h.rank_blocks, rank, slot, room);
         }
         h.first_slot[i] = slot;
     }
@@ -89,7 +97,7 @@ struct Lists<'a> {
     frames: &'a [Frame],
     tile_ranges: &'a [[u32; 2]],
     isect_slots: &'a [u32],
-    global_from_slot: &'a [u32],
+    global_from_slot: Vec<u32>,
     tile: [u32; 2],
     frame_first: u32,
     tiles_x: u32,
@@ -102,7 +110,7 @@ impl Lists<'_> {
     fn for_each_frame(&self, mut visit: impl FnMut(&Frame, &Intersections)) {
         let mut isects = Intersections {
             isect_slots: self.isect_slots.to_vec(),
-            global_from_slot: self.global_from_slot.to_vec(),
+            global_from_slot: self.global_from_slot.clone(),
             ..Intersections::none(Tiling::new(1, 1, &Options::default()))
         };
         let ranges = self.tile_ranges[..self.tile_count as usize].chunks(self.tiles_per_frame.max(1) as usize);
@@ -131,8 +139,10 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
     let kernels::blend::Spec { tile_width, tile_height, background_image, median, occluded, direct, .. } = h.spec;
     // Where the list holds Gaussians, the slot of each is where it lies in the list.
     let places: Vec<u32> = (0..h.isect_slots.len() as u32).collect();
-    let (isect_slots, global_from_slot) =
-        if direct { (&places[..], h.isect_slots) } else { (h.isect_slots, h.global_from_slot) };
+    let (isect_slots, global_from_slot) = match direct {
+        true => (&places[..], h.isect_slots.to_vec()),
+        false => (h.isect_slots, globals(h.rank_blocks, h.global_from_rank, h.isect_slots.len())),
+    };
     let lists = Lists {
         frames: h.frames,
         tile_ranges: h.tile_ranges,
@@ -218,7 +228,7 @@ macro_rules! backward {
                 frames: $h.frames,
                 tile_ranges: $h.tile_ranges,
                 isect_slots: $h.isect_slots,
-                global_from_slot: $h.global_from_slot,
+                global_from_slot: globals($h.rank_blocks, $h.global_from_rank, $h.isect_slots.len()),
                 tile: [$h.spec.tile_width, $h.spec.tile_height],
                 frame_first: $h.push.frame_first,
                 tiles_x: $h.push.tiles_x,
