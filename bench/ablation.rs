@@ -191,7 +191,7 @@ fn run(args: &Args) -> Result<()> {
     let (learned, held) = (photos_of(&dataset, Some(Split::Train))?, photos_of(&dataset, Some(Split::Test))?);
     let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     let background = [0.0; 3];
-    let views = upload_photos(&context, &learned, background, |_, _| ())?;
+    let views = upload_photos(&context, &learned, background, 0, |_, _| ())?;
     let session = |seed| Session { extent: dataset.extent() as f32, background, seed, ..Session::new(&context) };
     let base = match &args.base {
         Some(path) => read_scene(path)?,

@@ -163,7 +163,7 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
         None => builtin_scene(args.gaussians).dataset(),
     };
     let photos = photos_of(&dataset, Some(Split::Train))?;
-    let views = upload_photos(context, &photos, dataset.background, |_, _| ())?;
+    let views = upload_photos(context, &photos, dataset.background, 0, |_, _| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
     let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, Room::default())?;

@@ -51,7 +51,7 @@ fn every_stage_is_worth_its_decibels() {
     let train: Vec<&Photo> = photos_of(&dataset, Some(Split::Train)).unwrap().into_iter().step_by(4).collect();
     let test = photos_of(&dataset, Some(Split::Test)).unwrap();
     let background = dataset.background;
-    let views = upload_photos(&gpu, &train, background, |_, _| ()).unwrap();
+    let views = upload_photos(&gpu, &train, background, 0, |_, _| ()).unwrap();
     let session = Session { background, extent: dataset.extent() as f32, ..session(&gpu) };
     let psnr_of = |scene: &Scene, photos: &[&Photo]| {
         evaluate(&gpu, scene, photos, RenderOptions::default(), background, |_| Ok(())).unwrap().augmented.psnr
@@ -123,7 +123,7 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     let train: Vec<&Photo> = photos_of(&dataset, Some(Split::Train)).unwrap().into_iter().step_by(4).collect();
     let test = photos_of(&dataset, Some(Split::Test)).unwrap();
     let background = dataset.background;
-    let views = upload_photos(&gpu, &train, background, |_, _| ()).unwrap();
+    let views = upload_photos(&gpu, &train, background, 0, |_, _| ()).unwrap();
     let session = Session { background, extent: dataset.extent() as f32, ..session(&gpu) };
     let score = |scene: &Scene| {
         evaluate(&gpu, scene, &test, RenderOptions::default(), background, |_| Ok(())).unwrap().augmented.psnr

@@ -16,7 +16,7 @@ use glint::{
         model::{Model, Segment},
         session::{Policy, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN},
-        train::{BaseOptions, train_base},
+        train::{BaseOptions, HALVED_UNTIL, train_base},
         views::Views,
     },
     reference::{
@@ -58,6 +58,8 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("weight of 1 − SSIM", SSIM_WEIGHT),
         ("Adam's first decay", BETA1),
         ("Adam's second decay", BETA2),
+        ("base: half the sides until, of the run", HALVED_UNTIL[0]),
+        ("base: a quarter of the sides until, of the run", HALVED_UNTIL[1]),
         ("base: rate of positions at first, of the extent", first.mean.into()),
         ("base: rate of positions at last, of the extent", last.mean.into()),
         ("base: rate of scales", first.log_scale.into()),

@@ -139,7 +139,7 @@ impl Args {
         let train = photos_of(dataset, Some(Split::Train))?;
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
-        let views = upload_photos(context, &train, background, |_, _| ())?;
+        let views = upload_photos(context, &train, background, 0, |_, _| ())?;
         let session =
             self.learn.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
 

@@ -349,7 +349,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| {
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
-            let views = upload_photos(context, &photos, background, |done, words| {
+            let views = upload_photos(context, &photos, background, 0, |done, words| {
                 pixels.push(crc32fast::hash(bytemuck::cast_slice(words)));
                 uncounted += usize::from(is_uncounted(words));
                 reading.set(done as u64);

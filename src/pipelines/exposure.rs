@@ -43,10 +43,10 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// For photographs of all of `views`, whose maps begin as the identity.
+    /// For the photographs of `views`, whose maps begin as the identity. A photograph has one map, whatever its size.
     pub fn new(context: &Context, views: &Views) -> Result<Self> {
         let info = context.info();
-        let (photos, pixels) = (views.cameras.len(), views.max_pixels());
+        let (photos, pixels) = (views.photos as usize, views.max_pixels());
         let runs = pixels.div_ceil(SUM_PIXELS) as usize;
         // A subgroup works for itself, and an image has few.
         let (alone, together) = (info.subgroup_size, SUM_WORKGROUP.min(info.max_workgroup));
@@ -75,7 +75,7 @@ impl Exposure {
                 image: &raster.image,
                 corrected: &self.corrected,
             },
-            &exposure_apply::Push { frame: view, photo: view },
+            &exposure_apply::Push { frame: view, photo: view % self.photos },
             pixels(&views.frame_list[view as usize]),
         );
     }
@@ -91,7 +91,7 @@ impl Exposure {
                 image_grad: &raster.image_grad,
                 sums: &self.sums,
             },
-            &exposure_backward::Push { frame: view, photo: view },
+            &exposure_backward::Push { frame: view, photo: view % self.photos },
             runs(&views.frame_list[view as usize]),
         );
     }
@@ -109,7 +109,7 @@ impl Exposure {
             recorder,
             &exposure_step::Buffers { status, sums: &self.sums, maps: &self.maps, moments: &self.moments },
             &exposure_step::Push {
-                photo: view,
+                photo: view % self.photos,
                 photos: self.photos,
                 runs: runs(&views.frame_list[view as usize]),
                 rate: rate(part),

@@ -496,6 +496,14 @@ pub struct BaseOptions {
     pub begins: f64,
 }
 
+/// Parts of a run until which views of half and of a quarter of the size stand in for photographs that have them.
+pub const HALVED_UNTIL: [f64; 2] = [0.7, 0.3];
+
+/// How often the sides of the photographs are halved that a run sees where `part` of it is over, of views that have up to `most`.
+pub fn halvings_at(part: f64, most: u32) -> u32 {
+    HALVED_UNTIL.iter().take(most as usize).filter(|&&until| part < until).count() as u32
+}
+
 /// Where Gaussians that have learned take up a schedule again.
 pub const LEARNED: f64 = 0.5;
 
@@ -507,9 +515,19 @@ impl Default for BaseOptions {
 }
 
 impl BaseOptions {
+    /// The part of the schedule that is over where `part` of the run is, both 0 to 1.
+    pub fn part_of(&self, part: f64) -> f64 {
+        self.begins + (1.0 - self.begins) * part
+    }
+
+    /// The part of the schedule that is over before step `step`, 0 to 1.
+    pub fn part(&self, step: u32) -> f64 {
+        self.part_of(f64::from(step) / f64::from(self.iterations.max(1)))
+    }
+
     /// What step `step` does; `extent` is the session's.
     pub fn plan(&self, extent: f32, step: u32) -> StepPlan {
-        let t = self.begins + (1.0 - self.begins) * f64::from(step) / f64::from(self.iterations.max(1));
+        let t = self.part(step);
         let (start, end) = (1.6e-4f64, 1.6e-6f64);
         let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
         // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
@@ -556,14 +574,17 @@ pub fn dense_trainer(
     Ok(trainer)
 }
 
-/// The views of a run of [`dense_trainer`], and what each step does.
+/// The views of a run of [`dense_trainer`], small ones first where there are any, and what each step does.
 fn course(
     session: &Session,
     views: &Views,
     options: &BaseOptions,
     density: &DensityOptions,
 ) -> (Vec<u32>, impl Fn(u32) -> StepPlan + Send + 'static + use<>) {
-    let schedule = permutations(views.cameras.len() as u32, options.iterations, session.seed);
+    let mut schedule = permutations(views.photos, options.iterations, session.seed);
+    for (step, view) in (0..).zip(&mut schedule) {
+        *view += views.photos * halvings_at(options.part(step), views.halvings());
+    }
     let (extent, options, density) = (session.extent, *options, *density);
     let plan = move |step| {
         let plan = options.plan(extent, step);
@@ -587,6 +608,12 @@ pub fn train_base(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn photos_grow_twice_as_far_as_there_are_small_ones() {
+        let seen = |most: u32| [0.0, 0.29, 0.3, 0.69, 0.7, 1.0].map(|part| halvings_at(part, most));
+        assert_eq!([seen(0), seen(1), seen(2)], [[0; 6], [1, 1, 1, 1, 0, 0], [2, 2, 1, 1, 0, 0]]);
+    }
 
     #[test]
     fn every_view_comes_once_before_any_comes_again() {

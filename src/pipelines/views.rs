@@ -29,6 +29,8 @@ pub struct Views {
     target_pages: Vec<usize>,
     /// In coordinates that count from `origin`.
     pub cameras: Vec<Camera>,
+    /// Photographs, if there are any: view v + k · `photos` is view v < `photos` with its sides halved k times.
+    pub photos: u32,
     /// Where the device's coordinates begin, in the world. A model must be uploaded around the same.
     pub origin: DVec3,
 }
@@ -52,6 +54,12 @@ pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }
 
+/// The camera of an image whose sides are halved so many times, rounded, a pixel at least.
+fn halved(camera: &Camera, halvings: u32) -> Camera {
+    let side = |pixels: u32| ((f64::from(pixels) / 2f64.powi(halvings as i32)).round() as u32).max(1);
+    camera.resized(side(camera.width), side(camera.height))
+}
+
 impl Views {
     /// `photographs` are 8-bit RGB, row-major, one for each camera and of its size, or none at all. Waits.
     pub fn upload(context: &Context, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
@@ -65,6 +73,22 @@ impl Views {
             views.upload_photograph(v, &pack(rgb))?;
         }
         Ok(views)
+    }
+
+    /// With room for photographs, that [`Views::upload_photograph`] brings: those of `cameras`, then all of them with sides halved once, and so
+    /// on, `halvings` times.
+    ///
+    /// # Errors
+    /// As [`Views::without_photographs`].
+    pub fn halved(context: &Context, origin: DVec3, cameras: &[Camera], halvings: u32) -> Result<Self> {
+        let smaller = |halvings: u32| cameras.iter().map(move |camera| halved(camera, halvings));
+        let all: Vec<Camera> = (0..=halvings).flat_map(smaller).collect();
+        Ok(Views { photos: cameras.len() as u32, ..Self::without_photographs(context, origin, &all, true)? })
+    }
+
+    /// How often the sides of photographs are halved at most.
+    pub fn halvings(&self) -> u32 {
+        (self.cameras.len() as u32).checked_div(self.photos).map_or(0, |sizes| sizes - 1)
     }
 
     /// With room for photographs, if there will be any, that [`Views::upload_photograph`] brings.
@@ -107,6 +131,7 @@ impl Views {
             targets: pages.iter().map(page).collect::<Result<_, GpuError>>()?,
             frame_list: frames,
             target_pages,
+            photos: cameras.len() as u32,
             cameras,
             origin,
         })

@@ -40,6 +40,7 @@ fn every_option_of_training_changes_the_scene() {
         "--holdout none",
         "--compensate",
         "--exposure",
+        "--halvings 1",
         "--precision half",
     ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");

@@ -124,9 +124,9 @@ fn an_evaluation_that_a_kill_took_is_made_up_for() {
 #[test]
 fn exposures_that_were_killed_go_on_to_the_same_bits() {
     let work = Work::new();
-    let whole = work.json(&format!("{TRAIN} --exposure -o whole.ply --json"));
-    work.killed(&format!("{TRAIN} --exposure -o out.ply"), CHECKPOINT);
-    let report = work.json(&format!("{TRAIN} --exposure -o out.ply --json"));
+    let whole = work.json(&format!("{TRAIN} --exposure --halvings 2 -o whole.ply --json"));
+    work.killed(&format!("{TRAIN} --exposure --halvings 2 -o out.ply"), CHECKPOINT);
+    let report = work.json(&format!("{TRAIN} --exposure --halvings 2 -o out.ply --json"));
     assert!((16..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
     let told = |report: &serde_json::Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
@@ -145,6 +145,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(400, "--seed 1"), "`options.seed` was 0 and is 1"),
         (train(400, "--points 40"), "`options.points` was null and is 40"),
         (train(400, "--exposure"), "`options.exposure` was false and is true"),
+        (train(400, "--halvings 1"), "`resolved`"),
         (train(400, "--background white"), "`resolved`"),
         (train(400, "--compensate"), "`resolved`"),
         (train(400, "--max-size 16"), "camera_crc32"),

@@ -214,6 +214,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
         "iterations",
         "iterations_resumed",
         "seed",
+        "halvings",
         "seconds",
         "steps_per_second",
         "final_loss",
