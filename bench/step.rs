@@ -1,6 +1,6 @@
 //! Time of one training step, stage by stage, on a dataset, on the built-in scene or on random Gaussians.
 //!
-//!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--half] [--json]
+//!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--tile WxH] [--half] [--json]
 //!
 //! With a size, random Gaussians learn photographs of their own kind, which are renders of others.
 //!
@@ -18,6 +18,7 @@ use glint::{
     gpu::{Context, ContextOptions, Kernel},
     pipelines::{
         model::{Model, Room},
+        raster::TileShape,
         render::{Needs, RenderOptions, Renderer},
         session::{Policy, Reduction, Session},
         start::{first_points, photos_of, upload_photos},
@@ -55,6 +56,9 @@ struct Args {
     /// Add gradients up by float atomics, which training does where deterministic sums find no room
     #[arg(long)]
     atomic: bool,
+    /// Pixels of a tile in place of those that suit the device's subgroups
+    #[arg(long, value_parser = random::size)]
+    tile: Option<[u32; 2]>,
     /// Keep both moments of a number in one word
     #[arg(long)]
     half: bool,
@@ -85,6 +89,14 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     check(&context)?;
+    let lanes = context.info().subgroup_size;
+    let tile = args.tile.map(|[width, height]| {
+        let fits = TileShape::new(width, height, lanes);
+        fits.ok_or_else(|| {
+            Error::Usage(format!("subgroups of {lanes} lanes cannot cover tiles of {width}×{height} pixels"))
+        })
+    });
+    let tile = tile.transpose()?;
     let Task { model, views, background, extent } = match args.size {
         Some(size) => random_task(&context, args, size)?,
         None => task(&context, args)?,
@@ -93,7 +105,7 @@ fn run(args: &Args) -> Result<()> {
     let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, ..Default::default() };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
     let session = Session {
-        policy: Policy { reduction, packed: args.half, ..Default::default() },
+        policy: Policy { reduction, packed: args.half, tile, ..Default::default() },
         background,
         extent,
         ..Session::new(&context)
@@ -119,7 +131,7 @@ fn run(args: &Args) -> Result<()> {
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
-            "sh_degree": args.sh_degree, "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
+            "sh_degree": args.sh_degree, "tile": session.policy.tile(&context).to_string(), "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,
         });
         println!("{report:#}");

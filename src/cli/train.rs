@@ -352,7 +352,12 @@ impl Args {
                         look_at(&model, format_args!("step {done} of {iterations}"));
                         (ran, begun) = (ran + done - begun, done);
                         training.set_of(done.into(), iterations.into());
-                        training.say(learned(trainer.lately(done, photos.len()), trainer.gaussians(), context));
+                        let small = match halvings_at(options(iterations).part(done), halvings) {
+                            0 => String::new(),
+                            halvings => format!(", photos at 1/{}", 1 << halvings),
+                        };
+                        let said = learned(trainer.lately(done, photos.len()), trainer.gaussians(), context);
+                        training.say(said + &small);
                         if deadline.is_none() {
                             kept.look(|| trainer.checkpoint(&model, &views))?;
                         }
