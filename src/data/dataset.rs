@@ -217,10 +217,15 @@ impl Dataset {
     pub fn load_images(&self) -> Result<Vec<Image>> {
         let photos: Vec<&Photo> = self.photos.iter().collect();
         let mut images = Vec::with_capacity(photos.len());
-        load_photos(&photos, self.background, |image| {
-            images.push(image);
-            Ok(())
-        })?;
+        load_photos(
+            &photos,
+            self.background,
+            |_, image| image,
+            |image| {
+                images.push(image);
+                Ok(())
+            },
+        )?;
         Ok(images)
     }
 
@@ -286,16 +291,22 @@ impl Photo {
     }
 }
 
-/// Decodes and prepares `photos` and hands them to `take` in their order, as many at once as there are threads and as
+/// Decodes and prepares `photos` and hands what `make` makes of them to `take` in their order, as many at once as there are threads and as
 /// [`DECODING`] allows.
-pub fn load_photos(photos: &[&Photo], background: [f32; 3], mut take: impl FnMut(Image) -> Result<()>) -> Result<()> {
+pub fn load_photos<T: Send>(
+    photos: &[&Photo],
+    background: [f32; 3],
+    make: impl Fn(&Photo, Image) -> T + Sync,
+    mut take: impl FnMut(T) -> Result<()>,
+) -> Result<()> {
     let mut left = photos;
     while !left.is_empty() {
         let (some, rest) = left.split_at(at_once(left.iter().map(|photo| photo.bytes_to_load())));
         left = rest;
         // Collected first, so that of several faults the first by name is told.
-        let images: Vec<Result<Image>> = some.par_iter().map(|photo| photo.load(background)).collect();
-        images.into_iter().try_for_each(|image| take(image?))?;
+        let load = |photo: &&Photo| photo.load(background).map(|image| make(photo, image));
+        let made: Vec<Result<T>> = some.par_iter().map(load).collect();
+        made.into_iter().try_for_each(|made| take(made?))?;
     }
     Ok(())
 }

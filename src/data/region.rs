@@ -187,10 +187,15 @@ struct Silhouette {
 fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
     let over = |background| -> Result<Vec<Image>> {
         let mut small = Vec::with_capacity(photos.len());
-        load_photos(photos, background, |image| {
-            small.push(image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE))));
-            Ok(())
-        })?;
+        load_photos(
+            photos,
+            background,
+            |_, image| image,
+            |image| {
+                small.push(image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE))));
+                Ok(())
+            },
+        )?;
         Ok(small)
     };
     let pairs = over([0.0; 3])?.into_iter().zip(over([1.0; 3])?);

@@ -5,11 +5,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{
     train::HALVED_UNTIL,
-    views::{Views, origin_for},
+    views::{Views, halved, origin_for},
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, PointCloud, Split, load_photos},
+    data::{Dataset, Image, Photo, PointCloud, Split, load_photos},
     gpu::Context,
     scene::Camera,
     stages::{
@@ -44,17 +44,25 @@ pub fn upload_photos(
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let views = Views::halved(context, origin_for(&cameras), &cameras, halvings)?;
     let (mut done, mut any_counts) = (0, photos.is_empty());
-    load_photos(photos, background, |mut image| {
-        any_counts |= image.any_counts();
-        let packed = image.packed();
-        views.upload_photograph(done, &packed)?;
-        for view in (done..views.cameras.len()).step_by(photos.len()).skip(1) {
-            let Camera { width, height, .. } = views.cameras[view];
-            image = image.reduced([width, height]);
-            views.upload_photograph(view, &image.packed())?;
+    // Each is made of the one twice as large.
+    let sizes = |photo: &Photo, image: Image| {
+        let (mut image, mut sizes) = (image, Vec::with_capacity(1 + halvings as usize));
+        let any_counts = image.any_counts();
+        for halvings in 1..=halvings {
+            let Camera { width, height, .. } = halved(&photo.camera, halvings);
+            let smaller = image.reduced([width, height]);
+            sizes.push(std::mem::replace(&mut image, smaller).packed());
+        }
+        sizes.push(image.packed());
+        (any_counts, sizes)
+    };
+    load_photos(photos, background, sizes, |(counts, sizes)| {
+        any_counts |= counts;
+        for (packed, view) in sizes.iter().zip((done..).step_by(photos.len())) {
+            views.upload_photograph(view, packed)?;
         }
         done += 1;
-        progress(done, &packed);
+        sizes.first().into_iter().for_each(|whole| progress(done, whole));
         Ok(())
     })?;
     if !any_counts {

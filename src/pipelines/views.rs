@@ -55,7 +55,7 @@ pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
 }
 
 /// The camera of an image whose sides are halved so many times, rounded, a pixel at least.
-fn halved(camera: &Camera, halvings: u32) -> Camera {
+pub(super) fn halved(camera: &Camera, halvings: u32) -> Camera {
     let side = |pixels: u32| ((f64::from(pixels) / 2f64.powi(halvings as i32)).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
 }
