@@ -187,15 +187,13 @@ struct Silhouette {
 fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
     let over = |background| -> Result<Vec<Image>> {
         let mut small = Vec::with_capacity(photos.len());
-        load_photos(
-            photos,
-            background,
-            |_, image| image,
-            |image| {
-                small.push(image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE))));
-                Ok(())
-            },
-        )?;
+        let reduced = |_: &Photo, image: Image| {
+            image.reduced(super::images::fit([image.width, image.height], Some(SILHOUETTE_SIDE)))
+        };
+        load_photos(photos, background, reduced, |image| {
+            small.push(image);
+            Ok(())
+        })?;
         Ok(small)
     };
     let pairs = over([0.0; 3])?.into_iter().zip(over([1.0; 3])?);
