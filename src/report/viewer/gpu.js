@@ -8,10 +8,14 @@ const TURN_STRIDE = 256; // bytes: where a uniform may begin on every device
 const FORMATS = { float: "rgba32float", half: "rgba16float", bytes: "rgba8unorm" };
 
 class GpuPainter {
-    /** As Painter's constructor. The canvas is touched last: where this throws, another painter can have it. */
-    static async make(canvas, scene, wanted) {
+    /**
+     * As Painter's constructor; `asked`: by a device that is a program too, which WebGL2's need not be. The canvas is touched last:
+     * where this throws, another painter can have it.
+     */
+    static async make(canvas, scene, wanted, asked) {
         const adapter = navigator.gpu && await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
         if (!adapter) throw new Error("this browser does not offer WebGPU, or not on this machine.");
+        if (adapter.info?.isFallbackAdapter && !asked) throw new Error("this browser's WebGPU runs without a graphics device.");
         const { maxBufferSize, maxStorageBufferBindingSize, maxTextureDimension2D } = adapter.limits;
         const most = Math.min(maxBufferSize, maxStorageBufferBindingSize);
         const largest = Math.max(BYTES_OF_SPLAT * scene.count, scene.harmonics ? scene.harmonics.byteLength : 0);

@@ -4,7 +4,7 @@
 // background=R,G,B (0 to 1), joined by &. size=WIDTHxHEIGHT makes it a still image of so many pixels, drawn before the page has
 // loaded, without the panel; precision=float blends with 32 bits (bytes with 8), and pixels writes the image's RGB bytes in base64, rows from
 // the top, as the text of an element of the id "pixels". renderer=webgpu or webgl2 says what draws; without it that is WebGPU where the
-// browser has it, but WebGL2 for a still image.
+// browser has it on a graphics device, but WebGL2 for a still image.
 
 const SHOWS = ["both", "base", "supplement"];
 const PRECISIONS = ["half", "float", "bytes"]; // where the browser can; else the next worse
@@ -72,7 +72,7 @@ function rangeOf(scene, show) {
 async function painterFor(canvas, scene, wish) {
     if (usesGpu(wish)) {
         try {
-            return await GpuPainter.make(canvas, scene, wish.precision);
+            return await GpuPainter.make(canvas, scene, wish.precision, wish.renderer);
         } catch (error) {
             if (wish.renderer) throw new Error(`#renderer=webgpu: ${error.message}`);
             console.info(`Drawn by WebGL2, since ${error.message}`);
@@ -157,8 +157,8 @@ async function interactive(scene, wish) {
         // The order before is drawn until the next one is there.
         if (order && wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
         await painter.draw(view, background, rangeOf(scene, show));
-        const when = order ? `in ${sortTime.toFixed(1)} ms` : "with each frame";
-        element("status").textContent = `${painter.count} of ${scene.count} Gaussians before the camera, sorted ${when}; ` +
+        const which = order ? `before the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
+        element("status").textContent = `${painter.count} of ${scene.count} Gaussians ${which}; ` +
             `${width} x ${height} pixels, drawn by ${painter.name}, blended as ${painter.precision}`;
     }
 
@@ -249,7 +249,7 @@ async function interactive(scene, wish) {
         say(LOST);
         try {
             if (!again) throw new Error("lost twice");
-            painter = await GpuPainter.make(canvas, scene, wish.precision);
+            painter = await GpuPainter.make(canvas, scene, wish.precision, wish.renderer);
             say("");
             ask();
             watch(false);
