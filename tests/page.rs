@@ -20,6 +20,14 @@ use tempfile::TempDir;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
+/// With these Chromium has WebGPU where there is no graphics device. Without Vulkan it would have no canvas for it.
+const WEBGPU: &[&str] = &[
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+    "--enable-features=Vulkan",
+    "--use-vulkan=swiftshader",
+];
+
 /// Its name is other on other systems.
 fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -56,12 +64,45 @@ fn pixels(page: &str) -> Vec<u8> {
     STANDARD.decode(text).unwrap()
 }
 
-#[test]
-fn the_page_draws_what_the_twin_draws() {
-    let Some(browser) = chromium() else { return };
+/// Skips, unless `GLINT_REQUIRE_CHROMIUM` is set, where this Chromium has no WebGPU.
+fn with_webgpu() -> Option<PathBuf> {
+    let browser = chromium()?;
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("page.html");
-    let (whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
+    write_page(&path, &random_scene(1, 20, 0, 0), &random_camera(16, 12), false);
+    let page = loaded(&browser, &path, "size=16x12&renderer=webgpu&pixels", WEBGPU);
+    let said = text_of(&page, "message").unwrap();
+    let there = !said.contains("not offer");
+    assert!(there || std::env::var_os("GLINT_REQUIRE_CHROMIUM").is_none(), "{said}");
+    if !there {
+        eprintln!("skipped: {said}");
+    }
+    there.then_some(browser)
+}
+
+/// Its one camera is "a & b.png".
+fn write_page(path: &Path, scene: &Scene, camera: &Camera, compensate: bool) {
+    let cameras = vec![("a & b.png", *camera)];
+    let viewer = Viewer { title: "random", scene, cameras, focus: None, background: BACKGROUND, compensate };
+    fs::write(path, viewer.page().unwrap()).unwrap();
+}
+
+#[test]
+fn webgl_draws_what_the_twin_draws() {
+    let Some(browser) = chromium() else { return };
+    draws_what_the_twin_draws(&browser, "webgl2", &[]);
+}
+
+#[test]
+fn webgpu_draws_what_the_twin_draws() {
+    let Some(browser) = with_webgpu() else { return };
+    draws_what_the_twin_draws(&browser, "webgpu", WEBGPU);
+}
+
+fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let (mut whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
     // Base and supplement may have different bands.
     for (show, precision, compensate, [base, lobed]) in [
         ("both", "half", false, [3, 3]),
@@ -73,14 +114,18 @@ fn the_page_draws_what_the_twin_draws() {
         let mut scene = whole.clone();
         scene.base = scene.base.with_degree(base);
         scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
-        let cameras = vec![("a & b.png", camera)];
-        let viewer =
-            Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate };
-        fs::write(&path, viewer.page().unwrap()).unwrap();
-        let hash = format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&pixels");
-        let rgb = pixels(&loaded(&browser, &path, &hash, &[]));
-        compare(&rgb, &scene, show, &camera, compensate);
+        write_page(&path, &scene, &camera, compensate);
+        let hash =
+            format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&renderer={renderer}&pixels");
+        compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, show, &camera, compensate);
     }
+    // Many of the same depth, which are drawn in the order of their indices.
+    for (i, mean) in (0..).zip(&mut whole.base.means) {
+        *mean = [i % 7, i % 5, i % 3].map(|k| 0.3 * (k as f32 - 2.0));
+    }
+    write_page(&path, &whole, &camera, false);
+    let hash = format!("size=160x120&renderer={renderer}&pixels");
+    compare(&pixels(&loaded(browser, &path, &hash, more)), &whole, "both", &camera, false);
 }
 
 /// 8-bit values against the twin's, not rounded.
@@ -118,22 +163,90 @@ fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: b
     assert!(mean < 0.3 && most < 1.0 && beyond < 2.5, "mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
 }
 
+/// Blocks of the sort by the hundred, which is more than one workgroup scans at once.
+#[test]
+fn webgpu_sorts_what_is_large_as_webgl_does() {
+    let Some(browser) = with_webgpu() else { return };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    let mut scene = random_scene(43, 270_000, 1000, 0);
+    scene.base.log_scales.iter_mut().for_each(|scales| *scales = scales.map(|s| s - 2.0));
+    write_page(&path, &scene, &random_camera(160, 120), false);
+    let [webgl, webgpu] = ["webgl2", "webgpu"]
+        .map(|renderer| pixels(&loaded(&browser, &path, &format!("size=160x120&renderer={renderer}&pixels"), WEBGPU)));
+    let offs: Vec<u8> = webgl.iter().zip(&webgpu).map(|(a, b)| a.abs_diff(*b)).collect();
+    let (most, differ) = (offs.iter().max(), offs.iter().filter(|&&off| off > 0).count());
+    assert!(webgl.len() == webgpu.len() && most <= Some(&2) && differ < offs.len() / 100, "{most:?}, {differ}");
+}
+
+/// The status of a page to look around in, of 200 Gaussians, where `script` runs before the page's own. No message is shown.
+fn status_after(browser: &Path, script: &str, hash: &str, more: &[&str]) -> String {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("page.html");
+    write_page(&path, &random_scene(41, 150, 50, 0), &random_camera(160, 120), false);
+    let page = fs::read_to_string(&path).unwrap();
+    fs::write(&path, page.replacen("<script>", &format!("<script>{script}</script>\n<script>"), 1)).unwrap();
+    let page = loaded(browser, &path, hash, more);
+    let status = text_of(&page, "status").unwrap();
+    let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
+    assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{status:?}, {:?}", text_of(&page, "message"));
+    assert_eq!(text_of(&page, "message"), Some(""));
+    status.to_owned()
+}
+
 #[test]
 fn the_first_frame_waits_for_no_worker() {
     let Some(browser) = chromium() else { return };
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("page.html");
-    let (scene, cameras) = (random_scene(41, 150, 50, 0), vec![("a.png", random_camera(160, 120))]);
-    let viewer =
-        Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate: false };
     // A worker that never answers.
-    let page = viewer.page().unwrap().replacen("<script>", "<script>window.Worker = class { postMessage() {} };", 1);
-    assert!(page.contains("window.Worker"));
-    fs::write(&path, page).unwrap();
-    let page = loaded(&browser, &path, "", &[]);
-    let status = text_of(&page, "status").unwrap();
-    let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
-    assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{status}");
+    let status = status_after(&browser, "window.Worker = class { postMessage() {} };", "", &[]);
+    assert!(status.contains("WebGL2"), "{status}");
+}
+
+#[test]
+fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
+    let Some(browser) = with_webgpu() else { return };
+    let device = "Object.defineProperty(GPUAdapterInfo.prototype, 'isFallbackAdapter', { value: false });";
+    let refused =
+        format!("{device} GPUDevice.prototype.createComputePipelineAsync = () => Promise.reject(new Error('no'));");
+    let narrow =
+        format!("{device} Object.defineProperty(GPUSupportedLimits.prototype, 'maxBufferSize', {{ value: 9000 }});");
+    for (script, hash, name) in [
+        (device, "", "WebGPU"),
+        (device, "renderer=webgl2", "WebGL2"),
+        ("", "renderer=webgpu&show=supplement&precision=float", "WebGPU"),
+        // A device that is a program, none, no room for 200 splats of 48 bytes, a shader that does not compile.
+        ("", "", "WebGL2"),
+        ("Object.defineProperty(navigator, 'gpu', { value: undefined });", "", "WebGL2"),
+        (&narrow, "", "WebGL2"),
+        (&refused, "", "WebGL2"),
+    ] {
+        let status = status_after(&browser, script, hash, WEBGPU);
+        assert!(status.contains(&format!("drawn by {name}")), "{script} {hash}: {status}");
+    }
+}
+
+/// The device is lost after the first frame, and the next one too.
+#[test]
+fn a_lost_device_is_asked_for_once_more() {
+    let Some(browser) = with_webgpu() else { return };
+    for (losses, name) in [(1, "WebGPU"), (2, "WebGL2")] {
+        // The page has loaded, for Chromium, when what comes after has drawn.
+        let script = format!(
+            "{{
+                const made = [], ask = GPUAdapter.prototype.requestDevice;
+                GPUAdapter.prototype.requestDevice = async function (...how) {{
+                    made.push(await ask.apply(this, how));
+                    return made.at(-1);
+                }};
+                const open = document.body.appendChild(document.createElement('iframe')).contentDocument;
+                open.open();
+                const told = () => made.length > 0 && made.length <= {losses} ? made.at(-1).destroy() : open.close();
+                new MutationObserver(told).observe(document.getElementById('status'), {{ childList: true }});
+            }}"
+        );
+        let status = status_after(&browser, &script, "renderer=webgpu", WEBGPU);
+        assert!(status.contains(&format!("drawn by {name}")), "{losses}: {status}");
+    }
 }
 
 #[test]
@@ -149,6 +262,9 @@ fn what_cannot_be_shown_is_said() {
     for (hash, more, words) in [
         ("camera=b.png&size=16x12", &[][..], ["#camera=b.png", "a.png"]),
         ("size=16x12", &["--disable-3d-apis"], ["WebGL2", "not offer"]),
+        ("renderer=webgpu", &[], ["#renderer=webgpu", "not offer"]),
+        ("size=16x12&renderer=webgpu", &[], ["#renderer=webgpu", "not offer"]),
+        ("renderer=canvas", &[], ["#renderer=canvas", "webgpu, webgl2"]),
     ] {
         let page = loaded(&browser, &path, hash, more);
         let said = text_of(&page, "message").unwrap();

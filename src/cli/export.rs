@@ -10,13 +10,14 @@ use super::{
 use crate::{data::write_text, pipelines::start::photos_of, report::viewer::Viewer};
 
 const EXAMPLES: &str = "\
-The page needs a browser with WebGL2 and nothing else: no network, no files beside it. It shows the base, the Gaussians with \
+The page needs a browser with WebGPU or WebGL2 and nothing else: no network, no files beside it. It shows the base, the Gaussians with \
 lobes or both, from any side, and from the cameras of the dataset if one is named. Positions are kept as 32-bit floats, all else \
 as 16, 15 or 8 bits: 80 bytes a Gaussian of SH degree 3 and 16 more for a lobe, which as text take a third more.
 
 Behind the page's address, # and words joined by & say what it begins with: camera=NAME (or width, height, fx, fy, cx, cy, the \
 rotation from world to camera by rows and the translation as 18 numbers with commas between), show=both|base|supplement, \
-background=R,G,B. With size=WIDTHxHEIGHT the page is a still image of so many pixels, the same every time.
+background=R,G,B, renderer=webgpu|webgl2. With size=WIDTHxHEIGHT the page is a still image of so many pixels, the same every time.
+Without renderer= WebGPU draws where the browser has it on a graphics device, but not a still image.
 
 Examples:
   glint export --html augmented.html augmented.ply garden

@@ -1,7 +1,8 @@
-//! A scene as one HTML page that draws it in a browser, with WebGL2 and nothing beside the page.
+//! A scene as one HTML page that draws it in a browser, with WebGPU or WebGL2 and nothing beside the page.
 //!
 //! `viewer/` holds the page's parts: shaders, of which `project.vert` and `blend.frag` are `glsl/raster/project.comp` and `blend.comp`
-//! once more, and scripts. What the shaders share with the kernels is taken from the kernels' own files. [`pack`] makes the scene small.
+//! once more, and scripts. What the shaders share with the kernels is taken from the kernels' own files; WGSL, for WebGPU, takes
+//! constants and the harmonics' basis from there. [`pack`] makes the scene small.
 
 mod pack;
 
@@ -114,13 +115,18 @@ impl Viewer<'_> {
         let (vertex, fragment) = shaders();
         // A text ends at the first `</script`, and at `<!--` begins what has another end.
         let description = description.replace('<', "\\u003c");
-        let fills: [(&str, &str); 11] = [
+        let [project, sort, blend, over] = wgsl();
+        let fills: [(&str, &str); 15] = [
             ("TITLE", &escape(self.title)),
             ("STYLE", include_str!("viewer/style.css")),
             ("PROJECT", &vertex),
             ("BLEND", &fragment),
             ("OVER_VERT", include_str!("viewer/over.vert")),
             ("OVER_FRAG", include_str!("viewer/over.frag")),
+            ("PROJECT_WGSL", &project),
+            ("SORT_WGSL", &sort),
+            ("BLEND_WGSL", &blend),
+            ("OVER_WGSL", &over),
             ("SCRIPTS", SCRIPTS),
             ("GEOMETRY", &text_of(&geometry)),
             ("HARMONICS", &text_of(&harmonics)),
@@ -136,6 +142,7 @@ const SCRIPTS: &str = concat!(
     include_str!("viewer/camera.js"),
     include_str!("viewer/sort.js"),
     include_str!("viewer/draw.js"),
+    include_str!("viewer/gpu.js"),
     include_str!("viewer/main.js"),
 );
 
@@ -152,22 +159,66 @@ fn fill(template: &str, fills: &[(&str, &str)]) -> String {
     page + rest
 }
 
+const CONSTANTS: &str = include_str!("../../glsl/shared/constants.glsl");
+const SPLAT: &str = include_str!("../../glsl/shared/splat.glsl");
+const UNIT: &str = include_str!("../../glsl/shared/unit.glsl");
+const COLOUR: &str = include_str!("../../glsl/shared/colour.glsl");
+
 /// The vertex and the fragment shader that draw Gaussians. What they share with the kernels stands first, without comments.
 fn shaders() -> (String, String) {
-    let constants = include_str!("../../glsl/shared/constants.glsl");
-    let splat = include_str!("../../glsl/shared/splat.glsl");
-    let alphas = [part(splat, "const float ALPHA_MIN"), part(splat, "const float ALPHA_MAX")].concat();
+    let alphas = [part(SPLAT, "const float ALPHA_MIN"), part(SPLAT, "const float ALPHA_MAX")].concat();
     let names = ["const float PI", "const float SH_C0", "const float DILATION"];
     let shared = [
-        &names.map(|name| part(constants, name)).concat(),
+        &names.map(|name| part(CONSTANTS, name)).concat(),
         &alphas,
-        include_str!("../../glsl/shared/unit.glsl"),
+        UNIT,
         include_str!("../../glsl/shared/view.glsl"),
         include_str!("../../glsl/shared/gaussian.glsl"),
-        &part(include_str!("../../glsl/shared/colour.glsl"), "void sh_basis("),
+        &part(COLOUR, "void sh_basis("),
     ]
     .concat();
     (bare(&shared) + include_str!("viewer/project.vert"), bare(&alphas) + include_str!("viewer/blend.frag"))
+}
+
+/// The shaders that project, sort, blend and lay the light over the background with WebGPU.
+fn wgsl() -> [String; 4] {
+    let lines = [
+        (CONSTANTS, &["const uint NONE", "const float PI", "const float SH_C0", "const float DILATION"][..]),
+        (SPLAT, &["const float ALPHA_MIN", "const float ALPHA_MAX"]),
+        (UNIT, &["const float FLOAT_MIN", "const float FLOAT_MAX"]),
+        (include_str!("viewer/project.vert"), &["const float PAD"]),
+    ];
+    let constants: String =
+        lines.iter().flat_map(|(source, names)| names.iter().map(|name| part(source, name))).collect();
+    let shared = constants_of_wgsl(&bare(&constants)) + include_str!("viewer/shared.wgsl");
+    let basis = basis_of_wgsl(&bare(&part(COLOUR, "void sh_basis(")));
+    [
+        [&shared, &basis, include_str!("viewer/project.wgsl")].concat(),
+        include_str!("viewer/sort.wgsl").into(),
+        [&shared, include_str!("viewer/blend.wgsl")].concat(),
+        [&shared, include_str!("viewer/over.wgsl")].concat(),
+    ]
+}
+
+/// Lines `const TYPE NAME = VALUE;` of GLSL in WGSL.
+fn constants_of_wgsl(glsl: &str) -> String {
+    let line = |line: &str| {
+        let types = [("const float ", "f32"), ("const uint ", "u32")];
+        let (rest, kind) = types.into_iter().find_map(|(start, kind)| Some((line.strip_prefix(start)?, kind)))?;
+        Some(format!("const {}\n", rest.replacen(" = ", &format!(": {kind} = "), 1)))
+    };
+    glsl.lines().filter_map(line).collect()
+}
+
+/// The function `sh_basis` of GLSL in WGSL, where it returns the array.
+fn basis_of_wgsl(glsl: &str) -> String {
+    let signature = "fn sh_basis(d: vec3f) -> array<f32, 16> {\n    var basis: array<f32, 16>;\n";
+    let body = glsl.lines().skip(1).map(|line| match line.trim_start().strip_prefix("float ") {
+        Some(names) => names.trim_end_matches(';').split(", ").map(|name| format!("    let {name};\n")).collect(),
+        None if line == "}" => "    return basis;\n}\n".into(),
+        None => line.replace("return;", "{ return basis; }") + "\n",
+    });
+    signature.to_owned() + &body.collect::<String>()
 }
 
 /// The declaration of `source` that begins with `start`: a line, or, where that opens a block, all up to its end.
@@ -253,8 +304,10 @@ mod tests {
         assert!(html.starts_with("<!DOCTYPE html>") && html.ends_with("</html>\n"));
         // Nothing is fetched from anywhere, and the browser holds it to that.
         assert!(!html.contains("://") && !html.contains("import ") && html.contains("default-src 'none'"));
-        let parts = ["page.html", "style.css", "scene.js", "camera.js", "sort.js", "draw.js", "main.js"];
-        for name in parts.into_iter().chain(["project.vert", "blend.frag", "over.vert", "over.frag"]) {
+        let parts = ["page.html", "style.css", "scene.js", "camera.js", "sort.js", "draw.js", "gpu.js", "main.js"];
+        let glsl = ["project.vert", "blend.frag", "over.vert", "over.frag"];
+        let wgsl = ["shared.wgsl", "project.wgsl", "sort.wgsl", "blend.wgsl", "over.wgsl"];
+        for name in parts.into_iter().chain(glsl).chain(wgsl) {
             let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/viewer").join(name);
             assert!(std::fs::read_to_string(path).unwrap().is_ascii(), "{name}");
         }
@@ -279,6 +332,35 @@ mod tests {
             assert_eq!(vertex.matches(name).count(), 1, "{name}");
         }
         assert!(fragment.contains("const float ALPHA_MAX =") && !vertex.contains("#include") && vertex.is_ascii());
+    }
+
+    #[test]
+    fn wgsl_has_the_numbers_of_the_kernels() {
+        let [project, sort, blend, over] = wgsl();
+        for line in [
+            "const NONE: u32 = 0xFFFFFFFFu;",
+            "const PI: f32 = 3.14159265358979;",
+            "const SH_C0: f32 = 0.28209479177387814;",
+            "const DILATION: f32 = 0.3;",
+            "const ALPHA_MIN: f32 = 1.0 / 255.0;",
+            "const ALPHA_MAX: f32 = 0.99;",
+            "const FLOAT_MIN: f32 = 1.17549435e-38;",
+            "const FLOAT_MAX: f32 = 3.402823466e38;",
+            "const PAD: f32 = 1.0 / 16.0;",
+        ] {
+            assert!([&project, &blend].iter().all(|text| text.lines().filter(|l| *l == line).count() == 1), "{line}");
+        }
+        let kernels = part(COLOUR, "void sh_basis(");
+        let values = kernels.lines().filter(|line| line.trim_start().starts_with("basis["));
+        assert_eq!(values.clone().count(), 16);
+        assert!(values.into_iter().all(|line| project.contains(line)));
+        for line in
+            ["    let x = d.x;", "    let zz = z * z;", "    if (SH_DEGREE < 3) { return basis; }", "    return basis;"]
+        {
+            assert!(project.lines().any(|l| l == line), "{line}");
+        }
+        let all = [project, sort, blend, over].concat();
+        assert!(all.is_ascii() && !["float ", "uint ", "TYPE"].iter().any(|word| all.contains(word)));
     }
 
     #[test]

@@ -10,6 +10,7 @@ class Painter {
             throw new Error("This page needs WebGL2, which this browser does not offer, or not on this machine. It may help to turn on " +
                 "hardware acceleration in the browser's settings, or to take another browser.");
         }
+        this.name = "WebGL2";
         this.gl = gl;
         this.scene = scene;
         this.count = 0;

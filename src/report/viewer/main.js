@@ -3,12 +3,16 @@
 // Behind the page's address a # can say so: #camera=NAME (or CAMERA NUMBERS, see shotOf) and show=both, base or supplement and
 // background=R,G,B (0 to 1), joined by &. size=WIDTHxHEIGHT makes it a still image of so many pixels, drawn before the page has
 // loaded, without the panel; precision=float blends with 32 bits (bytes with 8), and pixels writes the image's RGB bytes in base64, rows from
-// the top, as the text of an element of the id "pixels".
+// the top, as the text of an element of the id "pixels". renderer=webgpu or webgl2 says what draws; without it that is WebGPU where the
+// browser has it on a graphics device, but WebGL2 for a still image.
 
 const SHOWS = ["both", "base", "supplement"];
 const PRECISIONS = ["half", "float", "bytes"]; // where the browser can; else the next worse
+const RENDERERS = ["webgpu", "webgl2"];
 const PER_PIXEL = 0.006; // radians a pixel of dragging turns by
 const PER_NOTCH = 0.0012; // of the logarithm of the distance, a pixel of the wheel
+
+const LOST = "The browser has taken the graphics device away; it may give it back.";
 
 const element = (id) => document.getElementById(id);
 
@@ -45,6 +49,8 @@ function wishes(scene) {
     if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) throw new Error(`#size=${size}: expected such as 640x480.`);
     const precision = asked.get("precision") || "half";
     if (!PRECISIONS.includes(precision)) throw new Error(`#precision=${precision}: expected ${PRECISIONS.join(", ")}.`);
+    const renderer = asked.get("renderer") || "";
+    if (renderer && !RENDERERS.includes(renderer)) throw new Error(`#renderer=${renderer}: expected ${RENDERERS.join(", ")}.`);
     const background = asked.get("background");
     return {
         show,
@@ -52,6 +58,7 @@ function wishes(scene) {
         size: size && size.split("x").map(Number),
         background: background ? numbers("background", background, 3, "three numbers from 0 to 1") : scene.background,
         precision,
+        renderer,
         pixels: asked.has("pixels"),
     };
 }
@@ -61,6 +68,36 @@ function rangeOf(scene, show) {
     return [show === "supplement" ? scene.base : 0, show === "base" ? scene.base : scene.count];
 }
 
+/** What draws the scene on `canvas` as the address asks. A device of WebGPU is there only later than at once. */
+async function painterFor(canvas, scene, wish) {
+    if (usesGpu(wish)) {
+        try {
+            return await GpuPainter.make(canvas, scene, wish.precision, wish.renderer);
+        } catch (error) {
+            if (wish.renderer) throw new Error(`#renderer=webgpu: ${error.message}`);
+            console.info(`Drawn by WebGL2, since ${error.message}`);
+        }
+    }
+    return new Painter(canvas, scene, wish.precision);
+}
+
+/** Whether WebGPU is tried. */
+function usesGpu({ renderer, size }) {
+    return renderer ? renderer === "webgpu" : !size && !!navigator.gpu;
+}
+
+/** Keeps the page from having loaded, for who waits for that, until what comes back is called: an open document in it has not. */
+function holdLoad() {
+    const frame = document.createElement("iframe");
+    frame.hidden = true;
+    document.body.append(frame);
+    frame.contentDocument?.open();
+    return () => {
+        frame.contentDocument?.close();
+        frame.remove();
+    };
+}
+
 /** Has `painter` draw in the order for `view`, at once. */
 function orderNow(painter, scene, view, show) {
     const order = new Uint32Array(scene.count), sort = makeSorter(positionsOf(scene));
@@ -68,38 +105,41 @@ function orderNow(painter, scene, view, show) {
 }
 
 /** One image, at once. */
-function still(scene, wish) {
+async function still(scene, wish) {
     const canvas = element("canvas"), [width, height] = wish.size;
     canvas.width = width;
     canvas.height = height;
     canvas.style.cssText = `width: ${width}px; height: ${height}px`;
-    const painter = new Painter(canvas, scene, wish.precision);
+    const painter = await painterFor(canvas, scene, wish);
     const view = new Camera(wish.shot, scene.focus, upOf(scene.cameras)).view(width, height);
-    orderNow(painter, scene, view, wish.show);
-    painter.draw(view, wish.background);
-    if (!wish.pixels) return;
+    if (painter.setOrder) orderNow(painter, scene, view, wish.show);
+    const drawn = painter.draw(view, wish.background, rangeOf(scene, wish.show));
+    if (!wish.pixels) return drawn;
+    const rgb = await painter.read();
     const text = document.createElement("pre");
     text.id = "pixels";
     text.hidden = true;
-    text.textContent = textOf(painter.read());
+    text.textContent = textOf(rgb);
     document.body.append(text);
 }
 
 /** Draws when something has changed, and lets people change it. */
-function interactive(scene, wish) {
+async function interactive(scene, wish) {
     const canvas = element("canvas"), up = upOf(scene.cameras);
-    let painter = new Painter(canvas, scene, wish.precision);
+    let painter = await painterFor(canvas, scene, wish);
     let camera = new Camera(wish.shot, scene.focus, up);
     let { show, background } = wish;
     let waiting = false, sorted = "", sortTime = 0;
 
-    const order = new Order(() => positionsOf(scene), (indices, time) => {
+    // WebGPU sorts as it draws; for WebGL2 a worker does.
+    const order = painter.setOrder && new Order(() => positionsOf(scene), (indices, time) => {
         painter.setOrder(indices);
         sortTime = time;
         ask();
     });
 
-    function frame() {
+    /** Done when the frame is drawn and the status says so. */
+    async function frame() {
         waiting = false;
         const ratio = Math.min(window.devicePixelRatio || 1, 2);
         const width = Math.max(1, Math.round(canvas.clientWidth * ratio)), height = Math.max(1, Math.round(canvas.clientHeight * ratio));
@@ -107,7 +147,7 @@ function interactive(scene, wish) {
         if (canvas.height !== height) canvas.height = height;
         const view = camera.view(width, height);
         const wanted = `${view.rowZ} ${show}`;
-        if (!sorted) {
+        if (order && !sorted) {
             // The first order is made here: until the worker has read the scene there would be nothing to see.
             const begin = performance.now();
             orderNow(painter, scene, view, show);
@@ -115,10 +155,11 @@ function interactive(scene, wish) {
             sorted = wanted;
         }
         // The order before is drawn until the next one is there.
-        if (wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
-        painter.draw(view, background);
-        element("status").textContent = `${painter.count} of ${scene.count} Gaussians before the camera, sorted in ${sortTime.toFixed(1)} ms; ` +
-            `${width} x ${height} pixels, blended as ${painter.precision}`;
+        if (order && wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
+        await painter.draw(view, background, rangeOf(scene, show));
+        const which = order ? `before the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
+        element("status").textContent = `${painter.count} of ${scene.count} Gaussians ${which}; ` +
+            `${width} x ${height} pixels, drawn by ${painter.name}, blended as ${painter.precision}`;
     }
 
     function ask() {
@@ -202,10 +243,28 @@ function interactive(scene, wish) {
         event.preventDefault();
     };
 
+    /** A device that is lost is asked for once more; then the page begins anew without WebGPU. */
+    const watch = async (again) => {
+        await painter.device.lost;
+        say(LOST);
+        try {
+            if (!again) throw new Error("lost twice");
+            painter = await GpuPainter.make(canvas, scene, wish.precision, wish.renderer);
+            say("");
+            ask();
+            watch(false);
+        } catch {
+            const asked = new URLSearchParams(location.hash.slice(1));
+            asked.set("renderer", "webgl2");
+            location.hash = asked;
+        }
+    };
+    if (painter.device) watch(true);
+
     new ResizeObserver(ask).observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => {
         event.preventDefault();
-        say("The browser has taken the graphics device away; it may give it back.");
+        say(LOST);
     });
     canvas.addEventListener("webglcontextrestored", () => attempt(() => {
         painter = new Painter(canvas, scene, wish.precision);
@@ -215,19 +274,24 @@ function interactive(scene, wish) {
     }));
     onhashchange = () => location.reload();
     element("panel").hidden = false;
-    frame(); // at once: a browser that is busy or shows another page would let it wait
+    await frame(); // at once: a browser that is busy or shows another page would let it wait
 }
 
 /** Tells instead of throwing. */
-function attempt(work) {
+async function attempt(work) {
     try {
-        work();
+        await work();
     } catch (error) {
         say(error.message);
     }
 }
 
-attempt(() => {
+attempt(async () => {
     const scene = readScene(), wish = wishes(scene);
-    (wish.size ? still : interactive)(scene, wish);
+    const release = usesGpu(wish) ? holdLoad() : () => {};
+    try {
+        await (wish.size ? still : interactive)(scene, wish);
+    } finally {
+        release();
+    }
 });
