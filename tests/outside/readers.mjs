@@ -1,8 +1,9 @@
 // Asks programs of others for two PLY files, an augmented scene and its base alone: node readers.mjs AUGMENTED BASE. To every one of them
 // both must be the same. Run by tools/readers, where the packages are installed.
-import { execFileSync } from "node:child_process";
+import { execFile, execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
-import { readFileSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
@@ -39,6 +40,47 @@ const buffer = (path) => {
     return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
 };
 
+// Spark decodes in a worker that only a browser has: what a page of Chromium makes of the file at a path, as text. An open document in
+// the page keeps it from having loaded until then.
+async function inSpark(path) {
+    const page = `<!doctype html><body><script type="importmap">{"imports": {"three": "/node_modules/three/build/three.module.js",
+        "three/addons/": "/node_modules/three/examples/jsm/"}}</script><script type="module">
+        const frame = document.createElement("iframe"), told = document.createElement("pre");
+        document.body.append(frame, told);
+        frame.contentDocument.open();
+        try {
+            const { PackedSplats } = await import("/node_modules/@sparkjsdev/spark/dist/spark.module.js");
+            const fileBytes = new Uint8Array(await (await fetch("/scene.ply")).arrayBuffer());
+            const splats = new PackedSplats({ fileBytes, fileName: "scene.ply" });
+            await splats.initialized;
+            const { sh1, sh2, sh3 } = splats.extra;
+            const parts = [splats.packedArray.subarray(0, 4 * splats.numSplats), sh1, sh2, sh3].filter((part) => part);
+            told.textContent = "DECODED " + JSON.stringify({ count: splats.numSplats, parts: parts.map((part) => [...part]) }) + " END";
+        } catch (error) {
+            told.textContent = "FAILED " + error + " END";
+        }
+        frame.contentDocument.close();</script></body>`;
+    const served = (url) => (url === "/" ? page : readFileSync(url === "/scene.ply" ? path : `.${url}`));
+    const server = createServer(({ url }, reply) => {
+        if (url.includes("..") || !["/", "/scene.ply"].includes(url) && !url.startsWith("/node_modules/")) return reply.writeHead(404).end();
+        reply.setHeader("content-type", url === "/" ? "text/html" : url.endsWith("js") ? "text/javascript" : "application/octet-stream");
+        reply.end(served(url));
+    });
+    await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
+    const profile = mkdtempSync(join(tmpdir(), "glint-"));
+    const flags = ["--headless", "--no-sandbox", "--disable-gpu", `--user-data-dir=${profile}`, "--dump-dom"];
+    const address = `http://127.0.0.1:${server.address().port}/`;
+    const dom = await new Promise((done, failed) => {
+        const more = { maxBuffer: 1 << 30, timeout: 120000 };
+        execFile("chromium", [...flags, address], more, (error, text) => (error ? failed(error) : done(text)));
+    });
+    server.close();
+    rmSync(profile, { recursive: true, force: true });
+    const [, what, text] = dom.match(/<pre>(DECODED|FAILED) (.*) END<\/pre>/s) ?? [null, "FAILED", "the page told nothing"];
+    if (what === "FAILED") throw new Error(text);
+    return JSON.parse(text);
+}
+
 // Each gives what it made of the file at a path.
 const readers = {
     "three, PLYLoader": async (path) => {
@@ -59,6 +101,7 @@ const readers = {
         const { PLYLoader, Scene } = await import("gsplat");
         return PLYLoader.LoadFromArrayBuffer(buffer(path), new Scene()).data;
     },
+    "@sparkjsdev/spark, in Chromium": inSpark,
     "@playcanvas/splat-transform": async (path) => {
         const csv = join(tmpdir(), `glint-${process.pid}.csv`);
         const cli = "node_modules/@playcanvas/splat-transform/bin/cli.mjs";
