@@ -59,10 +59,11 @@ void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uin
 }
 
 // That `room` slots from `slot` on are of `rank`: of the blocks that begin there, one in `stride` from the one with number `at` on.
+// By atomics, as the bits beside them.
 void claim(uint rank, uint slot, uint room, uint at, uint stride) {
     if (DIRECT) return;
     uint first = (slot + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK, end = (slot + room + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK;
-    for (uint block = first + at; block < end; block += stride) rank_blocks[block].x = rank;
+    for (uint block = first + at; block < end; block += stride) atomicExchange(rank_blocks[block].x, rank);
 }
 
 Splat from_lane(Splat s, uint lane) {
