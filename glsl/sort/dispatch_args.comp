@@ -1,8 +1,8 @@
 #version 460
 // Turns a count on the GPU into an indirect dispatch, and keeps it within what the buffers hold.
 //
-// One thread. count[count_index] is clamped to capacity; where it was larger, status says that the resource failed and what it
-// needed. dispatch_args[args_index..] is the VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
+// One thread. count[count_index] is clamped to capacity; status says what the resource was asked for, and where that was more, that
+// it failed. dispatch_args[args_index..] is the VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/status.glsl"
@@ -23,10 +23,10 @@ layout(push_constant, scalar) uniform Push {
 void main() {
     if (!(thread_index() == 0)) return;
     uint items = count[push.count_index];
+    uint needed = STATUS_NEEDED + push.resource_index;
+    status[needed] = max(status[needed], items);
     if (items > push.capacity) {
         status[STATUS_FAILED] |= 1u << push.resource_index; // guard: what does not fit is told
-        uint needed = STATUS_NEEDED + push.resource_index;
-        status[needed] = max(status[needed], items);
         items = push.capacity;
         count[push.count_index] = items;
     }

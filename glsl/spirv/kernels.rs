@@ -5330,7 +5330,7 @@ pub mod ssim {
 pub mod status {
 #[doc = "bit r: resource r was too small"] pub const STATUS_FAILED: u32 = 0;
 #[doc = "steps completed"] pub const STATUS_STEPS: u32 = 1;
-#[doc = "and the words after it: the most that each resource was asked for, 0 where it had room"] pub const STATUS_NEEDED: u32 = 2;
+#[doc = "and the words after it: the most that each resource was asked for, see above"] pub const STATUS_NEEDED: u32 = 2;
 #[doc = "of splats and tiles"] pub const INTERSECTIONS: u32 = 0;
 #[doc = "the base's capacity"] pub const BASE_GAUSSIANS: u32 = 1;
 #[doc = "the supplement's capacity"] pub const SUPPLEMENT_GAUSSIANS: u32 = 2;

@@ -235,6 +235,10 @@ impl Looped for Round<'_> {
     fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
         Ok(self.screen.raster.grow(needed)?)
     }
+
+    fn room(&self) -> u32 {
+        self.screen.raster.capacity()
+    }
 }
 
 /// What is being done to the batch at hand.

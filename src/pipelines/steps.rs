@@ -15,6 +15,9 @@ use crate::{
 const IN_FLIGHT: usize = 2;
 /// Of so many submissions one is timed: enough to see how a long run changes, few enough to cost nothing.
 const TIMED_OF: usize = 8;
+/// Where less than one part in so many of the room is left, more is made: steps that do not fit cost nearly as much as those that
+/// do, and two submissions of them are on their way before it is seen. What steps need grows more slowly than that.
+const SPARE: u32 = 8;
 
 /// Something that is done step by step.
 pub trait Looped {
@@ -23,6 +26,11 @@ pub trait Looped {
 
     /// Makes room where the device found too little; nothing is in flight.
     fn grow(&mut self, resource: Resource, needed: u32) -> Result<()>;
+
+    /// For how many intersections there is room, where [`Looped::grow`] can make more.
+    fn room(&self) -> u32 {
+        u32::MAX
+    }
 }
 
 /// The device's status words and where the host reads them late.
@@ -46,8 +54,21 @@ struct Run {
     next: u32,
     submitted: usize,
     timed: bool,
+    /// Too little room is left: nothing is submitted until there is more.
+    tight: bool,
+    /// There was no more to be had.
+    full: bool,
     in_flight: VecDeque<(Submission, usize)>,
     report: StepReport,
+}
+
+impl Run {
+    /// Once room was made with nothing on its way, and `done` steps were.
+    fn go_on(&mut self, status: &Buffer<u32>, done: u32) -> Result<()> {
+        self.tight = false;
+        self.report.grown += 1;
+        Ok(status.upload(0, &Status::of_steps(done).0)?)
+    }
 }
 
 /// What a loop did.
@@ -98,9 +119,7 @@ impl Steps {
 
     /// The same of a loop whose first `done` steps an earlier run did.
     pub fn start_at(&mut self, done: u32, total: u32, timed: bool) -> Result<()> {
-        let mut kept = [0; words::WORDS];
-        kept[words::STEPS] = done;
-        self.status.upload(0, &kept)?;
+        self.status.upload(0, &Status::of_steps(done).0)?;
         self.run = Run { total, until: total, next: done, timed, ..Run::default() };
         Ok(())
     }
@@ -122,7 +141,7 @@ impl Steps {
     /// needed more room than there was, nothing after it took effect: `work` makes room and the loop goes on from that step.
     pub fn advance(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { context, status, readback, batch, done, run } = self;
-        while run.next < run.until && run.in_flight.len() < IN_FLIGHT {
+        while !run.tight && run.next < run.until && run.in_flight.len() < IN_FLIGHT {
             let mut recorder = context.recorder("steps")?;
             if run.timed && run.submitted.is_multiple_of(TIMED_OF) {
                 recorder.time_stages();
@@ -153,9 +172,21 @@ impl Steps {
         let Some((oldest, ring)) = run.in_flight.pop_front() else { return Ok(None) };
         let stages = oldest.wait()?;
         let found = Status::read(readback[ring].mapped());
+        let asked = found.asked(Resource::Intersections);
         if !found.failed() {
             // Only of these: steps after one that does not fit do a part of their work.
             run.report.stages.extend(stages);
+            let room = work.room();
+            run.tight |= !run.full && asked > room - room / SPARE;
+            if run.tight && run.in_flight.is_empty() {
+                tracing::debug!(step = found.steps(), asked, room, "making room in time");
+                // What fits goes on where there is no more room, as far as it does.
+                match work.grow(Resource::Intersections, asked) {
+                    Err(_) if work.room() >= asked => run.full = true,
+                    other => other?,
+                }
+                run.go_on(status, found.steps())?;
+            }
         } else {
             // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
             run.in_flight.clear();
@@ -168,10 +199,7 @@ impl Steps {
                 tracing::debug!(step = found.steps(), %resource, needed, "making room");
                 work.grow(resource, needed)?;
             }
-            run.report.grown += 1;
-            let mut kept = [0; words::WORDS];
-            kept[words::STEPS] = found.steps();
-            status.upload(0, &kept)?;
+            run.go_on(status, found.steps())?;
         }
         Ok(Some(found.steps()))
     }

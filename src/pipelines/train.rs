@@ -471,6 +471,10 @@ impl Looped for On<'_> {
             other => Err(Error::Usage(format!("training needs room for {needed} {other}, more than it may have"))),
         }
     }
+
+    fn room(&self) -> u32 {
+        self.training.renderer.raster.capacity()
+    }
 }
 
 /// `steps` views in random permutations of 0..`views`: every view once before any comes again.

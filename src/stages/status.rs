@@ -54,11 +54,23 @@ impl Status {
         status
     }
 
+    /// What a loop begins with, `done` steps of which are done.
+    pub fn of_steps(done: u32) -> Self {
+        let mut status = Status::default();
+        status.0[STEPS] = done;
+        status
+    }
+
+    /// As a kernel reports that `needed` of a resource are needed.
+    pub fn ask(&mut self, resource: Resource, needed: u32) {
+        let most = &mut self.0[(STATUS_NEEDED + resource.index()) as usize];
+        *most = needed.max(*most);
+    }
+
     /// As a kernel reports that `needed` of a resource would have been needed.
     pub fn fail(&mut self, resource: Resource, needed: u32) {
         self.0[STATUS_FAILED as usize] |= 1 << resource.index();
-        let most = &mut self.0[(STATUS_NEEDED + resource.index()) as usize];
-        *most = needed.max(*most);
+        self.ask(resource, needed);
     }
 
     /// Steps completed.
@@ -71,11 +83,15 @@ impl Status {
         self.0[STATUS_FAILED as usize] != 0
     }
 
+    /// The most that was asked for of a resource: of intersections whether there was room or not.
+    pub fn asked(&self, resource: Resource) -> u32 {
+        self.0[(STATUS_NEEDED + resource.index()) as usize]
+    }
+
     /// What was too small, and the most that was needed of it.
     pub fn needs(&self) -> impl Iterator<Item = (Resource, u32)> + '_ {
         let failed = self.0[STATUS_FAILED as usize];
-        let needed = |r: Resource| self.0[(STATUS_NEEDED + r.index()) as usize];
-        Resource::ALL.into_iter().filter(move |r| failed >> r.index() & 1 != 0).map(move |r| (r, needed(r)))
+        Resource::ALL.into_iter().filter(move |r| failed >> r.index() & 1 != 0).map(move |r| (r, self.asked(r)))
     }
 
     /// The most that was needed of a resource that was too small.

@@ -118,6 +118,7 @@ fn scan(bench: &mut Bench<'_>, items: u32, gather: bool) -> Result<()> {
             row.words(&counted.args.download()?, &groups);
             row.words(&counted.count.download_range(0, 1)?, &[count]);
             let mut told = Status::default();
+            told.ask(RESOURCE, items);
             needed.into_iter().for_each(|needed| told.fail(RESOURCE, needed));
             row.words(&counted.status.download()?, &told.0);
         }
