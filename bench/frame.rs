@@ -8,7 +8,7 @@
 #[path = "../tests/common/engine.rs"]
 #[allow(dead_code, reason = "a frame needs no images")]
 mod engine;
-mod random;
+mod size;
 
 use std::{collections::BTreeMap, fs, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -25,7 +25,7 @@ use glint::{
         render::{Needs, RenderOptions, Renderer},
         views::Views,
     },
-    reference::random_camera,
+    reference::{covering_scene, random_camera},
     report::table::{Cell, Column, Table},
     scene::{Camera, Scene},
 };
@@ -49,7 +49,7 @@ struct Args {
     #[arg(long, default_value_t = 0.0)]
     lobes: f64,
     /// Pixels
-    #[arg(long, default_value = "1280x720", value_parser = random::size)]
+    #[arg(long, default_value = "1280x720", value_parser = size::size)]
     size: [u32; 2],
     /// Bands of harmonics, at most the scene's
     #[arg(long, default_value_t = 3)]
@@ -94,7 +94,7 @@ fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
     if !args.scene.is_empty() {
         return Err(Error::Usage("expected a scene and a dataset, or neither".into()));
     }
-    Ok((random::scene(args.gaussians, args.lobes, 1.0, args.sh_degree), random_camera(width, height)))
+    Ok((covering_scene(args.gaussians, args.lobes, 1.0, args.sh_degree), random_camera(width, height)))
 }
 
 /// CPU seconds of the process, all threads, as Linux counts them; 0 elsewhere.

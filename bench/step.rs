@@ -6,17 +6,17 @@
 //!
 //! Before anything is timed, an image of the same kernels is compared with the float64 twin.
 
-mod random;
+mod size;
 
 use std::{collections::BTreeMap, path::PathBuf, process::ExitCode, time::Instant};
 
 use clap::Parser;
-use glam::DMat3;
 use glint::{
     Error, Result,
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
     gpu::{Context, ContextOptions, Kernel},
     pipelines::{
+        calibrate::{Load, random_task},
         model::{Model, Room},
         raster::TileShape,
         render::{Needs, RenderOptions, Renderer},
@@ -27,7 +27,7 @@ use glint::{
     },
     reference::{self, Background, Options, Params, random_camera, random_scene},
     report::table::{Cell, Column, Table},
-    scene::{Camera, Scene, from_points},
+    scene::{Scene, from_points},
     stages::step_done,
 };
 use serde_json::json;
@@ -38,7 +38,7 @@ struct Args {
     /// Folder or JSON file of a dataset; without, the built-in scene
     dataset: Option<PathBuf>,
     /// Pixels of the views of random Gaussians
-    #[arg(long, value_parser = random::size, conflicts_with_all = ["dataset", "max_size"])]
+    #[arg(long, value_parser = size::size, conflicts_with_all = ["dataset", "max_size"])]
     size: Option<[u32; 2]>,
     /// How often random Gaussians cover the image, as a multiple of what they do by default
     #[arg(long, default_value_t = 1.0, requires = "size", value_parser = positive)]
@@ -57,7 +57,7 @@ struct Args {
     #[arg(long)]
     atomic: bool,
     /// Pixels of a tile in place of those that suit the device's subgroups
-    #[arg(long, value_parser = random::size)]
+    #[arg(long, value_parser = size::size)]
     tile: Option<[u32; 2]>,
     /// Keep both moments of a number in one word
     #[arg(long)]
@@ -98,7 +98,11 @@ fn run(args: &Args) -> Result<()> {
     });
     let tile = tile.transpose()?;
     let Task { model, views, background, extent } = match args.size {
-        Some(size) => random_task(&context, args, size)?,
+        Some([width, height]) => {
+            let load = Load { width, height, gaussians: args.gaussians };
+            let (model, views) = random_task(&context, load, args.overlap, args.sh_degree)?;
+            Task { model, views, background: [0.0; 3], extent: 1.0 }
+        }
         None => task(&context, args)?,
     };
     // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
@@ -180,30 +184,6 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
     let base = from_points(&cloud.positions, &cloud.colors, args.sh_degree);
     let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None }, Room::default())?;
     Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })
-}
-
-/// Four views of random Gaussians whose colours have to change places.
-fn random_task(context: &Context, args: &Args, [width, height]: [u32; 2]) -> Result<Task> {
-    let scene = random::scene(args.gaussians, 0.0, args.overlap, args.sh_degree);
-    let camera = random_camera(width, height);
-    let cameras = [0.0, 0.05, 0.1, 0.15].map(|angle| {
-        let turn = DMat3::from_rotation_y(angle);
-        Camera { rotation: turn * camera.rotation, translation: turn * camera.translation, ..camera }
-    });
-    let mut other = scene.clone();
-    other.base.sh.rotate_right((args.sh_degree as usize + 1).pow(2));
-    let photographs: Vec<Vec<u8>> = {
-        let views = Views::upload(context, &cameras, &[])?;
-        let model = Model::upload(context, &other, 0)?;
-        let mut renderer = Renderer::new(context, Needs::of(&model), &views, RenderOptions::default())?;
-        let byte = |value: f32| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
-        let mut photograph =
-            |v| Ok(renderer.render(&model, &views, v, [0.0; 3])?.color.into_iter().map(byte).collect());
-        (0..cameras.len() as u32).map(&mut photograph).collect::<Result<_>>()?
-    };
-    let views = Views::upload(context, &cameras, &photographs.iter().map(Vec::as_slice).collect::<Vec<_>>())?;
-    let model = Model::upload(context, &scene, 0)?;
-    Ok(Task { model, views, background: [0.0; 3], extent: 1.0 })
 }
 
 /// Fails unless the device's image of a random scene is the twin's: mean difference below 1e-5 (measured: 5e-7).

@@ -140,8 +140,9 @@ impl Args {
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
         let views = upload_photos(context, &train, background, 0, |_, _| ())?;
-        let session =
-            self.learn.session(context, Policy::default(), background, dataset.extent() as f32, self.seed.into());
+        let cameras = train.iter().map(|photo| &photo.camera);
+        let rest = (background, dataset.extent() as f32, self.seed.into());
+        let session = self.learn.session(context, Policy::default(), cameras, rest)?;
 
         let (base, base_seconds) = self.train(&session, dataset, &views, points, iterations)?;
         write_scene(self.output.join(BASE), &base)?;

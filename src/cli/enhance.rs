@@ -356,7 +356,10 @@ impl Args {
             })?;
             drop(reading);
             note_uncounted(uncounted);
-            let session = self.learn.session(context, self.draw.policy(), background, extent, self.seed.into());
+            let session = {
+                let cameras = photos.iter().map(|photo| &photo.camera);
+                self.learn.session(context, self.draw.policy(), cameras, (background, extent, self.seed.into()))?
+            };
             let work = match &self.work {
                 Some(folder) => {
                     let settings = self.settings(&photos, &pixels, &session, &options)?;

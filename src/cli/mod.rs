@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
+mod calibrate;
 mod convert;
 mod dataset;
 mod deadline;
@@ -47,7 +48,7 @@ use crate::{
         session::{Policy, Reduction, Session},
     },
     reference,
-    scene::Scene,
+    scene::{Camera, Scene},
 };
 use dataset::PhotoArgs;
 use progress::{LogWriter, note};
@@ -102,6 +103,7 @@ enum Command {
     Report(report::Args),
     Synth(synth::Args),
     Devices(devices::Args),
+    Calibrate(calibrate::Args),
     Verify(verify::Args),
     Completions(pages::CompletionsArgs),
     Man(pages::ManArgs),
@@ -148,6 +150,7 @@ pub fn main() -> ExitCode {
         Command::Report(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Devices(args) => args.run(),
+        Command::Calibrate(args) => args.run(),
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),
         Command::Man(args) => args.run(),
@@ -329,11 +332,19 @@ enum Precision {
 }
 
 impl LearnArgs {
-    /// What everything on `context` is run with.
-    fn session(&self, context: &Context, policy: Policy, background: [f32; 3], extent: f32, seed: u64) -> Session {
+    /// What everything on `context` is run with, for photographs of these cameras.
+    fn session<'a>(
+        &self,
+        context: &Context,
+        policy: Policy,
+        cameras: impl IntoIterator<Item = &'a Camera>,
+        (background, extent, seed): ([f32; 3], f32, u64),
+    ) -> Result<Session> {
         let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
-        let policy = Policy { reduction, packed: self.precision == Precision::Half, ..policy };
-        Session { policy, background, extent, seed, ..Session::new(context) }
+        let pixels = cameras.into_iter().map(|c| f64::from(c.width) * f64::from(c.height)).fold(0.0, f64::max);
+        let tile = calibrate::calibrated_tile(context, pixels)?;
+        let policy = Policy { reduction, packed: self.precision == Precision::Half, tile, ..policy };
+        Ok(Session { policy, background, extent, seed, ..Session::new(context) })
     }
 }
 

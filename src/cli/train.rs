@@ -183,6 +183,8 @@ struct Report<'a> {
     seed: u64,
     /// How often sides of photos were halved at first.
     halvings: u32,
+    /// Width × height of a tile, pixels.
+    tile: String,
     /// Of the training loop alone, in this run, without evaluations.
     seconds: f64,
     steps_per_second: f64,
@@ -277,7 +279,10 @@ impl Args {
             let (sh_degree, seed) = (self.sh_degree, self.seed);
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
-            let session = self.learn.session(context, self.draw.policy(), background, extent, seed);
+            let session = {
+                let cameras = photos.iter().map(|photo| &photo.camera);
+                self.learn.session(context, self.draw.policy(), cameras, (background, extent, seed))?
+            };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
@@ -421,6 +426,7 @@ impl Args {
                 iterations_resumed: resumed,
                 seed,
                 halvings,
+                tile: session.policy.tile(context).to_string(),
                 seconds,
                 steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
                 final_loss: pass_loss(last),

@@ -82,7 +82,7 @@ mod view;
 pub use host::{twin, twins};
 pub use params::Params;
 pub use render::{Intersections, Options, Rendered, render};
-pub use sample::{random_camera, random_scene};
+pub use sample::{covering_scene, random_camera, random_scene};
 pub use view::View;
 
 /// Smallest α that contributes to a pixel (3DGS): half a step of an 8-bit image, rounded up.

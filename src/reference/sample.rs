@@ -42,6 +42,17 @@ pub fn random_scene(seed: u64, count: usize, supplement: usize, sh_degree: u32) 
     Scene { base, supplement }
 }
 
+/// [`random_scene`] of so many Gaussians, of which a share has lobes: the more, the smaller, so that a pixel always has as many. They
+/// cover the image `overlap` times as often as 2,000 of the usual size do.
+pub fn covering_scene(gaussians: usize, lobes: f64, overlap: f64, sh_degree: u32) -> Scene {
+    let lobes = (lobes.clamp(0.0, 1.0) * gaussians as f64) as usize;
+    let mut scene = random_scene(1, gaussians - lobes, lobes, sh_degree);
+    let shrink = (0.5 * (overlap * 2000.0 / gaussians.max(1) as f64).ln()) as f32;
+    let supplement = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.log_scales);
+    scene.base.log_scales.iter_mut().chain(supplement).flatten().for_each(|s| *s += shrink);
+    scene
+}
+
 fn gaussians(rng: &mut ChaCha8Rng, count: usize, sh_degree: u32) -> Gaussians {
     // The pose is the same for every size.
     let camera = random_camera(1, 1);

@@ -81,6 +81,8 @@ impl Work {
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).env_remove("RUST_LOG");
+        // Whoever runs this may have calibrated.
+        command.env("XDG_CONFIG_HOME", self.path("config"));
         command
     }
 
@@ -215,6 +217,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
         "iterations_resumed",
         "seed",
         "halvings",
+        "tile",
         "seconds",
         "steps_per_second",
         "final_loss",

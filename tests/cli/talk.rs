@@ -226,6 +226,7 @@ fn completions_and_manual_pages_are_made() {
     assert_eq!(work.run("completions tcsh").status.code(), Some(2));
     work.ok("man pages");
     let commands = [
+        "calibrate",
         "completions",
         "convert",
         "demo",
