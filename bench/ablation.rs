@@ -148,7 +148,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
             "pace" => options.join.pace = value,
             "decay" => options.join.decay = value,
             "newton" => options.join.newton = value,
-            "degree" => options.pursuit.lobe_degree = Some(value as u32),
+            "degree" => options.pursuit.lobe_degree = value as u32,
             "worth" => options.pursuit.lobe_worth = value,
             _ => return Err(bad()),
         }

@@ -298,7 +298,7 @@ fn bytes_and_gaussians_are_never_more_than_asked_for() {
 
 /// Where bytes are what is limited, lobes have no bands above the constant one, so there are more; else as many as the base.
 #[test]
-fn bands_of_lobes_are_left_out_where_bytes_are_limited() {
+fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
     let gpu = Gpu::new();
     let photos: Vec<Vec<u8>> =
         (0..4).map(|v| (0..SIZE.0 * SIZE.1).flat_map(|p| lit(true, true)(v, p)).collect()).collect();
@@ -320,9 +320,10 @@ fn bands_of_lobes_are_left_out_where_bytes_are_limited() {
         (supplement.sh_degree, supplement.len(), bytes)
     };
     let limit = 20 * gaussian_bytes(2, true);
-    let (whole, few, whole_bytes) = run(Some(limit), Some(2));
-    let (none, many, bytes) = run(Some(limit), None);
-    assert_eq!([whole, none, run(None, None).0, run(None, Some(7)).0, run(None, Some(1)).0], [2, 0, 2, 2, 1]);
+    let (whole, few, whole_bytes) = run(Some(limit), 2);
+    let (none, many, bytes) = run(Some(limit), 0);
+    assert_eq!([whole, none, run(None, 7).0, run(None, 1).0], [2, 0, 2, 1]);
+    assert_eq!(EnhanceOptions::pursuit().lobe_degree(&scene.base), 0);
     assert!(whole_bytes <= limit && bytes <= limit && few <= 20 && many > 24, "{few} {whole_bytes} {many} {bytes}");
 }
 

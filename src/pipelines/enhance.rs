@@ -104,10 +104,7 @@ impl EnhanceOptions {
     /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's.
     pub fn lobe_degree(&self, base: &Gaussians) -> u32 {
         match self.method {
-            Method::Pursuit => {
-                let unasked = if self.bytes.is_some() { 0 } else { base.sh_degree };
-                self.pursuit.lobe_degree.unwrap_or(unasked).min(base.sh_degree)
-            }
+            Method::Pursuit => self.pursuit.lobe_degree.min(base.sh_degree),
             Method::Augs => base.sh_degree,
         }
     }

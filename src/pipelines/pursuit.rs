@@ -69,9 +69,9 @@ pub struct PursuitOptions {
     pub caution: f32,
     /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
     pub least_opacity: f32,
-    /// Degree of the harmonics of Gaussians with lobes, at most the base's; `None`: 0 where bytes are limited, since their lobes are
-    /// what depends on the view and bytes gain more as more of them, else the base's.
-    pub lobe_degree: Option<u32>,
+    /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes are what depends on the view: more bands gain
+    /// nothing on the whole (docs/results.md) and take three times the bytes.
+    pub lobe_degree: u32,
     /// Texels of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,
 }
@@ -90,7 +90,7 @@ impl Default for PursuitOptions {
             least_gain: 0.0,
             caution: 1.0,
             least_opacity: 0.1,
-            lobe_degree: None,
+            lobe_degree: 0,
             page: None,
         }
     }
