@@ -3,7 +3,8 @@
 //
 // One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave in the colour and in the opacity
 // alone, so each is set in turn to its best: colour (A / o + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within
-// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth: gain over bytes.
+// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth: gain over bytes;
+// what the best plain one gains is kept beside, for the plan.
 // prices: what each would take of a budget.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -30,10 +31,10 @@ void main() {
     if (k >= push.count) return;
     uint i = push.first + k;
     Candidate candidate = candidates[i];
-    Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0, 0.0);
+    Fit best = Fit(0.0, 0.0, 0.0, vec3(0.0), 0.0, 0.0, 0.0);
     bool again = i > 0 && candidates[i - 1].view == candidate.view && candidates[i - 1].pixel == candidate.pixel;
     if (candidate.view != NONE && !again) {
-        float most = 0.0;
+        float most = 0.0, plain = 0.0;
         for (uint s = 0; s < push.sizes; ++s) {
             uint item = k * push.sizes + s;
             for (uint w = 0; w < WIDTHS; ++w) {
@@ -41,7 +42,7 @@ void main() {
                 float x[SUMS];
                 [[unroll]] for (uint q = 0; q < SUMS; ++q) x[q] = sums[(w * SUMS + q) * items + item];
                 vec3 a = vec3(x[0], x[1], x[2]), b = vec3(x[3], x[4], x[5]), colour = vec3(0.0);
-                if (!(worth > 0.0 && x[6] > 0.0)) continue;
+                if (!(x[6] > 0.0)) continue;
                 float opacity = OPACITY_FIRST;
                 for (uint round = 0; round < ROUNDS; ++round) {
                     colour = clamp((a / opacity + b) / x[6], vec3(0.0), vec3(1.0));
@@ -50,13 +51,16 @@ void main() {
                 }
                 float gain = 2.0 * opacity * (dot(colour, a) - x[7]) -
                              opacity * opacity * (x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6]);
-                if (!(gain * worth > most && gain <= FLOAT_MAX)) continue;
+                if (!(gain <= FLOAT_MAX)) continue;
+                if (w == WIDTHS - 1) plain = max(plain, gain);
+                if (!(gain * worth > most)) continue;
                 most = gain * worth;
                 float size = push.first_size * pow(push.size_ratio, float(s));
                 best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain,
-                           x[6]);
+                           x[6], 0.0);
             }
         }
+        best.plain = plain;
     }
     fits[i] = best;
     prices[i] = best.width > 0.0 ? push.lobe_price : push.plain_price;

@@ -78,6 +78,7 @@ struct Fit {
     vec3 colour;   // sRGB
     float gain;    // fall of the squared error over all views, px; 0: none
     float support; // sum of the squares of the lobe's factors in all views, each times the footprint's area, px: C of pursuit_score
+    float plain;   // what the best without a lobe gains, if it gains anything
 };
 
 // The texels of level k of a view: first, width, height.

@@ -17,6 +17,7 @@ pub struct Fit {
     pub colour: [f32; 3],
     pub gain: f32,
     pub support: f32,
+    pub plain: f32,
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Frame {

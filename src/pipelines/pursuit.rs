@@ -10,7 +10,7 @@ use super::{
     render::{Renderer, Show},
     session::Session,
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
-    spend::Choice,
+    spend::{Choice, Chosen},
     steps::{Looped, Steps},
     views::Views,
 };
@@ -461,10 +461,14 @@ impl Pursuit {
         let kept = (p.work.counts.download()?[KEPT as usize] as usize).min(p.candidates as usize);
         let (keys, order) = (sorted.keys.download_range(0, kept)?, sorted.values.download_range(0, kept)?);
         let fits = p.work.fits.download()?;
-        let one =
-            |(key, i): (u32, u32)| (f32::from_bits(!key), fits.get(i as usize).is_some_and(|fit| fit.width > 0.0));
-        let gains = keys.into_iter().zip(order).map(one).collect();
-        Ok(Choice { gains, drawn: p.candidates, squared_error: self.squared_error()? })
+        let one = |(key, i): (u32, u32)| {
+            let (gain, fit) = (f32::from_bits(!key), fits.get(i as usize).copied().unwrap_or_default());
+            // What overlaps and what one view alone backs takes as large a part of both.
+            let plain = if fit.gain > 0.0 { gain * fit.plain / fit.gain } else { 0.0 };
+            Chosen { gain, lobe: fit.width > 0.0, plain }
+        };
+        let chosen = keys.into_iter().zip(order).map(one).collect();
+        Ok(Choice { chosen, drawn: p.candidates, squared_error: self.squared_error()? })
     }
 
     /// What was placed. Waits.

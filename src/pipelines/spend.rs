@@ -148,6 +148,9 @@ pub struct Spending {
     pub least_db_per_thousand: f64,
     /// Gaussians with lobes.
     pub lobes: Spent,
+    /// What the same candidates would gain as plain Gaussians.
+    #[serde(default)]
+    pub without_lobes: Spent,
     /// Gaussians without, for the base.
     pub plain: Spent,
     /// Candidates that were drawn.
@@ -160,11 +163,22 @@ pub struct Spending {
     pub beyond: u32,
 }
 
+/// A candidate that was chosen.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Chosen {
+    /// Fall of the squared error.
+    pub gain: f32,
+    /// Whether it has a lobe.
+    pub lobe: bool,
+    /// What it would gain without one, at the size, opacity and colour that are best then.
+    pub plain: f32,
+}
+
 /// What a placement found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Choice {
-    /// What each chosen candidate gains, and whether it has a lobe; in the order of falling gain.
-    pub gains: Vec<(f32, bool)>,
+    /// In the order of falling gain.
+    pub chosen: Vec<Chosen>,
     /// Candidates that were drawn.
     pub drawn: u32,
     /// Squared error of all views.
@@ -185,26 +199,26 @@ impl Spending {
         least: f32,
         training_on: Option<&TrainingOn>,
     ) -> Self {
-        let enough = choice.gains.iter().take_while(|(gain, _)| *gain >= least).count();
+        let enough = choice.chosen.iter().take_while(|chosen| chosen.gain >= least).count();
         let (first, bytes) = allowance.left([0, placements], 0, 0);
         let mut taken = 0;
-        let within = |(_, lobe): &&(f32, bool)| {
-            taken += if *lobe { allowance.lobe_bytes } else { allowance.plain_bytes };
+        let within = |chosen: &&Chosen| {
+            taken += if chosen.lobe { allowance.lobe_bytes } else { allowance.plain_bytes };
             bytes.is_none_or(|bytes| taken <= bytes)
         };
-        let placed = choice.gains.iter().take(enough.min(first as usize)).take_while(within).count();
+        let placed = choice.chosen.iter().take(enough.min(first as usize)).take_while(within).count();
         let all = choice.squared_error;
-        let of = |lobe: bool| {
-            let chosen = choice.gains.iter().filter(|(_, has)| *has == lobe).count() as u32;
+        let of = |lobe: bool, gain: fn(&Chosen) -> f32, bytes: u64| {
+            let chosen = choice.chosen.iter().filter(|chosen| chosen.lobe == lobe).count() as u32;
             let gains =
-                || choice.gains[..placed].iter().filter(|(_, has)| *has == lobe).map(|(gain, _)| f64::from(*gain));
+                || choice.chosen[..placed].iter().filter(|chosen| chosen.lobe == lobe).map(|c| f64::from(gain(c)));
             let (count, gain_db) = (gains().count() as u32, decibels(0.0 + gains().sum::<f64>(), all));
-            let bytes = if lobe { allowance.lobe_bytes } else { allowance.plain_bytes } as f64 * f64::from(count);
+            let bytes = bytes as f64 * f64::from(count);
             let per = |much: f64| if count > 0 { gain_db / much } else { 0.0 };
             let (db_per_thousand, db_per_megabyte) = (per(f64::from(count) / 1e3), per(bytes / 1e6));
             Spent { chosen, placed: count, gain_db, db_per_thousand, db_per_megabyte }
         };
-        let chosen = choice.gains.len() as u32;
+        let chosen = choice.chosen.len() as u32;
         let [lobes, plain] = allowance.most();
         let most = lobes.max(plain);
         Spending {
@@ -215,8 +229,9 @@ impl Spending {
             steps,
             training_on_db: training_on.map(|on| decibels(on.gain(steps), all)),
             least_db_per_thousand: 1e3 * decibels(least.into(), all),
-            lobes: of(true),
-            plain: of(false),
+            lobes: of(true, |c| c.gain, allowance.lobe_bytes),
+            without_lobes: of(true, |c| c.plain, allowance.plain_bytes),
+            plain: of(false, |c| c.gain, allowance.plain_bytes),
             drawn: choice.drawn,
             no_gain: choice.drawn.saturating_sub(chosen),
             below_training_on: chosen - enough as u32,
@@ -300,8 +315,10 @@ mod tests {
     #[test]
     fn a_plan_says_what_is_placed_and_why_the_rest_is_not() {
         let allowance = Allowance::new(&base(40, 3), 3, 0.2, None);
-        let gains = vec![(10.0, true), (5.0, false), (4.0, true), (2.0, true), (1.0, false), (0.5, true)];
-        let choice = Choice { gains, drawn: 90, squared_error: 1000.0 };
+        let chosen = [(10.0, true), (5.0, false), (4.0, true), (2.0, true), (1.0, false), (0.5, true)];
+        let chosen =
+            chosen.map(|(gain, lobe)| Chosen { gain, lobe, plain: if lobe { gain / 4.0 } else { gain } }).to_vec();
+        let choice = Choice { chosen, drawn: 90, squared_error: 1000.0 };
         let on = TrainingOn { before: 1000.0, after: 990.0, steps: 10 };
         let plan = Spending::new(&allowance, [3, 90], &choice, 1.0, Some(&on));
         assert_eq!((plan.gaussians_allowed, plan.gaussians_at_first), (8, 4));
@@ -312,6 +329,9 @@ mod tests {
         let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
         assert!(near(plan.lobes.gain_db, 16.0) && near(plan.training_on_db.unwrap(), 30.0));
         assert!(near(plan.plain.db_per_thousand, 5e3) && near(plan.plain.db_per_megabyte, 5e6 / 248.0));
+        // Those with lobes without them.
+        assert!(near(plan.without_lobes.gain_db, 4.0) && near(plan.without_lobes.db_per_megabyte, 4e6 / (3.0 * 248.0)));
+        assert_eq!(plan.without_lobes.placed, 3);
         let none = Spending::new(&allowance, [3, 90], &Choice { squared_error: 0.0, ..Choice::default() }, 0.0, None);
         assert_eq!((none.placed(), none.lobes, none.training_on_db), (0, Spent::default(), None));
         // Half of the bytes at first, which end before the plain one that is next.

@@ -118,6 +118,8 @@ pub struct Fit {
     pub gain: f64,
     /// C of [`super::pursuit_score`].
     pub support: f64,
+    /// What the best without a lobe gains; 0: nothing.
+    pub plain: f64,
 }
 
 impl From<&types::Fit> for Fit {
@@ -129,6 +131,7 @@ impl From<&types::Fit> for Fit {
             colour: DVec3::from_array(f.colour.map(f64::from)),
             gain: f.gain.into(),
             support: f.support.into(),
+            plain: f.plain.into(),
         }
     }
 }

@@ -34,19 +34,23 @@ pub fn best_of(x: &[f64; 9]) -> Option<(f64, DVec3, f64)> {
 
 /// `sums` by size; sizes in pixels of the view that the candidate was drawn in. `worth` is what a gain counts with a lobe and without.
 pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2]) -> Fit {
-    let (mut best, mut most) = (Fit::default(), 0.0);
+    let (mut best, mut most, mut plain) = (Fit::default(), 0.0, 0.0f64);
     for (sums, &size) in sums.iter().zip(sizes) {
         for (w, x) in sums.iter().enumerate() {
-            let worth = worth[usize::from(w as u32 == WIDTHS - 1)];
-            let Some((opacity, colour, gain)) = best_of(x).filter(|_| worth > 0.0) else { continue };
-            if gain * worth > most && gain <= FLOAT_MAX {
+            let is_plain = w as u32 == WIDTHS - 1;
+            let worth = worth[usize::from(is_plain)];
+            let Some((opacity, colour, gain)) = best_of(x).filter(|(_, _, gain)| *gain <= FLOAT_MAX) else { continue };
+            if is_plain {
+                plain = plain.max(gain);
+            }
+            if gain * worth > most {
                 most = gain * worth;
                 let width = lobe_width(w as u32, c.theta_bar);
-                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain, support: x[6] };
+                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain, support: x[6], plain: 0.0 };
             }
         }
     }
-    best
+    Fit { plain, ..best }
 }
 
 #[cfg(test)]
@@ -114,6 +118,8 @@ mod tests {
         let [lobes, plain, none] =
             [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth));
         assert!(lobes.width > 0.0 && plain.width == 0.0 && plain.gain == lobes.gain && none.gain == 0.0);
+        // Known whatever is taken.
+        assert_eq!([lobes.plain, plain.plain, none.plain], [plain.gain; 3]);
         // The first of equals.
         assert_eq!(plain.sigma, sigma_of(1.0, 0.01));
     }

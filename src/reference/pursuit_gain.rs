@@ -87,7 +87,7 @@ mod tests {
             for (w, x) in sums.iter().enumerate() {
                 let width = lobe_width(w as u32, c.theta_bar);
                 for (opacity, colour) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
-                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0, support: 1.0 };
+                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0, support: 1.0, plain: 0.0 };
                     let by_view = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit, 0.0);
                     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
                     let o2 = opacity * opacity;
@@ -111,7 +111,8 @@ mod tests {
         let texels = vec![Texel { difference: DVec3::X * 0.4, ..Default::default() }; TEXELS as usize];
         let ground =
             Ground { views: &views[..1], plots: &plots, surface_depths: &[2.0; 256], texels: &texels, range: (0, 1) };
-        let fit = Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0 };
+        let fit =
+            Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0, plain: 0.0 };
         let mut explained = vec![0; 256];
         let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
         // s² = (0.1 · 20 / 2)² + 0.3 px². An even residual of 0.4 is that of a footprint which is 0.8 in the middle; a quarter is explained.
@@ -184,7 +185,7 @@ mod tests {
                 (0.9, DVec3::new(0.9, 0.1, 0.4), false),
             ] {
                 let sigma = (deviation * deviation - DILATION).sqrt() * c.px;
-                let fit = Fit { sigma, opacity, width: 0.0, colour, gain: 1.0, support: 1.0 };
+                let fit = Fit { sigma, opacity, width: 0.0, colour, gain: 1.0, support: 1.0, plain: 0.0 };
                 let found = pursuit_gain(&ground, &vec![0; depths.len()], &c, &fit, 0.0);
                 let fall = |i: u32| {
                     let d = DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5 - at;

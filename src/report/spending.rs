@@ -19,9 +19,13 @@ fn table(plan: &Spending) -> Table {
         column("db_per_thousand", "a thousand", "dB", 3),
         column("db_per_megabyte", "a megabyte", "dB", 3),
     ]);
-    let kinds = [("Gaussians with lobes", &plan.lobes), ("plain Gaussians", &plan.plain)];
-    for (what, &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte }) in kinds {
-        let counts = [chosen, placed].map(|count| Cell::Count(count.into()));
+    let kinds = [
+        ("Gaussians with lobes", &plan.lobes, true),
+        ("the same without lobes", &plan.without_lobes, false),
+        ("plain Gaussians", &plan.plain, true),
+    ];
+    for (what, &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte }, is_placed) in kinds {
+        let counts = [chosen, placed].map(|count| if is_placed { Cell::Count(count.into()) } else { Cell::Absent });
         let gains =
             if placed > 0 { [gain_db, db_per_thousand, db_per_megabyte].map(Cell::Number).to_vec() } else { vec![] };
         table.row(std::iter::once(Cell::from(what)).chain(counts).chain(gains));
@@ -94,6 +98,7 @@ mod tests {
             training_on_db: Some(0.125),
             least_db_per_thousand: 0.5,
             lobes: spent,
+            without_lobes: Spent { gain_db: 0.0625, ..spent },
             plain: Spent::default(),
             drawn: 120,
             no_gain: 111,
@@ -105,6 +110,8 @@ mod tests {
             "at most 10 Gaussians in 2000000 bytes may be added: 4 now",
             "2 times more",
             "0.250",
+            "the same without lobes",
+            "0.062",
             "62.500",
             "training on, 600 steps",
             "0.125",

@@ -83,7 +83,7 @@ impl Status {
         self.0[STATUS_FAILED as usize] != 0
     }
 
-    /// The most that was asked for of a resource: of intersections whether there was room or not.
+    /// The most that was asked for of a resource; of intersections whether there was room or not.
     pub fn asked(&self, resource: Resource) -> u32 {
         self.0[(STATUS_NEEDED + resource.index()) as usize]
     }

@@ -154,6 +154,8 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     assert!(added > 0 && added <= plan["gaussians_allowed"].as_u64().unwrap(), "{report}");
     assert!(number("bytes_added") <= 2500 && plan["bytes_allowed"] == 2500 && number("budget") < 90, "{report}");
     assert!(plan["training_on_db"].is_number() && plan["least_db_per_thousand"] == 0.0);
+    let gain = |kind: &str| plan[kind]["gain_db"].as_f64().unwrap();
+    assert!(gain("lobes") > gain("without_lobes") && gain("without_lobes") >= 0.0, "{plan}");
     fs::write(work.path("plan.json"), report.to_string()).unwrap();
     work.ok("report data base=base.ply more=a.ply -o page --plan plan.json");
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();

@@ -183,6 +183,7 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
             colour: fit.colour.as_vec3().to_array(),
             gain: fit.gain as f32,
             support: fit.support as f32,
+            plain: fit.plain as f32,
         };
     }
     debug_assert_eq!((SUMS * WIDTHS) as usize, Sums::default().as_flattened().len());

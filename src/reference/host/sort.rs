@@ -21,13 +21,13 @@ pub(super) fn dispatch_args(h: kernels::dispatch_args::Host<'_>) -> Outcome {
     let kernels::dispatch_args::Push { count_index, capacity, items_per_group, args_index, resource_index } = h.push;
     let count = &mut h.count[count_index as usize];
     let (kept, overflow, groups) = twin::dispatch_args::dispatch_args(*count, capacity, items_per_group);
-    if let Some(needed) = overflow {
-        let mut status = Status::read(h.status);
-        let resource = Resource::ALL.get(resource_index as usize);
-        status.fail(*resource.ok_or_else(|| format!("there is no resource {resource_index}"))?, needed);
-        h.status[..status.0.len()].copy_from_slice(&status.0);
-        *count = kept;
-    }
+    let resource = Resource::ALL.get(resource_index as usize);
+    let resource = *resource.ok_or_else(|| format!("there is no resource {resource_index}"))?;
+    let mut status = Status::read(h.status);
+    status.ask(resource, *count);
+    overflow.into_iter().for_each(|needed| status.fail(resource, needed));
+    h.status[..status.0.len()].copy_from_slice(&status.0);
+    *count = kept;
     h.dispatch_args[args_index as usize..][..3].copy_from_slice(&groups);
     Ok(())
 }
