@@ -185,6 +185,11 @@ impl Room {
         [GEOMETRY_PLANES, if self.half { sh.div_ceil(2) } else { sh }, lobes]
     }
 
+    /// Bytes of a Gaussian's geometry, harmonics and lobe.
+    pub(crate) fn bytes(&self, segment: Segment, sh_degree: u32) -> [u64; 3] {
+        self.planes(segment, sh_degree).map(layout::bytes)
+    }
+
     /// Degrees of the harmonics of each segment.
     fn degrees(&self, scene: &Scene) -> [u32; 2] {
         let base = scene.base.sh_degree;
@@ -246,10 +251,8 @@ impl Model {
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
             let names = NAMES[segment as usize];
-            let rows = names.into_iter().zip(room.planes(segment, degrees[segment as usize]));
-            let quad = size_of::<[f32; 4]>();
-            let rows =
-                rows.map(|(name, planes)| planned(name, u64::from(capacity), (layout::quads(planes) * quad) as u64));
+            let rows = names.into_iter().zip(room.bytes(segment, degrees[segment as usize]));
+            let rows = rows.map(|(name, bytes)| planned(name, u64::from(capacity), bytes));
             plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
         }
         plan.0.extend([

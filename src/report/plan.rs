@@ -8,13 +8,14 @@ use crate::{
     gpu::Context,
     pipelines::{
         frames::Limits,
-        model::{Model, Room},
+        learn::{moment_planes, sh_moments},
+        model::{Model, Room, Segment},
         plan::Plan,
         render::Needs,
     },
     scene::{
         Scene,
-        layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+        layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
     },
 };
 
@@ -88,12 +89,9 @@ impl RenderPlan {
         let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
         let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len() as u64);
         let gaussians = scene.base.len() as u64 + supplementary;
-        let bytes_of = |planes: usize| 4 * planes as u64;
-        let harmonics = |degree| match half {
-            true => bytes_of(sh_planes(degree).div_ceil(2)),
-            false => bytes_of(sh_planes(degree)),
-        };
-        let (geometry, lobe) = (bytes_of(GEOMETRY_PLANES), bytes_of(LOBE_PLANES));
+        let room = Room { half, ..Default::default() };
+        let harmonics = |degree| room.bytes(Segment::Base, degree)[1];
+        let [geometry, _, lobe] = room.bytes(Segment::Supplement, lobe_degree);
         let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
         let all = |bytes: u64| (bytes * gaussians) as i64;
         // Of what is different for the two kinds.
@@ -146,12 +144,12 @@ impl RenderPlan {
                 "one colour, or blended over the target".into(),
                 16 * i64::from(width) * i64::from(height),
             ),
-            feature(
-                "moments of what learns",
-                false,
-                "nothing learns while it is rendered".into(),
-                all(2 * geometry) + both(&|degree| bytes_of(sh_planes(degree) + 3)) + (2 * supplementary * lobe) as i64,
-            ),
+            feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
+                let beside = |planes| layout::bytes(moment_planes(planes, false));
+                all(beside(GEOMETRY_PLANES))
+                    + both(&|degree| layout::bytes(sh_moments(degree, false, true)))
+                    + (supplementary * beside(LOBE_PLANES)) as i64
+            }),
         ]);
         let bytes = model.bytes() + frames.bytes();
         let many = 1 << 20;
