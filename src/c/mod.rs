@@ -421,7 +421,7 @@ pub unsafe extern "C" fn glint_upload_bytes(
     guarded(|| {
         // SAFETY: by the contract above.
         let (context, scene) = unsafe { (&of(context, "context")?.0, &of(scene, "scene")?.0) };
-        bytes = Model::plan(context, scene, room(half)).bytes();
+        bytes = Model::plan(context.info(), scene, room(half)).bytes();
         Ok(())
     });
     bytes
@@ -590,7 +590,7 @@ pub unsafe extern "C" fn glint_frames_bytes(context: *const glint_context, limit
     let mut bytes = 0;
     guarded(|| {
         // SAFETY: by the contract above.
-        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(&of(context, "context")?.0).bytes() };
+        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(of(context, "context")?.0.info()).bytes() };
         Ok(())
     });
     bytes

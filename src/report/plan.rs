@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::{
-    gpu::Context,
+    gpu::DeviceInfo,
     pipelines::{
         frames::Limits,
         learn::{moment_planes, sh_moments},
@@ -76,14 +76,14 @@ pub struct RenderPlan {
 
 impl RenderPlan {
     /// Of one view of `width` × `height` pixels. `half`: harmonics of half width.
-    pub fn of(context: &Context, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
-        let model_of = |half| Model::plan(context, scene, Room { half, ..Default::default() });
+    pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
+        let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
-        let (model, frames) = (model_of(half), limits.plan(context));
+        let (model, frames) = (model_of(half), limits.plan(device));
         let more = |change: &dyn Fn(&mut Limits)| {
             let mut other = limits.clone();
             change(&mut other);
-            difference(&other.plan(context), &frames)
+            difference(&other.plan(device), &frames)
         };
         let degree = scene.base.sh_degree;
         let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
@@ -156,7 +156,7 @@ impl RenderPlan {
         let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many)) as f64 / f64::from(many);
         let pixels = f64::from(width) * f64::from(height);
         RenderPlan {
-            device: context.info().name.clone(),
+            device: device.name.clone(),
             width,
             height,
             in_flight: limits.in_flight,
