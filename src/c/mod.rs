@@ -23,7 +23,9 @@ pub use types::*;
 use crate::{
     Error, Result,
     data::{parse_scene, read_scene},
-    gpu::{BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, QueueLock, Recorder},
+    gpu::{
+        BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, Memory, QueueLock, Recorder,
+    },
     pipelines::{
         frames::{Frame, FrameView, Frames, Instance, Limits},
         model::{Model, Room, Upload},
@@ -329,9 +331,9 @@ pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let memory = of(context, "context")?.0.memory();
+            let Memory { used, budget, taken } = of(context, "context")?.0.memory();
             let size = size::<glint_memory>();
-            fill(out, "memory", glint_memory { size, reserved: 0, used: memory.used, budget: memory.budget })
+            fill(out, "memory", glint_memory { size, reserved: 0, used, budget, taken })
         }
     })
 }
