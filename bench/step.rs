@@ -135,7 +135,7 @@ fn run(args: &Args) -> Result<()> {
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
-            "sh_degree": args.sh_degree, "tile": session.policy.tile(&context).to_string(), "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
+            "sh_degree": args.sh_degree, "tile": session.policy.tile(context.info()).to_string(), "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,
         });
         println!("{report:#}");

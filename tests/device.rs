@@ -17,7 +17,7 @@ use glint::{
             opcode, shared_bytes, with_modes, words,
         },
     },
-    stages::{blend, kernels, radix_upsweep, step_done},
+    stages::{blend, kernels, radix_upsweep, status, step_done},
 };
 
 /// What the validator says of a module; nothing where it is valid.
@@ -332,4 +332,37 @@ fn a_context_made_again_keeps_the_device_open_and_has_the_rest_for_itself() {
     assert_eq!(Buffer::from_slice(&again, "words", &[9u32; 100]).unwrap().download().unwrap(), [9; 100]);
     assert!(Buffer::<u32>::new(&again, "too much", (1 << 18) + 1, Location::Device).is_err());
     assert!(again.validation_messages().is_empty());
+}
+
+/// What one submission leaves to the next without a barrier or a semaphore is seen, or no test would show that frames and steps, which
+/// follow each other on a queue, wait for each other. Older layers look at one command buffer after the other, unless they are told.
+#[test]
+fn a_hazard_between_two_submissions_is_seen() {
+    let options = ContextOptions::from_env();
+    let told = std::env::var("VK_LAYER_ENABLES").is_ok_and(|list| list.contains("QUEUE_SUBMIT"));
+    if !options.validation || !told {
+        return println!("needs the validation layers, told to look at submissions, as tools/test has them");
+    }
+    let _turn = Turn::alone();
+    let context = Context::new(&options).unwrap();
+    let words = Buffer::<u32>::new(&context, "words", status::WORDS, Location::Device).unwrap();
+    let count = step_done::Stage::new(&context, &step_done::Spec { workgroup_size: 1 }).unwrap();
+    // A kernel reads and writes what a submission before it fills.
+    let pair = |after_all: bool| {
+        let mut recorder = context.recorder("fill").unwrap();
+        recorder.barrier();
+        recorder.fill(&words, 0);
+        let first = recorder.submit().unwrap();
+        let mut recorder = context.recorder("count").unwrap();
+        if after_all {
+            recorder.barrier();
+        }
+        count.record(&mut recorder, &step_done::Buffers { status: &words }, &step_done::Push {}, 1);
+        [first, recorder.submit().unwrap()].into_iter().for_each(|work| drop(work.wait().unwrap()));
+    };
+    pair(true);
+    assert_eq!(context.validation_messages(), [""; 0]);
+    pair(false);
+    let said = context.validation_messages().concat();
+    assert!(said.contains("SYNC-HAZARD-") && said.contains("-AFTER-WRITE"), "{said}");
 }

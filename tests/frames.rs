@@ -1,6 +1,8 @@
 //! Frames in somebody else's renderer: images, depths, instances, slots, and what is refused.
 
 mod common;
+#[path = "common/counting.rs"]
+mod counting;
 #[path = "common/engine.rs"]
 mod engine;
 #[path = "common/shared.rs"]
@@ -20,9 +22,15 @@ use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use glint::{
     Error,
     data::{Dataset, DatasetOptions},
-    gpu::{Buffer, BufferRange, Context, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder, f16},
+    gpu::{
+        BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder,
+        f16,
+    },
     pipelines::{
-        frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
+        frames::{
+            Blend, DEPTH_FORMATS, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel,
+            Transform,
+        },
         model::{self, Model, Upload},
         plan::Held,
         render::{Needs, RenderOptions, Renderer},
@@ -69,7 +77,7 @@ const GREY: [f32; 3] = [0.5, 0.25, 0.75];
 struct Float(Buffer<u32>);
 
 impl Float {
-    fn new(gpu: &Gpu, pixels: u32) -> Self {
+    fn new(gpu: &Context, pixels: u32) -> Self {
         Float(Buffer::new(gpu, "float", 4 * pixels as usize, Location::Device).unwrap())
     }
 
@@ -89,7 +97,7 @@ fn wide(limits: Limits) -> Limits {
 }
 
 /// What the renderer of the command line makes of it: RGB over grey, and transmittance.
-fn rendered(gpu: &Gpu, scene: &Scene, camera: &Camera) -> Vec<[f32; 4]> {
+fn rendered(gpu: &Context, scene: &Scene, camera: &Camera) -> Vec<[f32; 4]> {
     let views = Views::upload(gpu, &[*camera], &[]).unwrap();
     let model = Model::upload(gpu, scene, 0).unwrap();
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
@@ -224,6 +232,11 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[own], FrameView { ids: pixels, ..view }, "without depth_out");
     let small = Target { texel: Texel::Rgba8, exposure: f32::NAN, ..target };
     refused(0, &[own], FrameView { color: Some(small), ..view }, "exposure");
+    for channel in [f32::NAN, f32::INFINITY] {
+        let blend = Blend::Opaque([0.5, channel, 0.5]);
+        let color = Some(Target { blend, exposure: 1.0, ..small });
+        refused(0, &[own], FrameView { color, ..view }, "a background of");
+    }
     let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
     let odd = Target { pixels: Pixels::Buffer(odd), exposure: 1.0, ..small };
     refused(0, &[own], FrameView { color: Some(odd), ..view }, "multiple of 4");
@@ -311,10 +324,10 @@ fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
             None => f64::INFINITY,
         };
         let want = twin(&scene, &view, farthest);
-        for as_image in [false, true] {
+        for format in [None].into_iter().chain(DEPTH_FORMATS.map(Some)) {
             let buffer = Buffer::from_slice(&gpu, "mesh", &depths).unwrap();
-            let depth_in = if as_image {
-                let mut image = engine.image(vk::Format::D32_SFLOAT, 53, 41);
+            let depth_in = if let Some(format) = format {
+                let mut image = engine.image(format, 53, 41);
                 engine.write(&image, [53, 41], &depths);
                 engine.turn(&mut image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
                 Pixels::Image(image)
@@ -365,17 +378,28 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
     let mut frames = Frames::new(&gpu, limits).unwrap();
     let mut engine = Engine::new(&gpu, 1);
     let ids = Buffer::<u32>::zeroed(&gpu, "ids", camera.pixels() as usize).unwrap();
-    let mut depth = engine.image(vk::Format::D32_SFLOAT, 53, 41);
+    let mut images = DEPTH_FORMATS.map(|format| engine.image(format, 53, 41));
+    let mut image = engine.image(vk::Format::R32_UINT, 53, 41);
     let form = DepthForm::reversed_infinite(0.2);
-    let view = FrameView {
-        depth_form: form,
-        depth_out: Some(Pixels::Image(depth)),
-        ids: Some(Pixels::Buffer(BufferRange { buffer: ids.raw().handle(), offset: 0 })),
-        ..FrameView::new(camera)
+    let mut draw = |depth: ImageRegion, ids| {
+        let view = FrameView {
+            depth_form: form,
+            depth_out: Some(Pixels::Image(depth)),
+            ids: Some(ids),
+            ..FrameView::new(camera)
+        };
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
     };
-    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
-    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    // An image of every format has the same bits, and so has a buffer.
+    let in_buffer = Pixels::Buffer(BufferRange { buffer: ids.raw().handle(), offset: 0 });
+    for (depth, ids) in images.iter().zip([in_buffer, Pixels::Image(image), in_buffer]) {
+        draw(*depth, ids);
+    }
     let ids = ids.download().unwrap();
+    assert_eq!(engine.read(&mut image, [53, 41], 1), ids);
+    let [got, others @ ..] = images.each_mut().map(|image| engine.read(image, [53, 41], 1));
+    assert!(others.iter().all(|other| *other == got));
     // Which Gaussian it is the twin says too, and the depth is of that one.
     let (params, view) = (Params::from_scene(&scene).unwrap(), View::from_camera(&camera).rounded());
     let options = Options { active_degree: params.sh_degree, ..Default::default() };
@@ -383,7 +407,6 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
     let isects = Intersections::new(&projected, Tiling::new(53, 41, &options));
     let twin = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |_| f64::INFINITY);
     let want = median_depth(&params, &view, &twin.median, DepthAt::MaximumResponse);
-    let got = engine.read(&mut depth, [53, 41], 1);
     let (mut seen, mut nothing) = (0, 0);
     for (pixel, (&got, z)) in got.iter().zip(want).enumerate() {
         let got = f64::from(f32::from_bits(got));
@@ -650,22 +673,59 @@ fn a_model_of_half_width_takes_144_bytes_and_looks_the_same() {
     assert_eq!((&back.base.means, &back.base.opacities), (&scene.base.means, &scene.base.opacities));
 }
 
+/// The device as an engine would lend it, with counters before its functions.
+fn lent(gpu: &Gpu) -> Context {
+    let entry = unsafe { ash::Entry::load() }.unwrap();
+    let (instance, device) = counting::counted(&entry, gpu.instance(), gpu.device());
+    let lent = BorrowedDevice {
+        physical_device: gpu.physical_device(),
+        queue_family: gpu.queue_family(),
+        queue: unsafe { device.get_device_queue(gpu.queue_family(), 0) },
+        optional: gpu.features().clone(),
+        pipeline_cache: vk::PipelineCache::null(),
+        queue_lock: None,
+        labels: false,
+        memory_budget: None,
+        entry,
+        instance,
+        device,
+    };
+    unsafe { Context::borrow(lent) }.unwrap()
+}
+
 #[test]
-fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
-    let gpu = Gpu::new();
+fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
+    let owner = Gpu::new();
+    let gpu = lent(&owner);
     let scene = random_scene(21, 300, 80, 2);
     let model = Model::upload(&gpu, &scene, 0).unwrap();
-    let limits = Limits { in_flight: 3, views: 2, timings: true, ..wide(Limits::of(&model, 48, 40)) };
-    let mut frames = Frames::new(&gpu, limits).unwrap();
-    let engine = Engine::new(&gpu, 3);
-    let targets = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
+    let limits = Limits { in_flight: 3, views: 2, timings: true, depth_in: true, ..wide(Limits::of(&model, 48, 40)) };
+    let mut frames = Frames::new(&gpu, limits.clone()).unwrap();
+    let mut engine = Engine::new(&gpu, 3);
+    // Of each slot and eye a buffer, and an image for every second frame, in which a wall hides what is farther than 3 units.
+    let buffers = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
+    let mut images = [0, 1, 2].map(|_| [0, 1].map(|_| engine.image(vk::Format::R8G8B8A8_UNORM, 48, 40)));
+    let walls = Buffer::from_slice(&gpu, "wall", &[(0.2f32 / 3.0).to_bits(); 48 * 40]).unwrap();
+    let wall = BufferRange { buffer: walls.raw().handle(), offset: 0 };
+    let view = |n: u32, camera: Camera, buffer: &Float, image: ImageRegion| match n % 2 {
+        0 => FrameView { color: Some(buffer.target(Blend::Opaque(GREY))), ..FrameView::new(camera) },
+        _ => FrameView {
+            color: Some(Target { blend: Blend::Premultiplied, ..Target::new(Pixels::Image(image), Texel::Rgba8) }),
+            depth_in: Some(Pixels::Buffer(wall)),
+            ..FrameView::new(camera)
+        },
+    };
     let camera = |n: u32| {
         let mut camera = random_camera(16 + n % 33, 16 + n * 7 % 25);
         camera.translation.z += f64::from(n % 17) * 0.05;
         camera.rotation = DMat3::from_rotation_y(f64::from(n % 29) * 0.01) * camera.rotation;
         camera
     };
-    let mut checked = 0;
+    // The same alone, with nothing else on its way.
+    let mut calm = Frames::new(&gpu, Limits { in_flight: 1, ..limits }).unwrap();
+    let mut beside = Engine::new(&gpu, 1);
+    let mut alone = beside.image(vk::Format::R8G8B8A8_UNORM, 48, 40);
+    let (mut checked, mut hidden) = (0, 0);
     let (mut before, mut heap) = (gpu.counters(), 0);
     for n in 0..1000 {
         let slot = n % 3;
@@ -673,10 +733,24 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
         let eyes = [camera(n), camera(n + 500)];
         // The slot's last frame has run: some of them are looked at.
         if n >= 3 && n % 167 == 4 {
-            for (eye, target) in (0..).zip(&targets[slot as usize]) {
-                let want = rendered(&gpu, &scene, &camera(n - 3 + 500 * eye));
-                let got = target.pixels();
-                assert!(got.iter().zip(&want).all(|(g, w)| g[..3] == w[..3]), "frame {n}, eye {eye}");
+            for eye in 0..2 {
+                let seen = camera(n - 3 + 500 * eye as u32);
+                let size = [seen.width, seen.height];
+                if n % 2 == 1 {
+                    let want = rendered(&gpu, &scene, &seen);
+                    let got = buffers[slot as usize][eye].pixels();
+                    assert!(got.iter().zip(&want).all(|(g, w)| g[..3] == w[..3]), "frame {n}, eye {eye}");
+                } else {
+                    let mut draw = |view| {
+                        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+                        beside.run(|commands| unsafe { calm.record(commands, &frame) }.unwrap());
+                    };
+                    draw(view(1, seen, &buffers[0][0], alone));
+                    let want = beside.read(&mut alone, size, 1);
+                    assert_eq!(beside.read(&mut images[slot as usize][eye], size, 1), want, "frame {n}, eye {eye}");
+                    draw(FrameView { depth_in: None, ..view(1, seen, &buffers[0][0], alone) });
+                    hidden += usize::from(beside.read(&mut alone, size, 1) != want);
+                }
                 checked += 1;
             }
             assert_eq!(frames.report(slot).unwrap().needed, None);
@@ -685,20 +759,22 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing() {
             assert_eq!(blends, if gpu.info().timestamp_period > 0.0 { 2 } else { 0 });
             before = gpu.counters();
         }
-        let view = |eye: usize| FrameView {
-            color: Some(targets[slot as usize][eye].target(Blend::Opaque(GREY))),
-            ..FrameView::new(eyes[eye])
-        };
-        let (instances, views) = ([Instance::of(&model)], [view(0), view(1)]);
+        let of = |eye: usize| view(n, eyes[eye], &buffers[slot as usize][eye], images[slot as usize][eye]);
+        let (instances, views) = ([Instance::of(&model)], [of(0), of(1)]);
         let taken = TAKEN.get();
         unsafe { frames.record(commands, &Frame { slot, instances: &instances, views: &views }) }.unwrap();
-        // The lists of a slot grow in its first frame.
-        heap += if n < 3 { 0 } else { TAKEN.get() - taken };
+        // The lists of a slot grow in its first frame of either kind.
+        heap += if n < 6 { 0 } else { TAKEN.get() - taken };
         assert_eq!(gpu.counters(), before);
         engine.submit(slot);
     }
     engine.finish();
-    assert_eq!((heap, checked), (0, 12));
+    assert_eq!((heap, checked, hidden), (0, 12, 6));
+    drop((frames, calm, model, engine, beside, buffers, walls));
+    drop(gpu);
+    for (function, made, gone) in counting::counts() {
+        assert!(made > 0 && made == gone, "{function:?}: {made} were made, {gone} destroyed");
+    }
 }
 
 #[test]
@@ -727,7 +803,7 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
     assert!(needed > 1000 && report.intersections == 300 && report.visible > 100, "{report:?}");
     // In the order of depth Gaussians take as many places as they touch tiles. The last that finds room may find it for some of its
     // tiles only; of what comes before, every pixel is the twin's of these alone, and of what comes after there is nothing.
-    let tile = limits.policy.tile(&gpu);
+    let tile = limits.policy.tile(gpu.info());
     let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };
     let view = View::from_camera(&camera).rounded();
     let mut near = project(&Params::from_scene(&scene).unwrap(), &view, &options);
@@ -771,8 +847,8 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
     engine.finish();
     assert_eq!((frames.report(0).unwrap().needed, frames.report(1).unwrap().needed), (Some(needed), None));
     assert!(targets[1].pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
-    let plan = limits.plan(&gpu).bytes();
-    let more = Limits { intersections: Room::Bytes(1 << 20), ..limits }.plan(&gpu).bytes();
+    let plan = limits.plan(gpu.info()).bytes();
+    let more = Limits { intersections: Room::Bytes(1 << 20), ..limits }.plan(gpu.info()).bytes();
     assert!(more > plan + (900 << 10) && more < plan + (1200 << 10), "{plan} {more}");
 }
 
@@ -784,7 +860,7 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let room = model::Room { half, ..Default::default() };
         let before = gpu.memory().used;
         let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
-        let (planned, held) = (Model::plan(&gpu, &scene, room).bytes(), gpu.memory().used - before);
+        let (planned, held) = (Model::plan(gpu.info(), &scene, room).bytes(), gpu.memory().used - before);
         // A buffer for bindings that nobody uses, and the rounding of small ones.
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
         // Every one of them can be had by name.
@@ -803,9 +879,13 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let needs = Needs::of_scene(&scene, half);
         assert_eq!(needs, Needs::of(&model));
         let limits = Limits::for_needs(needs, 320, 200);
+        // Nor need there be a device: what is known of a physical one says the same.
+        let physical = unsafe { Context::describe(gpu.instance(), gpu.physical_device()) }.unwrap();
+        assert_eq!(Model::plan(&physical, &scene, room), Model::plan(gpu.info(), &scene, room));
+        assert_eq!(limits.plan(&physical), limits.plan(gpu.info()));
         let before = gpu.memory().used;
         let frames = Frames::new(&gpu, limits.clone()).unwrap();
-        let (planned, held) = (limits.plan(&gpu).bytes(), gpu.memory().used - before);
+        let (planned, held) = (limits.plan(gpu.info()).bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
         // But for an element each of the three kinds of gradient records.
         let (names, bytes) = named(frames.held());

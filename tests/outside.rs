@@ -16,8 +16,12 @@ use common::Gpu;
 use glam::{DMat4, DVec3, DVec4};
 use glint::{
     data::write_scene,
+    gpu::{Buffer, BufferRange, Pixels},
     pipelines::{
-        frames::{DepthForm, FrameView},
+        frames::{
+            Blend, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, SYNC_READ, SYNC_WRITTEN, Target,
+            Texel, Transform,
+        },
         model::Model,
         render::{Needs, RenderOptions, Renderer},
         views::Views,
@@ -30,6 +34,7 @@ use glint::{
 };
 
 const SIZE: [u32; 2] = [96, 72];
+const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 
 /// The longest is a first build of glint and all below it, optimised nowhere, on two cores that others use too.
 const LIMIT: Duration = Duration::from_secs(1800);
@@ -84,8 +89,8 @@ impl Case {
         self.folder.path().join(name)
     }
 
-    /// Runs a program on the case, and gives the pixels that it wrote.
-    fn pixels(&self, program: &Path, more: &[f64]) -> Vec<[f32; 4]> {
+    /// Runs a program on the case, and gives what it wrote: words, of a frame's pixels first.
+    fn words(&self, program: &Path, more: &[f64]) -> Vec<u32> {
         let matrices = [self.view, self.projection].map(|m| m.to_cols_array());
         let numbers: Vec<String> =
             SIZE.map(f64::from).iter().chain(matrices.iter().flatten()).chain(more).map(|v| format!("{v:?}")).collect();
@@ -93,9 +98,7 @@ impl Case {
         let files = ["numbers", "scene.ply", "out"].map(|name| self.path(name));
         println!("{}", done(Command::new(program).args(files)));
         let bytes = fs::read(self.path("out")).unwrap();
-        assert_eq!(bytes.len(), (16 * SIZE[0] * SIZE[1]) as usize);
-        let float = |p: &[u8], c: usize| f32::from_le_bytes([p[4 * c], p[4 * c + 1], p[4 * c + 2], p[4 * c + 3]]);
-        bytes.chunks_exact(16).map(|p| [0, 1, 2, 3].map(|c| float(p, c))).collect()
+        bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
     }
 }
 
@@ -117,7 +120,9 @@ fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     let corner = |x: f64, y: f64, z: f64| case.camera.unproject(x, y, z);
     let corners = [corner(10.3, 8.4, 1.0), corner(80.2, 5.1, 6.0), corner(10.3, 66.7, 1.0), corner(80.2, 69.9, 6.0)];
     let numbers: Vec<f64> = corners.iter().flat_map(|c| c.to_array()).collect();
-    let got = case.pixels(&target().join("debug/mesh"), &numbers);
+    let got = case.words(&target().join("debug/mesh"), &numbers);
+    assert_eq!(got.len(), 4 * PIXELS);
+    let got: Vec<_> = got.chunks_exact(4).map(|p| [0, 1, 2, 3].map(|c| f32::from_bits(p[c]))).collect();
 
     // The quad in float64: camera z where a pixel's ray meets one of its triangles, and how far inside of it that is.
     let eye = case.camera.eye();
@@ -216,21 +221,18 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     compile.arg(within("tests/outside/frame.c")).arg("-I").arg(installed.join("include"));
     compile.arg(installed.join("lib/libglint.a")).args(["-lvulkan", "-lpthread", "-ldl", "-lm"]);
     done(&mut compile);
-    let got = case.pixels(&program, &[]);
+    let got = case.words(&program, &[]);
+    assert_eq!(got.len(), (4 + 4 + 1 + 1) * PIXELS);
     // With the shared library, by what pkg-config makes of its file.
     let mut ask = Command::new("pkg-config");
     ask.args(["--cflags", "--libs", "glint"]).env("PKG_CONFIG_PATH", installed.join("lib/pkgconfig"));
-    if Command::new("pkg-config").arg("--version").output().is_ok() {
-        let flags = done(&mut ask);
-        let program = case.path("frame-shared");
-        let mut compile = Command::new("cc");
-        compile.args(STRICT).arg(within("tests/outside/frame.c")).args(flags.split_whitespace()).arg("-lvulkan");
-        done(compile.arg(format!("-Wl,-rpath,{}", installed.join("lib").display())).arg("-o").arg(&program));
-        assert!(done(Command::new("ldd").arg(&program)).contains("libglint.so => "));
-        assert!(case.pixels(&program, &[]) == got, "the shared library draws another frame");
-    } else {
-        println!("there is no pkg-config to ask");
-    }
+    let flags = done(&mut ask);
+    let program = case.path("frame-shared");
+    let mut compile = Command::new("cc");
+    compile.args(STRICT).arg(within("tests/outside/frame.c")).args(flags.split_whitespace()).arg("-lvulkan");
+    done(compile.arg(format!("-Wl,-rpath,{}", installed.join("lib").display())).arg("-o").arg(&program));
+    assert!(done(Command::new("ldd").arg(&program)).contains("libglint.so => "));
+    assert!(case.words(&program, &[]) == got, "the shared library draws another frame");
     // The shared library has the same functions, every one of the header and none more.
     let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
     let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
@@ -248,14 +250,61 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
         .filter(|name| name.starts_with("glint_"))
         .collect();
     assert_eq!(exported, declared);
+    // Barriers are those of the Rust side.
+    for (name, (stage, access)) in [("READ", SYNC_READ), ("WRITTEN", SYNC_WRITTEN)] {
+        for line in [
+            format!("#define GLINT_SYNC_{name}_STAGE VK_PIPELINE_STAGE_{stage:?}_BIT"),
+            format!("#define GLINT_SYNC_{name}_ACCESS VK_ACCESS_{access:?}_BIT"),
+        ] {
+            assert!(header.lines().any(|l| l == line), "{line}");
+        }
+    }
 
     let gpu = Gpu::new();
     let views = Views::upload(&gpu, &[case.camera], &[]).unwrap();
     let model = Model::upload(&gpu, &case.scene, 0).unwrap();
     let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
     let want = renderer.render(&model, &views, 0, [0.5, 0.25, 0.75]).unwrap().color;
-    let got: Vec<f32> = got.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let (plain, both) = got.split_at(4 * PIXELS);
+    let got: Vec<f32> = plain.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]].map(f32::from_bits)).collect();
     // The camera comes back from matrices in float64, and is rounded to the float32 that it was.
     let off = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(off == 0.0, "{off:e}");
+
+    // Two instances behind a wall, as C has them in images; here in buffers.
+    let buffer = |words: usize| Buffer::<u32>::zeroed(&gpu, "target", words * PIXELS).unwrap();
+    let [color, depths, ids] = [4, 1, 1].map(buffer);
+    let wall = Buffer::from_slice(&gpu, "wall", &[(0.2f32 / 3.0).to_bits(); PIXELS]).unwrap();
+    let pixels = |buffer: &Buffer<u32>| Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 });
+    let target =
+        Target { light: Light::Linear, blend: Blend::Premultiplied, ..Target::new(pixels(&color), Texel::Rgba32F) };
+    let view = FrameView {
+        near: 0.2,
+        color: Some(target),
+        depth_in: Some(pixels(&wall)),
+        depth_out: Some(pixels(&depths)),
+        ids: Some(pixels(&ids)),
+        ..FrameView::from_matrices(case.view, case.projection, SIZE[0], SIZE[1]).unwrap()
+    };
+    let limits = Limits {
+        gaussians: 2 * model.capacity(),
+        instances: 2,
+        depth_in: true,
+        depth_out: true,
+        texel: Texel::Rgba32F,
+        ..Limits::of(&model, SIZE[0], SIZE[1])
+    };
+    let frames = Frames::new(&gpu, limits).unwrap();
+    let transform = Transform { translation: DVec3::X, scale: 0.5, ..Transform::IDENTITY };
+    let instances = [Instance::of(&model), Instance { transform, ..Instance::of(&model) }];
+    let mut recorder = gpu.recorder("both").unwrap();
+    let frame = Frame { slot: 0, instances: &instances, views: &[view] };
+    unsafe { frames.record_into(&mut recorder, &frame) }.unwrap();
+    recorder.submit().unwrap().wait().unwrap();
+    let want: Vec<u32> = [color, depths, ids].iter().flat_map(|buffer| buffer.download().unwrap()).collect();
+    assert!(both == want, "{} words differ", both.iter().zip(&want).filter(|(a, b)| a != b).count());
+    // Both are seen.
+    let ids = &want[5 * PIXELS..];
+    let of = |k: u32| ids.iter().filter(|&&id| id != u32::MAX && id / model.capacity() == k).count();
+    assert!(of(0) > 50 && of(1) > 50, "{} {}", of(0), of(1));
 }

@@ -19,9 +19,9 @@
  * also where the library fills the rest; another header's is refused. Set what you do not use, and `reserved`, to 0. Structures without
  * `size` stay as they are.
  *
- * Barriers. glint copies from and to your images and buffers, so they must be available to VK_PIPELINE_STAGE_TRANSFER_BIT with
- * VK_ACCESS_TRANSFER_READ_BIT (depth_in; color too with GLINT_OVER) or VK_ACCESS_TRANSFER_WRITE_BIT (color, depth_out, ids) before the
- * recorded commands, in the layout that is said. Afterwards wait for TRANSFER / TRANSFER_WRITE. Layouts stay. What is glint's own is
+ * Barriers. glint copies from and to your images and buffers, so they must be available to GLINT_SYNC_READ_STAGE with
+ * GLINT_SYNC_READ_ACCESS (depth_in; color too with GLINT_OVER) or GLINT_SYNC_WRITTEN_STAGE with GLINT_SYNC_WRITTEN_ACCESS (color,
+ * depth_out, ids) before the recorded commands, in the layout that is said. Afterwards wait for the latter. Layouts stay. What is glint's own is
  * glint's affair, from frame to frame on one queue. A queue without graphics copies no depth images: give buffers there.
  */
 #ifndef GLINT_H
@@ -35,7 +35,13 @@
 extern "C" {
 #endif
 
-#define GLINT_VERSION 2
+#define GLINT_VERSION 3
+
+/* What glint does with your images and buffers, and where: see Barriers. */
+#define GLINT_SYNC_READ_STAGE VK_PIPELINE_STAGE_TRANSFER_BIT
+#define GLINT_SYNC_READ_ACCESS VK_ACCESS_TRANSFER_READ_BIT
+#define GLINT_SYNC_WRITTEN_STAGE VK_PIPELINE_STAGE_TRANSFER_BIT
+#define GLINT_SYNC_WRITTEN_ACCESS VK_ACCESS_TRANSFER_WRITE_BIT
 
 typedef struct glint_context glint_context;
 typedef struct glint_scene glint_scene;
@@ -95,6 +101,8 @@ typedef struct glint_memory {
     uint32_t size;
     uint32_t reserved;
     uint64_t used, budget; /* bytes of device memory that the context's buffers have, and that they may have together now */
+    uint64_t taken;        /* what was taken of the device for them: buffers of up to 4 MiB share blocks of so much; within the budget too,
+                            * but for a first block */
 } glint_memory;
 
 int32_t glint_context_memory(const glint_context *context, glint_memory *memory);

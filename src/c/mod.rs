@@ -23,7 +23,9 @@ pub use types::*;
 use crate::{
     Error, Result,
     data::{parse_scene, read_scene},
-    gpu::{BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, QueueLock, Recorder},
+    gpu::{
+        BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, Memory, QueueLock, Recorder,
+    },
     pipelines::{
         frames::{Frame, FrameView, Frames, Instance, Limits},
         model::{Model, Room, Upload},
@@ -329,9 +331,9 @@ pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let memory = of(context, "context")?.0.memory();
+            let Memory { used, budget, taken } = of(context, "context")?.0.memory();
             let size = size::<glint_memory>();
-            fill(out, "memory", glint_memory { size, reserved: 0, used: memory.used, budget: memory.budget })
+            fill(out, "memory", glint_memory { size, reserved: 0, used, budget, taken })
         }
     })
 }
@@ -421,7 +423,7 @@ pub unsafe extern "C" fn glint_upload_bytes(
     guarded(|| {
         // SAFETY: by the contract above.
         let (context, scene) = unsafe { (&of(context, "context")?.0, &of(scene, "scene")?.0) };
-        bytes = Model::plan(context, scene, room(half)).bytes();
+        bytes = Model::plan(context.info(), scene, room(half)).bytes();
         Ok(())
     });
     bytes
@@ -590,7 +592,7 @@ pub unsafe extern "C" fn glint_frames_bytes(context: *const glint_context, limit
     let mut bytes = 0;
     guarded(|| {
         // SAFETY: by the contract above.
-        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(&of(context, "context")?.0).bytes() };
+        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(of(context, "context")?.0.info()).bytes() };
         Ok(())
     });
     bytes

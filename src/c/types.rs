@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Of `glint.h`.
-pub const GLINT_VERSION: u32 = 2;
+pub const GLINT_VERSION: u32 = 3;
 
 /// A device, see [`Context`].
 pub struct glint_context(pub(super) Context);
@@ -103,6 +103,8 @@ pub struct glint_memory {
     pub used: u64,
     /// Bytes that they may have together.
     pub budget: u64,
+    /// Bytes that were taken of the device for them.
+    pub taken: u64,
 }
 
 /// See [`Held`](crate::pipelines::plan::Held).

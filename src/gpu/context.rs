@@ -9,13 +9,16 @@ use std::{
 };
 
 use ash::{ext, khr, vk};
-use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use gpu_allocator::{
+    AllocationSizes,
+    vulkan::{Allocator, AllocatorCreateDesc},
+};
 
 use super::{
     DeviceInfo, Feature, GpuError, Recorder, Requirements, Twin,
     device::{self, Limits, Physical, Subgroups},
     instance::{create_instance, create_messenger},
-    memory::Budget,
+    memory::{BLOCK, Budget},
     pipeline::Made,
     recorder::{CommandSlot, destroy_slot},
 };
@@ -34,7 +37,7 @@ pub struct ContextOptions {
     /// what a CPU device's own subgroups do not reach.
     #[cfg(feature = "software-subgroups")]
     pub software_subgroups: bool,
-    /// Bytes of device memory that buffers may take together, where that is less than the device has to give.
+    /// Bytes of device memory that buffers may take together, where that is less than the device has to give. See [`Memory`](super::Memory).
     pub memory_budget: Option<u64>,
     /// What stands in for kernels on the host. A stage with a twin makes the recorder submit what it has and wait, so this is
     /// for finding a stage that a driver compiles wrongly, not for work.
@@ -194,6 +197,24 @@ impl Context {
         device::pick(instance, options).map(|(physical, _)| (physical.handle, physical.offered))
     }
 
+    /// What a physical device of the caller's instance is to glint, before a device is made of it: what a scene takes there follows from
+    /// this, see [`Model::plan`](crate::pipelines::model::Model::plan) and [`Limits::plan`](crate::pipelines::frames::Limits::plan).
+    ///
+    /// # Errors
+    /// What [`Context::borrow`] would say of it.
+    ///
+    /// # Safety
+    /// `physical_device` comes from `instance`.
+    pub unsafe fn describe(
+        instance: &ash::Instance,
+        physical_device: vk::PhysicalDevice,
+    ) -> Result<DeviceInfo, GpuError> {
+        // SAFETY: by the contract above.
+        let physical = unsafe { Physical::query(instance, physical_device) };
+        let subgroups = physical.check(&ContextOptions::default(), &physical.offered)?;
+        Ok(physical.info(Some(subgroups), &physical.offered, physical.timestamp_bits()))
+    }
+
     /// Opens a device of our own.
     pub fn new(options: &ContextOptions) -> Result<Self, GpuError> {
         let (entry, instance, debug) = create_instance(options.validation, &[])?;
@@ -315,7 +336,7 @@ impl Context {
             physical_device,
             debug_settings: Default::default(),
             buffer_device_address: false,
-            allocation_sizes: Default::default(),
+            allocation_sizes: AllocationSizes::new(BLOCK, BLOCK),
         })
         .map_err(|source| GpuError::Allocation { name: "allocator".into(), bytes: 0, source })?;
         let context = Context(Arc::new(Inner {

@@ -28,13 +28,20 @@ pub enum Location {
     Upload,
 }
 
+/// Bytes of the blocks of memory that small buffers share. A buffer that is larger has memory of its own, which goes back to the device
+/// with it. It is the least that gpu-allocator makes: with its usual 256 and 64 MiB a scene of 1 MiB would keep so much from its host.
+pub(super) const BLOCK: u64 = 4 << 20;
+
 /// Device memory, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// What the context's buffers may take together now: what they have, and what nobody has.
+    /// What the context's buffers may take together now: what they have, and what nobody has. Neither `used` nor `taken` goes beyond,
+    /// but for a first block.
     pub budget: u64,
     /// What they have.
     pub used: u64,
+    /// What was taken of the device for them: buffers of up to 4 MiB share blocks of so much.
+    pub taken: u64,
 }
 
 /// Keeps buffers within what the device has to give. A driver may move what is beyond to the host's memory, where everything
@@ -49,6 +56,8 @@ pub(super) struct Budget {
     /// Host memory is of the same heap.
     unified: bool,
     used: AtomicU64,
+    /// Changes with the allocator only, under its lock.
+    taken: AtomicU64,
 }
 
 impl Budget {
@@ -62,7 +71,7 @@ impl Budget {
             most = host_memory().unwrap_or(most);
         }
         let most = cap.map_or(most, |cap| cap.min(most));
-        Budget { heap, most, shared, unified: heaps.len() == 1, used: AtomicU64::new(0) }
+        Budget { heap, most, shared, unified: heaps.len() == 1, used: AtomicU64::new(0), taken: AtomicU64::new(0) }
     }
 
     fn counts(&self, location: Location) -> bool {
@@ -77,26 +86,26 @@ fn host_memory() -> Option<u64> {
     kib.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What a context that has `used` bytes may have in all, at most `most`, where the driver gives the process `heap_budget` and it has
+/// What a context that has taken `taken` bytes may have in all, at most `most`, where the driver gives the process `heap_budget` and it has
 /// `heap_usage` already, with what is not glint's.
-fn budget(most: u64, used: u64, heap_budget: u64, heap_usage: u64) -> u64 {
-    most.min(used.saturating_add(heap_budget.saturating_sub(heap_usage)))
+fn budget(most: u64, taken: u64, heap_budget: u64, heap_usage: u64) -> u64 {
+    most.min(taken.saturating_add(heap_budget.saturating_sub(heap_usage)))
 }
 
 impl Context {
     /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
     /// has `VK_EXT_memory_budget`.
     pub fn memory(&self) -> Memory {
-        let Budget { heap, most, shared, ref used, .. } = self.0.budget;
-        let used = used.load(Ordering::Relaxed);
+        let Budget { heap, most, shared, ref used, ref taken, .. } = self.0.budget;
+        let (used, taken) = (used.load(Ordering::Relaxed), taken.load(Ordering::Relaxed));
         if !shared {
-            return Memory { budget: most, used };
+            return Memory { budget: most, used, taken };
         }
         let mut heaps = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut heaps);
         // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
         unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
-        Memory { budget: budget(most, used, heaps.heap_budget[heap], heaps.heap_usage[heap]), used }
+        Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, taken }
     }
 }
 
@@ -134,6 +143,8 @@ pub struct RawBuffer {
     pub(super) unused: bool,
     name: String,
     allocation: Option<Allocation>,
+    /// Of the memory that the budget is about.
+    counts: bool,
     /// In whose memory it lies, where it has none of its own.
     over: Option<Arc<RawBuffer>>,
     context: Context,
@@ -222,12 +233,11 @@ impl<T: Pod> Buffer<T> {
         let handle = without_memory(context, bytes)?;
         // SAFETY: the handle was made above; it is destroyed here on failure and in Drop otherwise.
         unsafe {
-            let allocated = allocate(context, handle, name, location);
-            let allocation = match allocated {
+            let allocation = match allocate(context, handle, name, location) {
                 Ok(allocation) => allocation,
-                Err(source) => {
+                Err(error) => {
                     device.destroy_buffer(handle, None);
-                    return Err(GpuError::Allocation { name: name.into(), bytes, source });
+                    return Err(error);
                 }
             };
             let bound = device.bind_buffer_memory(handle, allocation.memory(), allocation.offset());
@@ -237,6 +247,7 @@ impl<T: Pod> Buffer<T> {
                 unused,
                 name: name.into(),
                 allocation: Some(allocation),
+                counts: context.0.budget.counts(location),
                 over: None,
                 context: context.clone(),
                 _share: share,
@@ -271,6 +282,7 @@ impl<T: Pod> Buffer<T> {
             unused: false,
             name: name.into(),
             allocation: None,
+            counts: false,
             over: Some(parent.raw.clone()),
             context: context.clone(),
             _share: Share::take(context, name, 0, Location::Device)?,
@@ -410,6 +422,8 @@ fn without_memory(context: &Context, bytes: u64) -> Result<vk::Buffer, GpuError>
     unsafe { context.0.device.create_buffer(&info, None) }.check("vkCreateBuffer")
 }
 
+/// Within the budget, block by block.
+///
 /// # Safety
 /// `handle` is a live buffer of the context's device without memory.
 unsafe fn allocate(
@@ -417,18 +431,23 @@ unsafe fn allocate(
     handle: vk::Buffer,
     name: &str,
     location: Location,
-) -> Result<Allocation, gpu_allocator::AllocationError> {
+) -> Result<Allocation, GpuError> {
     // SAFETY: by the contract above.
     let requirements = unsafe { context.0.device.get_buffer_memory_requirements(handle) };
-    let mut guard = context
-        .0
-        .allocator
-        .lock()
-        .map_err(|_| gpu_allocator::AllocationError::Internal("allocator poisoned".into()))?;
-    let Some(allocator) = guard.as_mut() else {
-        return Err(gpu_allocator::AllocationError::Internal("the device is gone".into()));
-    };
-    allocator.allocate(&AllocationCreateDesc {
+    let bytes = requirements.size;
+    let failed = |source| GpuError::Allocation { name: name.into(), bytes, source };
+    let internal = |what: &str| failed(gpu_allocator::AllocationError::Internal(what.into()));
+    let most = context.memory().budget;
+    let mut guard = context.0.allocator.lock().map_err(|_| internal("allocator poisoned"))?;
+    let Some(allocator) = guard.as_mut() else { return Err(internal("the device is gone")) };
+    let counts = context.0.budget.counts(location);
+    let taken = context.0.budget.taken.load(Ordering::Relaxed);
+    let over = || GpuError::OverBudget { name: name.into(), bytes, used: taken, budget: most };
+    if counts && bytes > BLOCK && taken.saturating_add(bytes) > most {
+        return Err(over());
+    }
+    let before = allocator.capacity();
+    let description = AllocationCreateDesc {
         name,
         requirements,
         location: match location {
@@ -438,7 +457,18 @@ unsafe fn allocate(
         },
         linear: true,
         allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-    })
+    };
+    let allocation = allocator.allocate(&description).map_err(failed)?;
+    let more = allocator.capacity().saturating_sub(before);
+    // A budget of less than a block has room for small buffers all the same.
+    if counts && more > 0 && taken > 0 && taken.saturating_add(more) > most {
+        allocator.free(allocation).map_err(failed)?;
+        return Err(over());
+    }
+    if counts {
+        context.0.budget.taken.fetch_add(more, Ordering::Relaxed);
+    }
+    Ok(allocation)
 }
 
 impl Drop for RawBuffer {
@@ -448,7 +478,12 @@ impl Drop for RawBuffer {
         if let (Some(allocation), Ok(mut guard)) = (self.allocation.take(), self.context.0.allocator.lock())
             && let Some(allocator) = guard.as_mut()
         {
+            let before = allocator.capacity();
             let _ = allocator.free(allocation);
+            if self.counts {
+                let less = before.saturating_sub(allocator.capacity());
+                self.context.0.budget.taken.fetch_sub(less, Ordering::Relaxed);
+            }
         }
     }
 }

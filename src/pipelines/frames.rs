@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, BufferRange, Context, GpuError, Kept, Location, Pixels, Recorder, StageTime},
+    gpu::{Buffer, BufferRange, Context, DeviceInfo, GpuError, Kept, Location, Pixels, Recorder, StageTime},
     scene::Camera,
     stages::{
         WORKGROUP,
@@ -146,8 +146,8 @@ impl Limits {
         .max(1)
     }
 
-    fn raster(&self, context: &Context) -> RasterOptions {
-        let tile = self.policy.tile(context);
+    fn raster(&self, device: &DeviceInfo) -> RasterOptions {
+        let tile = self.policy.tile(device);
         RasterOptions {
             splats: self.gaussians.max(1),
             pixels: self.pixels(),
@@ -162,9 +162,9 @@ impl Limits {
         }
     }
 
-    /// What frames of these limits hold on the device, beside the models.
-    pub fn plan(&self, context: &Context) -> Plan {
-        Raster::plan(&self.raster(context)).and(FrameBuffers::plan(self))
+    /// What frames of these limits hold on a device, beside the models.
+    pub fn plan(&self, device: &DeviceInfo) -> Plan {
+        Raster::plan(&self.raster(device)).and(FrameBuffers::plan(self))
     }
 }
 
@@ -471,7 +471,7 @@ impl Frames {
             Ok(Slot { kept, report })
         };
         Ok(Frames {
-            raster: Raster::new(context, limits.raster(context))?,
+            raster: Raster::new(context, limits.raster(context.info()))?,
             stages: ModelStages::new(context, needs, &options)?,
             resolve: resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP })?,
             buffers: FrameBuffers::new(context, &limits)?,
@@ -628,6 +628,11 @@ impl Frames {
                 within("words for a texel", target.texel.words().into(), limits.texel.words().into())?;
                 if !(target.exposure >= 0.0 && target.exposure.is_finite()) {
                     return Err(Error::Usage(format!("an exposure of {}, expected 0 or more", target.exposure)));
+                }
+                if let Blend::Opaque(colour) = target.blend
+                    && !colour.iter().all(|channel| channel.is_finite())
+                {
+                    return Err(Error::Usage(format!("a background of {colour:?}, expected finite numbers")));
                 }
             }
             if view.depth_in.is_some() && !limits.depth_in {

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, quads, sh_planes},
+    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, quads, sh_planes},
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
@@ -101,7 +101,7 @@ pub(super) fn moments_of(packed: bool) -> usize {
 }
 
 /// Planes of moments beside so many: whole quads of them where a quad has two.
-fn moment_planes(planes: usize, packed: bool) -> usize {
+pub(crate) fn moment_planes(planes: usize, packed: bool) -> usize {
     if packed { planes } else { 2 * 4 * quads(planes) }
 }
 
@@ -120,7 +120,7 @@ pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
 pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> u64 {
     let moments = [moment_planes(GEOMETRY_PLANES, packed), sh_moments(sh_degree, packed, newton)];
     let planes = [GEOMETRY_PLANES, sh_planes(sh_degree)].into_iter().chain(moments);
-    planes.map(|planes| (size_of::<[f32; 4]>() * quads(planes)) as u64).sum()
+    planes.map(bytes).sum()
 }
 
 /// Planes beside a segment's own: moments of what learns, or gradients.

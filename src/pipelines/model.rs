@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
+    gpu::{Buffer, Context, DeviceInfo, GpuError, Location, Recorder, Unused},
     scene::{
         Gaussians, Lobes, Scene, Supplement,
         layout::{self, GEOMETRY_PLANES, LOBE_PLANES, MEAN},
@@ -185,6 +185,11 @@ impl Room {
         [GEOMETRY_PLANES, if self.half { sh.div_ceil(2) } else { sh }, lobes]
     }
 
+    /// Bytes of a Gaussian's geometry, harmonics and lobe.
+    pub(crate) fn bytes(&self, segment: Segment, sh_degree: u32) -> [u64; 3] {
+        self.planes(segment, sh_degree).map(layout::bytes)
+    }
+
     /// Degrees of the harmonics of each segment.
     fn degrees(&self, scene: &Scene) -> [u32; 2] {
         let base = scene.base.sh_degree;
@@ -193,10 +198,10 @@ impl Room {
     }
 
     /// Gaussians of a page.
-    fn page_limit(&self, context: &Context, sh_degree: u32) -> u32 {
+    fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
         // A page's largest buffer holds two moments of every SH plane.
         let quads = 2 * layout::quads(layout::sh_planes(sh_degree).max(GEOMETRY_PLANES));
-        let fits = (context.info().max_storage_bytes / (16 * quads as u64)).min(u64::from(u32::MAX)) as u32;
+        let fits = (device.max_storage_bytes / (16 * quads as u64)).min(u64::from(u32::MAX)) as u32;
         self.page.unwrap_or(u32::MAX).min(fits / WORKGROUP * WORKGROUP).max(1)
     }
 }
@@ -236,20 +241,18 @@ impl Model {
         Self::upload_around(context, DVec3::ZERO, scene, room)
     }
 
-    /// What a model of `scene` will hold on the device.
-    pub fn plan(context: &Context, scene: &Scene, room: Room) -> Plan {
+    /// What a model of `scene` will hold on a device.
+    pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
         let degrees = room.degrees(scene);
         let capacities = room.capacities(counts_of(scene));
-        let limit = room.page_limit(context, degrees[0].max(degrees[1]));
+        let limit = room.page_limit(device, degrees[0].max(degrees[1]));
         let page_count: usize = capacities.iter().map(|capacity| capacity.div_ceil(limit) as usize).sum();
         let planned = |name, elements: u64, element_bytes| Planned { name, elements, element_bytes };
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
             let names = NAMES[segment as usize];
-            let rows = names.into_iter().zip(room.planes(segment, degrees[segment as usize]));
-            let quad = size_of::<[f32; 4]>();
-            let rows =
-                rows.map(|(name, planes)| planned(name, u64::from(capacity), (layout::quads(planes) * quad) as u64));
+            let rows = names.into_iter().zip(room.bytes(segment, degrees[segment as usize]));
+            let rows = rows.map(|(name, bytes)| planned(name, u64::from(capacity), bytes));
             plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
         }
         plan.0.extend([
@@ -281,7 +284,7 @@ impl Model {
         let degrees = room.degrees(scene);
         let sh_degree = degrees[0].max(degrees[1]);
         let counts = counts_of(scene);
-        let page_limit = room.page_limit(context, sh_degree);
+        let page_limit = room.page_limit(context.info(), sh_degree);
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
             let sh_degree = degrees[segment as usize];
             let [geometry, sh, lobes] = room.planes(segment, sh_degree);

@@ -369,7 +369,7 @@ impl Raster {
     /// # Errors
     /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`], see [`GpuError::is_no_room`], and those of Vulkan.
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
-        let tile = options.policy.tile(context);
+        let tile = options.policy.tile(context.info());
         let TileShape { width: tile_width, height: tile_height, pixels: lane_pixels } = tile;
         let workgroup_size = WORKGROUP;
         let blend_spec = blend::Spec {

@@ -143,7 +143,7 @@ pub(super) struct Placed<'a> {
 
 impl ModelStages {
     pub fn new(context: &Context, needs: Needs, options: &RenderOptions) -> Result<Self, GpuError> {
-        let tile = options.policy.tile(context);
+        let tile = options.policy.tile(context.info());
         let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
             let has_lobes = segment == Segment::Supplement;
             let degrees = if has_lobes { &needs.lobe_degrees } else { &needs.degrees };
@@ -295,7 +295,7 @@ pub struct Rendered {
 impl Renderer {
     /// For any of `views`. Waits.
     pub fn new(context: &Context, needs: Needs, views: &Views, options: RenderOptions) -> Result<Self, GpuError> {
-        let tile = options.policy.tile(context);
+        let tile = options.policy.tile(context.info());
         let grids = views.cameras.iter().map(|c| Grid::new(tile, 0, 1, c.width, c.height).tiles());
         let raster_options = RasterOptions {
             splats: needs.gaussians.max(1),

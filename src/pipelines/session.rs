@@ -2,7 +2,7 @@
 
 pub use super::raster::Reduction;
 use super::raster::TileShape;
-use crate::gpu::Context;
+use crate::gpu::{Context, DeviceInfo};
 
 /// Which variant of the kernels runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -19,8 +19,8 @@ pub struct Policy {
 
 impl Policy {
     /// The shape of a tile: what was asked for, or what suits the device's subgroups.
-    pub fn tile(&self, context: &Context) -> TileShape {
-        self.tile.unwrap_or_else(|| TileShape::for_subgroup(context.info().subgroup_size))
+    pub fn tile(&self, device: &DeviceInfo) -> TileShape {
+        self.tile.unwrap_or_else(|| TileShape::for_subgroup(device.subgroup_size))
     }
 }
 

@@ -5,16 +5,17 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::{
-    gpu::Context,
+    gpu::DeviceInfo,
     pipelines::{
         frames::Limits,
-        model::{Model, Room},
+        learn::{moment_planes, sh_moments},
+        model::{Model, Room, Segment},
         plan::Plan,
         render::Needs,
     },
     scene::{
         Scene,
-        layout::{GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+        layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
     },
 };
 
@@ -75,25 +76,22 @@ pub struct RenderPlan {
 
 impl RenderPlan {
     /// Of one view of `width` × `height` pixels. `half`: harmonics of half width.
-    pub fn of(context: &Context, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
-        let model_of = |half| Model::plan(context, scene, Room { half, ..Default::default() });
+    pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
+        let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
-        let (model, frames) = (model_of(half), limits.plan(context));
+        let (model, frames) = (model_of(half), limits.plan(device));
         let more = |change: &dyn Fn(&mut Limits)| {
             let mut other = limits.clone();
             change(&mut other);
-            difference(&other.plan(context), &frames)
+            difference(&other.plan(device), &frames)
         };
         let degree = scene.base.sh_degree;
         let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
         let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len() as u64);
         let gaussians = scene.base.len() as u64 + supplementary;
-        let bytes_of = |planes: usize| 4 * planes as u64;
-        let harmonics = |degree| match half {
-            true => bytes_of(sh_planes(degree).div_ceil(2)),
-            false => bytes_of(sh_planes(degree)),
-        };
-        let (geometry, lobe) = (bytes_of(GEOMETRY_PLANES), bytes_of(LOBE_PLANES));
+        let room = Room { half, ..Default::default() };
+        let harmonics = |degree| room.bytes(Segment::Base, degree)[1];
+        let [geometry, _, lobe] = room.bytes(Segment::Supplement, lobe_degree);
         let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
         let all = |bytes: u64| (bytes * gaussians) as i64;
         // Of what is different for the two kinds.
@@ -146,19 +144,19 @@ impl RenderPlan {
                 "one colour, or blended over the target".into(),
                 16 * i64::from(width) * i64::from(height),
             ),
-            feature(
-                "moments of what learns",
-                false,
-                "nothing learns while it is rendered".into(),
-                all(2 * geometry) + both(&|degree| bytes_of(sh_planes(degree) + 3)) + (2 * supplementary * lobe) as i64,
-            ),
+            feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
+                let beside = |planes| layout::bytes(moment_planes(planes, false));
+                all(beside(GEOMETRY_PLANES))
+                    + both(&|degree| layout::bytes(sh_moments(degree, false, true)))
+                    + (supplementary * beside(LOBE_PLANES)) as i64
+            }),
         ]);
         let bytes = model.bytes() + frames.bytes();
         let many = 1 << 20;
         let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many)) as f64 / f64::from(many);
         let pixels = f64::from(width) * f64::from(height);
         RenderPlan {
-            device: context.info().name.clone(),
+            device: device.name.clone(),
             width,
             height,
             in_flight: limits.in_flight,

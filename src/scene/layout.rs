@@ -30,6 +30,11 @@ pub const fn quads(planes: usize) -> usize {
     planes.div_ceil(4)
 }
 
+/// Bytes that `planes` planes of a Gaussian take on the device: whole quads.
+pub const fn bytes(planes: usize) -> u64 {
+    (size_of::<[f32; 4]>() * quads(planes)) as u64
+}
+
 /// Where plane p of a place lies among the numbers of a page of `stride` places.
 pub const fn at(p: usize, stride: usize, place: usize) -> usize {
     4 * (p / 4 * stride + place) + p % 4

@@ -25,6 +25,7 @@ const KINDS: [[&CStr; 2]; 9] = [
     [c"vkCreateComputePipelines", c"vkDestroyPipeline"],
 ];
 const PIPELINES: usize = KINDS.len() - 1;
+const ALLOCATIONS: usize = 1;
 
 /// Of each kind, and of what is told to debuggers: the driver's or a layer's functions.
 static REAL: [[AtomicUsize; 2]; KINDS.len()] = [const { [const { AtomicUsize::new(0) }; 2] }; KINDS.len()];
@@ -33,6 +34,8 @@ static REAL_ADDRESSES: [AtomicUsize; 2] = [const { AtomicUsize::new(0) }; 2];
 /// Made and destroyed.
 static COUNTS: [[AtomicU64; 2]; KINDS.len()] = [const { [const { AtomicU64::new(0) }; 2] }; KINDS.len()];
 static HEARD: Mutex<Vec<Told>> = Mutex::new(Vec::new());
+/// Handles of memory, and its bytes.
+static MEMORY: Mutex<Vec<(u64, u64)>> = Mutex::new(Vec::new());
 
 /// What debuggers are told.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -49,11 +52,18 @@ pub fn counts() -> impl Iterator<Item = (&'static CStr, u64, u64)> {
 }
 
 /// Since the program began.
+#[allow(dead_code, reason = "not every test listens")]
 pub fn heard() -> Vec<Told> {
     HEARD.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
-/// Instance and device with the counters before the device's functions. Of one device in a program.
+/// Bytes of memory that the device has given and not got back.
+#[allow(dead_code, reason = "not every test looks at memory")]
+pub fn memory() -> u64 {
+    MEMORY.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(_, bytes)| bytes).sum()
+}
+
+/// Instance and device with the counters before the device's functions. Of one device at a time.
 pub fn counted(entry: &ash::Entry, instance: &ash::Instance, device: &ash::Device) -> (ash::Instance, ash::Device) {
     REAL_ADDRESSES[0].store(entry.static_fn().get_instance_proc_addr as usize, Relaxed);
     REAL_ADDRESSES[1].store(instance.fp_v1_0().get_device_proc_addr as usize, Relaxed);
@@ -128,6 +138,10 @@ unsafe extern "system" fn make<const KIND: usize>(
     let real: Make = unsafe { transmute(REAL[KIND][0].load(Relaxed)) };
     let result = unsafe { real(device, info, callbacks, out) };
     COUNTS[KIND][0].fetch_add(u64::from(result == vk::Result::SUCCESS), Relaxed);
+    if KIND == ALLOCATIONS && result == vk::Result::SUCCESS {
+        let bytes = unsafe { (*info.cast::<vk::MemoryAllocateInfo<'_>>()).allocation_size };
+        MEMORY.lock().unwrap_or_else(PoisonError::into_inner).push((unsafe { *out }, bytes));
+    }
     result
 }
 
@@ -149,6 +163,9 @@ unsafe extern "system" fn make_pipelines(
 unsafe extern "system" fn destroy<const KIND: usize>(device: vk::Device, handle: u64, callbacks: *const c_void) {
     let real: Destroy = unsafe { transmute(REAL[KIND][1].load(Relaxed)) };
     COUNTS[KIND][1].fetch_add(u64::from(handle != 0), Relaxed);
+    if KIND == ALLOCATIONS {
+        MEMORY.lock().unwrap_or_else(PoisonError::into_inner).retain(|(memory, _)| *memory != handle);
+    }
     unsafe { real(device, handle, callbacks) };
 }
 

@@ -3,7 +3,16 @@
 use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
-use glint::gpu::{Buffer, Context, ImageRegion, Location, Pixels};
+use glint::{
+    gpu::{Buffer, Context, ImageRegion, Location, Pixels},
+    pipelines::frames::{SYNC_READ, SYNC_WRITTEN},
+};
+
+/// Whatever glint does with a caller's image or buffer.
+const USED: (vk::PipelineStageFlags, vk::AccessFlags) = (
+    vk::PipelineStageFlags::from_raw(SYNC_READ.0.as_raw() | SYNC_WRITTEN.0.as_raw()),
+    vk::AccessFlags::from_raw(SYNC_READ.1.as_raw() | SYNC_WRITTEN.1.as_raw()),
+);
 
 /// A renderer's own lock of its queues: engines of several threads may share one. glint's submissions do not take it, so while another
 /// thread submits there are none.
@@ -65,22 +74,26 @@ impl<'a> Engine<'a> {
     /// Brings an image into another layout, for copies to or from it.
     pub fn turn(&self, region: &mut ImageRegion, layout: vk::ImageLayout) {
         let device = self.context.device();
-        let access = vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE;
+        // Of an image with stencils both parts change together.
+        let stencil = match region.format {
+            vk::Format::D32_SFLOAT_S8_UINT => vk::ImageAspectFlags::STENCIL,
+            _ => vk::ImageAspectFlags::empty(),
+        };
         self.run(|commands| {
             let barrier = [vk::ImageMemoryBarrier::default()
                 .image(region.image)
                 .old_layout(region.layout)
                 .new_layout(layout)
-                .src_access_mask(access)
-                .dst_access_mask(access)
+                .src_access_mask(USED.1)
+                .dst_access_mask(USED.1)
                 .subresource_range(vk::ImageSubresourceRange {
-                    aspect_mask: region.aspect(),
+                    aspect_mask: region.aspect() | stencil,
                     level_count: 1,
                     layer_count: 1,
                     ..Default::default()
                 })];
-            let (transfer, none) = (vk::PipelineStageFlags::TRANSFER, vk::DependencyFlags::empty());
-            unsafe { device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &barrier) };
+            let none = vk::DependencyFlags::empty();
+            unsafe { device.cmd_pipeline_barrier(commands, USED.0, USED.0, none, &[], &[], &barrier) };
         });
         region.layout = layout;
     }
@@ -100,11 +113,9 @@ impl<'a> Engine<'a> {
         let (device, fence) = (self.context.device(), self.fences[slot as usize]);
         unsafe {
             let commands = self.commands[slot as usize];
-            let barrier = [vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE)];
-            let (transfer, none) = (vk::PipelineStageFlags::TRANSFER, vk::DependencyFlags::empty());
-            device.cmd_pipeline_barrier(commands, transfer, transfer, none, &barrier, &[], &[]);
+            let barrier = [vk::MemoryBarrier::default().src_access_mask(SYNC_WRITTEN.1).dst_access_mask(USED.1)];
+            let none = vk::DependencyFlags::empty();
+            device.cmd_pipeline_barrier(commands, SYNC_WRITTEN.0, USED.0, none, &barrier, &[], &[]);
             device.end_command_buffer(commands).unwrap();
             device.reset_fences(&[fence]).unwrap();
             let buffers = [commands];

@@ -2,7 +2,8 @@
  *
  *     frame NUMBERS SCENE.ply OUT
  *
- * NUMBERS is a text file: width, height, a view matrix, a projection matrix, columns first. OUT gets float32 RGBA, rows from the top.
+ * NUMBERS is a text file: width, height, a view matrix, a projection matrix, columns first. OUT gets float32 RGBA, rows from the top;
+ * then, of a frame of two instances behind a wall 3 units away, linear and premultiplied RGBA, depths, and numbers of Gaussians.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -36,6 +37,32 @@ static void run(VkQueue queue, VkCommandBuffer commands) {
     submit.pCommandBuffers = &commands;
     VK(vkQueueSubmit(queue, 1, &submit, VK_NULL_HANDLE));
     VK(vkQueueWaitIdle(queue));
+}
+
+static uint32_t memory_type(VkPhysicalDevice physical, uint32_t bits, VkMemoryPropertyFlags flags) {
+    VkPhysicalDeviceMemoryProperties types;
+    vkGetPhysicalDeviceMemoryProperties(physical, &types);
+    for (uint32_t i = 0; i < types.memoryTypeCount; ++i)
+        if (bits >> i & 1 && (types.memoryTypes[i].propertyFlags & flags) == flags) return i;
+    FAIL("no memory of flags %u", flags);
+    return 0;
+}
+
+static const VkFormat FORMATS[4] = { VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R32_SFLOAT, VK_FORMAT_R32_UINT, VK_FORMAT_D32_SFLOAT };
+
+static void transition(VkCommandBuffer commands, const VkImage images[4], VkImageLayout from) {
+    VkImageMemoryBarrier barriers[4];
+    memset(barriers, 0, sizeof barriers);
+    for (int i = 0; i < 4; ++i) {
+        barriers[i].sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER;
+        barriers[i].srcAccessMask = GLINT_SYNC_WRITTEN_ACCESS;
+        barriers[i].dstAccessMask = GLINT_SYNC_READ_ACCESS | GLINT_SYNC_WRITTEN_ACCESS;
+        barriers[i].oldLayout = from;
+        barriers[i].newLayout = VK_IMAGE_LAYOUT_GENERAL;
+        barriers[i].image = images[i];
+        barriers[i].subresourceRange = (VkImageSubresourceRange) { i == 3 ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1 };
+    }
+    vkCmdPipelineBarrier(commands, GLINT_SYNC_WRITTEN_STAGE, GLINT_SYNC_READ_STAGE | GLINT_SYNC_WRITTEN_STAGE, 0, 0, NULL, 0, NULL, 4, barriers);
 }
 
 int main(int argc, char **argv) {
@@ -94,7 +121,7 @@ int main(int argc, char **argv) {
     VK(vkCreateCommandPool(device, &pool_info, NULL, &pool));
 
     /* The buffer that the frame goes to, mapped. */
-    VkDeviceSize bytes = 16ull * width * height;
+    VkDeviceSize pixel_count = (VkDeviceSize)width * height, bytes = (16 + 16 + 4 + 4) * pixel_count;
     VkBufferCreateInfo buffer_info = { VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO };
     buffer_info.size = bytes;
     buffer_info.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
@@ -102,17 +129,31 @@ int main(int argc, char **argv) {
     VK(vkCreateBuffer(device, &buffer_info, NULL, &buffer));
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(device, buffer, &needs);
-    VkPhysicalDeviceMemoryProperties types;
-    vkGetPhysicalDeviceMemoryProperties(physical, &types);
-    VkMemoryPropertyFlags host = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
     VkMemoryAllocateInfo memory_info = { VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO };
     memory_info.allocationSize = needs.size;
-    while (!(needs.memoryTypeBits >> memory_info.memoryTypeIndex & 1 &&
-             (types.memoryTypes[memory_info.memoryTypeIndex].propertyFlags & host) == host))
-        if (++memory_info.memoryTypeIndex == types.memoryTypeCount) FAIL("no host memory");
+    memory_info.memoryTypeIndex = memory_type(physical, needs.memoryTypeBits,
+                                              VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
     VkDeviceMemory memory;
     VK(vkAllocateMemory(device, &memory_info, NULL, &memory));
     VK(vkBindBufferMemory(device, buffer, memory, 0));
+    /* Images for colours, depths and numbers, and for the depths of a wall. */
+    VkImage images[4];
+    VkDeviceMemory image_memory[4];
+    for (int i = 0; i < 4; ++i) {
+        VkImageCreateInfo image_info = { VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO };
+        image_info.imageType = VK_IMAGE_TYPE_2D;
+        image_info.format = FORMATS[i];
+        image_info.extent = (VkExtent3D) { width, height, 1 };
+        image_info.mipLevels = image_info.arrayLayers = 1;
+        image_info.samples = VK_SAMPLE_COUNT_1_BIT;
+        image_info.usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+        VK(vkCreateImage(device, &image_info, NULL, &images[i]));
+        vkGetImageMemoryRequirements(device, images[i], &needs);
+        memory_info.allocationSize = needs.size;
+        memory_info.memoryTypeIndex = memory_type(physical, needs.memoryTypeBits, 0);
+        VK(vkAllocateMemory(device, &memory_info, NULL, &image_memory[i]));
+        VK(vkBindImageMemory(device, images[i], image_memory[i], 0));
+    }
 
     /* glint */
     glint_device lent = { sizeof lent };
@@ -151,7 +192,8 @@ int main(int argc, char **argv) {
 
     GLINT(glint_context_memory(context, &memory_used));
     uint64_t taken = memory_used.used - before.used;
-    if (taken < planned || taken > planned + 4096 || memory_used.used > memory_used.budget) FAIL("%llu bytes", (unsigned long long)taken);
+    if (taken < planned || taken > planned + 4096 || memory_used.used > memory_used.budget || memory_used.taken < memory_used.used)
+        FAIL("%llu bytes", (unsigned long long)taken);
     GLINT(glint_limits_of(model, width, height, &limits));
     if (memcmp(&limits, &early, sizeof limits)) FAIL("limits of the model are not those of its scene");
     limits.size = 4;
@@ -198,9 +240,9 @@ int main(int argc, char **argv) {
     if (glint_frames_report(frames, 0, &report) != 2) FAIL("a report of nothing");
     GLINT(glint_frames_record(frames, commands, &frame));
     VkMemoryBarrier written = { VK_STRUCTURE_TYPE_MEMORY_BARRIER };
-    written.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
+    written.srcAccessMask = GLINT_SYNC_WRITTEN_ACCESS;
     written.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
-    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written, 0, NULL, 0, NULL);
+    vkCmdPipelineBarrier(commands, GLINT_SYNC_WRITTEN_STAGE, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written, 0, NULL, 0, NULL);
     run(queue, commands);
     GLINT(glint_frames_report(frames, 0, &report));
     if (report.needed != 0 || report.visible == 0) FAIL("%u needed, %u visible", report.needed, report.visible);
@@ -212,6 +254,56 @@ int main(int argc, char **argv) {
     for (uint32_t i = 0; i < stages; ++i)
         if (strlen(times[i].name) == 0 || !(times[i].seconds >= 0)) FAIL("stage %u has no time", i);
     if (locked != 0) FAIL("glint submitted %d times", locked);
+
+    /* Two instances in images, behind a wall: first with too little room. */
+    glint_limits both_limits = limits;
+    both_limits.gaussians *= 2;
+    both_limits.instances = 2;
+    both_limits.depth_in = both_limits.depth_out = 1;
+    both_limits.intersections = 500;
+    both_limits.intersection_bytes = 0;
+    glint_frames *both;
+    GLINT(glint_frames_create(context, &both_limits, &both));
+    instances[1] = instances[0];
+    instances[1].translation[0] = 1.0;
+    instances[1].scale = 0.5;
+    memset(&view.color, 0, sizeof view.color);
+    glint_pixels *pixels_of[4] = { &view.color, &view.depth_out, &view.ids, &view.depth_in };
+    for (int i = 0; i < 4; ++i) {
+        pixels_of[i]->image = images[i];
+        pixels_of[i]->layout = VK_IMAGE_LAYOUT_GENERAL;
+        pixels_of[i]->format = FORMATS[i];
+    }
+    view.linear = 1;
+    view.blend = GLINT_PREMULTIPLIED;
+    frame.instance_count = 2;
+    commands = begin(device, pool);
+    transition(commands, images, VK_IMAGE_LAYOUT_UNDEFINED);
+    VkClearDepthStencilValue wall = { 0.2f / 3.0f, 0 };
+    VkImageSubresourceRange whole = { VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, 1 };
+    vkCmdClearDepthStencilImage(commands, images[3], VK_IMAGE_LAYOUT_GENERAL, &wall, 1, &whole);
+    transition(commands, images, VK_IMAGE_LAYOUT_GENERAL);
+    GLINT(glint_frames_record(both, commands, &frame));
+    run(queue, commands);
+    GLINT(glint_frames_report(both, 0, &report));
+    if (report.needed <= 500 || report.intersections > 500) FAIL("%u needed, %u found room", report.needed, report.intersections);
+    GLINT(glint_frames_reserve(both, report.needed));
+    if (glint_frames_capacity(both) < report.needed) FAIL("%u intersections", glint_frames_capacity(both));
+    commands = begin(device, pool);
+    transition(commands, images, VK_IMAGE_LAYOUT_GENERAL);
+    GLINT(glint_frames_record(both, commands, &frame));
+    transition(commands, images, VK_IMAGE_LAYOUT_GENERAL);
+    VkBufferImageCopy copy;
+    memset(&copy, 0, sizeof copy);
+    copy.imageExtent = (VkExtent3D) { width, height, 1 };
+    copy.imageSubresource = (VkImageSubresourceLayers) { VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1 };
+    copy.bufferOffset = 16 * pixel_count;
+    for (int i = 0; i < 3; copy.bufferOffset += (i == 0 ? 16 : 4) * pixel_count, ++i)
+        vkCmdCopyImageToBuffer(commands, images[i], VK_IMAGE_LAYOUT_GENERAL, buffer, 1, &copy);
+    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written, 0, NULL, 0, NULL);
+    run(queue, commands);
+    GLINT(glint_frames_report(both, 0, &report));
+    if (report.needed != 0) FAIL("%u needed of what was reserved", report.needed);
 
     void *pixels;
     VK(vkMapMemory(device, memory, 0, bytes, 0, &pixels));
@@ -233,19 +325,24 @@ int main(int argc, char **argv) {
     }
     if (blends != 1) FAIL("the blend is not as it was");
     glint_buffer held = { sizeof held };
-    uint32_t buffers = 0, images = 0;
+    uint32_t buffers = 0, blended = 0;
     for (; glint_model_buffer(model, buffers, &held) == 0; ++buffers)
         if (!held.buffer || !held.bytes || !held.name[0]) FAIL("buffer %u of the model", buffers);
     for (uint32_t k = 0; glint_frames_buffer(frames, k, &held) == 0; ++k)
-        images += !strcmp(held.name, "image") && held.buffer && held.bytes == 16ull * width * height;
-    if (buffers < 8 || images != 1) FAIL("%u buffers, %u images", buffers, images);
+        blended += !strcmp(held.name, "image") && held.buffer && held.bytes == 16ull * width * height;
+    if (buffers < 8 || blended != 1) FAIL("%u buffers, %u images", buffers, blended);
     printf("%u + %u Gaussians, %u visible, %u intersections, %u kernels, %llu bytes\n", counts.base, counts.supplement,
            report.visible, report.intersections, kernels, (unsigned long long)glint_frames_bytes(context, &limits));
 
+    glint_frames_destroy(both);
     glint_frames_destroy(frames);
     glint_model_destroy(model);
     glint_scene_destroy(scene);
     glint_context_destroy(context);
+    for (int i = 0; i < 4; ++i) {
+        vkDestroyImage(device, images[i], NULL);
+        vkFreeMemory(device, image_memory[i], NULL);
+    }
     vkDestroyBuffer(device, buffer, NULL);
     vkFreeMemory(device, memory, NULL);
     vkDestroyCommandPool(device, pool, NULL);

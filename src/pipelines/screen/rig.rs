@@ -94,7 +94,7 @@ pub struct Screen {
 impl Screen {
     /// Makes the pipelines and buffers for batches within `sizes`.
     pub fn new(context: &Context, sizes: ScreenSizes, policy: Policy) -> Result<Self> {
-        let tile = policy.tile(context);
+        let tile = policy.tile(context.info());
         let workgroup_size = WORKGROUP;
         let project = screen_project::Spec { workgroup_size, tile_width: tile.width, tile_height: tile.height };
         let backward =
@@ -121,7 +121,7 @@ impl Screen {
     }
 
     fn raster_options(context: &Context, sizes: &ScreenSizes, policy: Policy) -> RasterOptions {
-        let grid = Grid::new(policy.tile(context), 0, sizes.frames, sizes.width, sizes.height);
+        let grid = Grid::new(policy.tile(context.info()), 0, sizes.frames, sizes.width, sizes.height);
         RasterOptions {
             splats: sizes.places,
             pixels: sizes.pixels,

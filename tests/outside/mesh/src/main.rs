@@ -15,7 +15,7 @@ use glint::{
         ash::{self, util::read_spv, vk},
     },
     pipelines::{
-        frames::{Blend, Frame, FrameView, Frames, Instance, Limits, Target, Texel},
+        frames::{Blend, Frame, FrameView, Frames, Instance, Limits, SYNC_READ, SYNC_WRITTEN, Target, Texel},
         model::{Room, Upload},
     },
 };
@@ -150,7 +150,7 @@ impl Renderer {
                 quad.record(device, commands, &clip, [width, height]);
                 frames.record(commands, &Frame { slot: 0, instances: &[Instance::of(&model)], views: &[seen] })?;
                 let written = [vk::MemoryBarrier::default()
-                    .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+                    .src_access_mask(SYNC_WRITTEN.1)
                     .dst_access_mask(vk::AccessFlags::TRANSFER_READ)];
                 let (transfer, none) = (vk::PipelineStageFlags::TRANSFER, vk::DependencyFlags::empty());
                 device.cmd_pipeline_barrier(commands, transfer, transfer, none, &written, &[], &[]);
@@ -293,16 +293,16 @@ impl Quad {
             let depth = reference(1, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
             let subpasses =
                 [vk::SubpassDescription::default().color_attachments(&colours).depth_stencil_attachment(&depth)];
-            // Before glint: its reads and writes are transfers (`SYNC_READ`, `SYNC_WRITTEN`).
+            // Before glint: its reads and writes.
             let after = [vk::SubpassDependency {
                 src_subpass: 0,
                 dst_subpass: vk::SUBPASS_EXTERNAL,
                 src_stage_mask: vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT
                     | vk::PipelineStageFlags::LATE_FRAGMENT_TESTS,
-                dst_stage_mask: vk::PipelineStageFlags::TRANSFER,
+                dst_stage_mask: SYNC_READ.0 | SYNC_WRITTEN.0,
                 src_access_mask: vk::AccessFlags::COLOR_ATTACHMENT_WRITE
                     | vk::AccessFlags::DEPTH_STENCIL_ATTACHMENT_WRITE,
-                dst_access_mask: vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE,
+                dst_access_mask: SYNC_READ.1 | SYNC_WRITTEN.1,
                 dependency_flags: vk::DependencyFlags::empty(),
             }];
             let info = vk::RenderPassCreateInfo::default()
