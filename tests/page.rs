@@ -1,4 +1,4 @@
-//! The page of `glint export` in a browser without a window, its pixels beside the float64 twin's. Skips where there is no Chromium,
+//! The pages of `glint export` and `glint report` in a browser without a window, the pixels of the first beside the float64 twin's. Skips where there is no Chromium,
 //! unless `GLINT_REQUIRE_CHROMIUM` is set.
 
 #[path = "common/run.rs"]
@@ -13,7 +13,14 @@ use std::{
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glint::{
     reference::{self, Background, Options, Params, View, random_camera, random_scene},
-    report::viewer::Viewer,
+    report::{
+        compare::{Entry, EntryView, page},
+        history::Record,
+        metrics::Quality,
+        page::data_of,
+        runs::{Run, StageMean},
+        viewer::Viewer,
+    },
     scene::{Camera, Scene, Supplement},
 };
 use tempfile::TempDir;
@@ -270,4 +277,70 @@ fn what_cannot_be_shown_is_said() {
         let said = text_of(&page, "message").unwrap();
         assert!(words.iter().all(|word| said.contains(word)), "{said}");
     }
+}
+
+/// What a reader of the page does and sees: all pictures are there, a border is moved, another scene is chosen.
+const LOOK_AT_REPORT: &str = "<script>addEventListener('load', () => {
+    const all = [...document.images], view = document.querySelector('.view');
+    const [left, right] = ['.left', '.right'].map(side => view.querySelector(side));
+    const range = view.querySelector('input'), select = document.querySelector('.choice select');
+    const seen = { pictures: all.length, broken: all.filter(image => !image.naturalWidth).length,
+        curves: [...document.querySelectorAll('svg')].filter(svg => svg.getBoundingClientRect().height > 50).length,
+        sections: [...document.querySelectorAll('h2')].map(head => head.textContent), errors: window.failed,
+        asked: performance.getEntriesByType('resource').filter(entry => !entry.name.startsWith('data:')).length };
+    range.value = 25;
+    range.dispatchEvent(new Event('input'));
+    seen.cut = left.style.clipPath;
+    seen.before = [left.alt, right.alt];
+    select.value = '1';
+    select.dispatchEvent(new Event('change'));
+    seen.after = [left.alt, right.alt];
+    document.body.insertAdjacentHTML('beforeend', `<pre id='seen'></pre>`);
+    document.getElementById('seen').textContent = JSON.stringify(seen);
+})</script>";
+
+#[test]
+fn a_report_opens_and_can_be_moved() {
+    let Some(browser) = chromium() else { return };
+    let picture = |shade| data_of(&image::RgbImage::from_pixel(40, 30, image::Rgb([shade, 9, 9]))).unwrap();
+    let entry = |name: &str, psnr, kinds: &[&'static str]| {
+        let quality = Quality { psnr, ssim: 0.9 };
+        let pictures = kinds.iter().zip(1..).map(|(kind, shade)| (*kind, picture(shade))).collect();
+        let views = vec![EntryView { name: "one".into(), quality, pictures }];
+        Entry { name: name.into(), gaussians: 5, supplementary: 0, bytes: 100, mean: quality, views }
+    };
+    let entries =
+        [entry("base", 20.0, &["render", "error"]), entry("more", 22.0, &["render", "error", "diffuse", "specular"])];
+    let record = |name: &str, seconds| {
+        let holdout = "every".to_owned();
+        Record { name: name.into(), seconds, bytes: 9, gaussians: 5, psnr: 20.0 + seconds, ssim: 0.7, seed: 0, holdout }
+    };
+    let stages = StageMean::all(&[("blend", 2.0), ("emit", 1.0)]);
+    let phases = vec![("training".to_owned(), 1.0)];
+    let run = Run { name: "base".into(), phases, stages, device_megabytes: Some(3.0), plan: None };
+    let history = [record("base", 1.0), record("base", 2.0), record("more", 3.0)];
+    let html = page("a report", &[picture(200)], &entries, &history, &[run]).unwrap();
+    // Before all that the page has, so that its own errors are seen, and behind.
+    let html = html.replacen("<head>", "<head><script>window.failed = 0; onerror = () => { failed++ }</script>", 1);
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("elsewhere.html");
+    fs::write(&path, html.replacen("</body>", &format!("{LOOK_AT_REPORT}</body>"), 1)).unwrap();
+    let page = loaded(&browser, &path, "", &[]);
+    let (_, seen) = page.split_once("<pre id=\"seen\">").unwrap();
+    let seen: serde_json::Value = serde_json::from_str(seen.split_once("</pre>").unwrap().0).unwrap();
+    // Two under the slider, photograph and both renders of the view, two errors, two parts.
+    assert_eq!(
+        (&seen["pictures"], &seen["broken"], &seen["errors"], &seen["asked"]),
+        (&9.into(), &0.into(), &0.into(), &0.into()),
+        "{seen}"
+    );
+    // PSNR and SSIM over seconds, bytes and Gaussians.
+    assert_eq!(seen["curves"], 6, "{seen}");
+    let sections: Vec<&str> = seen["sections"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
+    assert!(["Scenes", "Time and memory of base", "1 views"].iter().all(|name| sections.contains(name)), "{seen}");
+    assert_eq!(seen["cut"], "inset(0px 75% 0px 0px)", "{seen}");
+    let alt = |key: &str, side: usize| seen[key][side].as_str().unwrap().to_owned();
+    // The photograph beside the last scene at first; then the base beside it.
+    assert!(alt("before", 0).contains("photo") && alt("before", 1).contains("more"), "{seen}");
+    assert!(alt("after", 0).contains("base") && alt("after", 1) == alt("before", 1), "{seen}");
 }

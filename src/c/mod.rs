@@ -331,7 +331,7 @@ pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let Memory { used, budget, taken } = of(context, "context")?.0.memory();
+            let Memory { used, budget, taken, .. } = of(context, "context")?.0.memory();
             let size = size::<glint_memory>();
             fill(out, "memory", glint_memory { size, reserved: 0, used, budget, taken })
         }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, LearnArgs, Outcome,
-    enhance::{Beside, ChoiceArgs, Preset, Way, run_with_progress},
+    enhance::{Beside, ChoiceArgs, Preset, Way, joint_stages, run_with_progress},
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
@@ -20,14 +20,15 @@ use crate::{
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Session},
-        spend::Spending,
         start::{photos_of, upload_photos},
+        steps::StepReport,
         train::{BaseOptions, train_base},
         views::Views,
     },
     report::{
         evaluate::{Evaluation, evaluate},
         history::Record,
+        runs::{Run, StageMean},
         sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
@@ -144,7 +145,7 @@ impl Args {
         let rest = (background, dataset.extent() as f32, self.seed.into());
         let session = self.learn.session(context, Policy::default(), cameras, rest)?;
 
-        let (base, base_seconds) = self.train(&session, dataset, &views, points, iterations)?;
+        let (base, base_seconds, base_steps) = self.train(&session, dataset, &views, points, iterations)?;
         write_scene(self.output.join(BASE), &base)?;
 
         let mut options = self.choices.options(self.method, Preset::Quick)?;
@@ -159,7 +160,8 @@ impl Args {
         let without = enhanced.scene.base.len() - base.base.len();
         let added = enhanced.lifted as usize + without;
         let joint_steps = options.join.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds) = self.train(&session, dataset, &views, points + added, iterations + joint_steps)?;
+        let (plain, plain_seconds, plain_steps) =
+            self.train(&session, dataset, &views, points + added, iterations + joint_steps)?;
 
         let score = |scene: &Scene| evaluate(context, scene, &test, RenderOptions::default(), background, |_| Ok(()));
         let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
@@ -184,9 +186,30 @@ impl Args {
                 &score,
             ),
         ];
-        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows, enhanced.spending.as_ref())?;
-        self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let times = enhanced.times;
+        let trained = |row: usize, seconds, steps: &StepReport| Run {
+            name: rows[row].what.into(),
+            phases: vec![("training".into(), seconds)],
+            stages: StageMean::all(&steps.milliseconds()),
+            ..Run::default()
+        };
+        let phases = [
+            ("weighing", times.weigh),
+            ("placing", times.place),
+            ("2D phase", times.screen),
+            ("joint phase", times.join),
+        ];
+        let phases = phases.into_iter().filter(|(_, time)| !time.is_zero());
+        let augmented = Run {
+            name: rows[2].what.into(),
+            plan: enhanced.spending.clone(),
+            phases: phases.map(|(phase, time)| (phase.to_owned(), time.as_secs_f64())).collect(),
+            stages: joint_stages(&enhanced),
+            device_megabytes: Some(context.memory().most_used as f64 / 1e6),
+        };
+        let told = [trained(0, base_seconds, &base_steps), trained(1, plain_seconds, &plain_steps), augmented];
+        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows, &told)?;
+        self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let report = Report {
             device: context.info().name.clone(),
             gain_over_base: rows[2].psnr - rows[0].psnr,
@@ -209,7 +232,7 @@ impl Args {
         views: &Views,
         points: usize,
         iterations: u32,
-    ) -> Result<(Scene, f64)> {
+    ) -> Result<(Scene, f64, StepReport)> {
         let started = Instant::now();
         let (positions, colors) = match &dataset.points {
             Some(cloud) => (&cloud.positions[..], &cloud.colors[..]),
@@ -221,8 +244,8 @@ impl Args {
         let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
         let options = BaseOptions { iterations, sh_degree: SH_DEGREE, ..Default::default() };
         let bar = Progress::new("training", "steps", iterations.into());
-        train_base(session, &model, views, &options, false, |done| bar.set(done.into()))?;
-        Ok((model.download()?, started.elapsed().as_secs_f64()))
+        let trained = train_base(session, &model, views, &options, true, |done| bar.set(done.into()))?;
+        Ok((model.download()?, started.elapsed().as_secs_f64(), trained.steps))
     }
 
     /// The page that compares `scenes`, which are those of `rows`.
@@ -233,7 +256,7 @@ impl Args {
         background: [f32; 3],
         scenes: [&Scene; 3],
         rows: &[Row; 3],
-        plan: Option<&Spending>,
+        told: &[Run],
     ) -> Result<()> {
         let bytes = scenes.map(scene_bytes);
         let shown: Vec<Shown> = scenes
@@ -260,7 +283,7 @@ impl Args {
             &self.output,
             "the built-in scene",
             &history,
-            &plan.map(|plan| ("augmented".to_owned(), plan.clone())).into_iter().collect::<Vec<_>>(),
+            told,
         )
     }
 

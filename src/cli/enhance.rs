@@ -34,7 +34,7 @@ use crate::{
         views::Views,
         work::WorkDir,
     },
-    report::{evaluate::evaluate, metrics::Quality, spending},
+    report::{evaluate::evaluate, metrics::Quality, runs::StageMean, spending},
     scene::{Scene, layout},
 };
 
@@ -280,6 +280,10 @@ struct Report<'a> {
     /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
     original_kept: bool,
     seconds: Seconds,
+    /// The most that the device held.
+    device_megabytes: f64,
+    /// Of a step of the joint phase, in the order in which they first run; empty where the device has no timestamps.
+    stages: Vec<StageMean>,
     /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
@@ -444,6 +448,8 @@ impl Args {
                     lift: found.times.lift.as_secs_f64(),
                     join: found.times.join.as_secs_f64(),
                 },
+                device_megabytes: context.memory().most_used as f64 / 1e6,
+                stages: joint_stages(&found),
                 joint_loss_first: pass_loss(&found, photos.len(), false),
                 joint_loss_last: pass_loss(&found, photos.len(), true),
                 gain,
@@ -521,6 +527,11 @@ impl Args {
             "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
         }))
     }
+}
+
+/// What a step of the joint phase took.
+pub(super) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
+    found.join.as_ref().map_or_else(Vec::new, |join| StageMean::all(&join.steps.milliseconds()))
 }
 
 /// Compares the base and what became of it with the test views.

@@ -1,4 +1,5 @@
 use std::{
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
 };
@@ -25,6 +26,7 @@ use crate::{
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
         page::{data_of, pictures},
+        runs::{Run, StageMean},
         sidebyside::to_bytes,
         table::{Cell, Column, Table},
     },
@@ -39,8 +41,9 @@ One page, DIR/index.html, that needs nothing beside it: for each photo the rende
 the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. DIR/report.json has the numbers.
 
 A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}. \
-Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. A plan is what \
-`glint enhance --json` printed: the page shows what was spent on which, and what was left out and why.
+Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. What \
+`glint train --json` and `glint enhance --json` printed (--run) is shown, too: what each stage took, the memory, and of an augmentation \
+what was spent on which, and what was left out and why.
 
 Examples:
   glint report garden base=base.ply augmented=augmented.ply -o compared
@@ -77,9 +80,9 @@ pub(super) struct Args {
     /// Measurements of runs, JSON lines, for the curves. May be given several times
     #[arg(long, value_name = "FILE")]
     history: Vec<PathBuf>,
-    /// What `glint enhance --json` printed, for its plan. May be given several times
-    #[arg(long, value_name = "FILE")]
-    plan: Vec<PathBuf>,
+    /// What `glint train --json` or `glint enhance --json` printed, for its times, memory and plan. May be given several times
+    #[arg(long, value_name = "FILE", alias = "plan")]
+    run: Vec<PathBuf>,
     /// Photos to compare with
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
@@ -110,11 +113,11 @@ impl Args {
             );
         }
         let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
-        let plans = self.plan.iter().map(|path| read_plan(path)).collect::<Result<Vec<_>>>()?;
+        let told = self.run.iter().map(|path| read_run(path)).collect::<Result<Vec<_>>>()?;
         let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
-        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history).chain(&self.plan);
+        let read = self.scenes.iter().map(|named| &named.path).chain(&self.history).chain(&self.run);
         let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
         self.replace.check_files(&self.output, [PAGE, NUMBERS], &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
@@ -126,22 +129,37 @@ impl Args {
         let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
         let compared =
             self.device.with(|context| Ok(compare(context, &scenes, &photos, options, dataset.background)?))?;
-        compared.write(&self.output, &self.dataset.display().to_string(), &history, &plans)?;
+        compared.write(&self.output, &self.dataset.display().to_string(), &history, &told)?;
         Ok(print(compared.table())?)
     }
 }
 
-/// The plan in what `enhance --json` printed, and the file that was made by it.
-fn read_plan(path: &Path) -> Result<(String, Spending)> {
+/// What `train --json` or `enhance --json` printed.
+fn read_run(path: &Path) -> Result<Run> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Seconds {
+        All(f64),
+        Phases(BTreeMap<String, f64>),
+    }
     #[derive(Deserialize)]
     struct Printed {
         output: String,
+        seconds: Seconds,
         plan: Option<Spending>,
+        #[serde(default)]
+        stages: Vec<StageMean>,
+        device_megabytes: Option<f64>,
     }
     let text = fs::read(path).map_err(|e| Error::io(path, e))?;
-    let Printed { output, plan } = serde_json::from_slice(&text)
-        .map_err(|e| Error::input(path, format!("is not what `glint enhance --json` prints: {e}")))?;
-    Ok((output, plan.ok_or_else(|| Error::input(path, "has no plan, as --method augs makes none"))?))
+    let Printed { output, seconds, plan, stages, device_megabytes } = serde_json::from_slice(&text).map_err(|e| {
+        Error::input(path, format!("is not what `glint train --json` or `glint enhance --json` prints: {e}"))
+    })?;
+    let phases = match seconds {
+        Seconds::All(seconds) => vec![("training".into(), seconds)],
+        Seconds::Phases(all) => all.into_iter().filter(|(_, seconds)| *seconds > 0.0).collect(),
+    };
+    Ok(Run { name: output, plan, phases, stages, device_megabytes })
 }
 
 /// A scene of a page.
@@ -178,17 +196,11 @@ pub(super) fn compare(
 
 impl Compared {
     /// Into the folder `output`: the page and its numbers.
-    pub(super) fn write(
-        &self,
-        output: &Path,
-        dataset: &str,
-        history: &[Record],
-        plans: &[(String, Spending)],
-    ) -> Result<()> {
+    pub(super) fn write(&self, output: &Path, dataset: &str, history: &[Record], told: &[Run]) -> Result<()> {
         let names: Vec<&str> = self.entries.iter().map(|entry| &entry.name[..]).collect();
         let title = format!("{} on {dataset}", names.join(", "));
         write_text(output.join(NUMBERS), &to_json(&Numbers { scenes: &self.entries })?)?;
-        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history, plans)?)
+        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history, told)?)
     }
 
     fn table(&self) -> Table {

@@ -30,6 +30,7 @@ use crate::{
         start::{first_points, halvings_for, photos_of, upload_photos},
         train::{BaseOptions, HALVED_UNTIL, LEARNED, Trainer, dense_trainer, halvings_at},
     },
+    report::runs::StageMean,
     scene::{Gaussians, Scene, from_points, layout},
 };
 
@@ -193,19 +194,12 @@ struct Report<'a> {
     /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_exposure: Option<f32>,
-    /// What the device holds for training at its end, when it is the most.
+    /// The most that the device held.
     device_megabytes: f64,
     /// How often a buffer was too small and was grown.
     buffers_grown: u32,
     /// In the order in which they first run; empty where the device has no timestamps.
-    stages: Vec<Stage>,
-}
-
-/// Mean device time of a stage over steps all through the run.
-#[derive(Serialize)]
-struct Stage {
-    name: &'static str,
-    milliseconds_per_step: f64,
+    stages: Vec<StageMean>,
 }
 
 impl Args {
@@ -398,7 +392,7 @@ impl Args {
             }
             let trained = trainer.stop()?;
             let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
-            let device_megabytes = context.memory().used as f64 / 1e6;
+            let device_megabytes = context.memory().most_used as f64 / 1e6;
             let steps = trained.losses.len() as u32;
             let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
@@ -415,7 +409,6 @@ impl Args {
                 tracing::info!("a step's {name}: {milliseconds:.3} ms");
             }
             let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
-            let stage = |(name, milliseconds_per_step)| Stage { name, milliseconds_per_step };
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
@@ -426,14 +419,14 @@ impl Args {
                 iterations_resumed: resumed,
                 seed,
                 halvings,
-                tile: session.policy.tile(context).to_string(),
+                tile: session.policy.tile(context.info()).to_string(),
                 seconds,
                 steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
                 final_loss: pass_loss(last),
                 largest_exposure,
                 device_megabytes,
                 buffers_grown: trained.steps.grown,
-                stages: stages.into_iter().map(stage).collect(),
+                stages: StageMean::all(&stages),
             };
             let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
             if let Some(largest) = largest_exposure {

@@ -40,6 +40,8 @@ pub struct Memory {
     pub budget: u64,
     /// What they have.
     pub used: u64,
+    /// The most that they had at any time.
+    pub most_used: u64,
     /// What was taken of the device for them: buffers of up to 4 MiB share blocks of so much.
     pub taken: u64,
 }
@@ -56,6 +58,7 @@ pub(super) struct Budget {
     /// Host memory is of the same heap.
     unified: bool,
     used: AtomicU64,
+    most_used: AtomicU64,
     /// Changes with the allocator only, under its lock.
     taken: AtomicU64,
 }
@@ -71,7 +74,8 @@ impl Budget {
             most = host_memory().unwrap_or(most);
         }
         let most = cap.map_or(most, |cap| cap.min(most));
-        Budget { heap, most, shared, unified: heaps.len() == 1, used: AtomicU64::new(0), taken: AtomicU64::new(0) }
+        let [used, most_used, taken] = [const { AtomicU64::new(0) }; 3];
+        Budget { heap, most, shared, unified: heaps.len() == 1, used, most_used, taken }
     }
 
     fn counts(&self, location: Location) -> bool {
@@ -96,16 +100,16 @@ impl Context {
     /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
     /// has `VK_EXT_memory_budget`.
     pub fn memory(&self) -> Memory {
-        let Budget { heap, most, shared, ref used, ref taken, .. } = self.0.budget;
-        let (used, taken) = (used.load(Ordering::Relaxed), taken.load(Ordering::Relaxed));
+        let Budget { heap, most, shared, ref used, ref most_used, ref taken, .. } = self.0.budget;
+        let [used, most_used, taken] = [used, most_used, taken].map(|bytes| bytes.load(Ordering::Relaxed));
         if !shared {
-            return Memory { budget: most, used, taken };
+            return Memory { budget: most, used, most_used, taken };
         }
         let mut heaps = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut heaps);
         // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
         unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
-        Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, taken }
+        Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, most_used, taken }
     }
 }
 
@@ -125,6 +129,7 @@ impl Share {
         if bytes > 0 && used.saturating_add(bytes) > budget {
             return Err(GpuError::OverBudget { name: name.into(), bytes, used, budget });
         }
+        context.0.budget.most_used.fetch_max(used + bytes, Ordering::Relaxed);
         Ok(share)
     }
 }

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::history::{Cost, Gain, Range, Record, css_color, curves, holdouts, plot};
 use super::metrics::Quality;
 use super::page::{STYLE, cells, escape};
-use super::spending;
-use crate::{Result, pipelines::spend::Spending};
+use super::runs::{self, Run};
+use crate::Result;
 
 /// One of the scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,23 +44,15 @@ pub struct EntryView {
 
 /// The page. `title` says what was compared with what, `photos` has each view's photograph as a `data:` address; every entry has
 /// these views, in their order. Without `history` there are no curves;
-/// `plans` has plans and what was made by them.
+/// `told` is what runs said of themselves.
 ///
 /// # Errors
 /// Where curves cannot be drawn.
-pub fn page(
-    title: &str,
-    photos: &[String],
-    entries: &[Entry],
-    history: &[Record],
-    plans: &[(String, Spending)],
-) -> Result<String> {
+pub fn page(title: &str, photos: &[String], entries: &[Entry], history: &[Record], told: &[Run]) -> Result<String> {
     let title = escape(title);
     let mut body = format!("<h1>{title}</h1>\n<p>{EXPLAINED}</p>\n<h2>Scenes</h2>\n");
     body += &table_of_scenes(entries);
-    for (name, plan) in plans {
-        body += &spending::html(name, plan);
-    }
+    told.iter().for_each(|run| body += &runs::html(run));
     for holdout in holdouts(history) {
         body += &work_precision(history, holdout)?;
     }

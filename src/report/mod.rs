@@ -12,6 +12,8 @@ pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;
 pub mod plan;
+#[cfg(feature = "cli")]
+pub mod runs;
 pub mod sidebyside;
 #[cfg(feature = "cli")]
 pub mod spending;
