@@ -167,6 +167,15 @@ fn long_files_take_no_longer_than_their_length() {
             FileKind::TransformsJson,
             lines("{\"frames\":[{\"transform_matrix\":[", &|_| "[],".into(), "[]]}]}"),
         ),
+        (
+            "keys.json",
+            FileKind::CameraPath,
+            lines(
+                "{\"width\":1,\"height\":1,\"keys\":[",
+                &|_| "{\"eye\":[0,0,0],\"rotation\":[1,0,0,0],\"focal\":[1,1],\"center\":[0,0]},".into(),
+                "0]}",
+            ),
+        ),
         ("strangers.json", FileKind::TransformsJson, lines("{\"frames\":[],\"x\":[", &|_| "0,".into(), "0]}")),
         ("nests.json", FileKind::TransformsJson, lines("{\"frames\":", &|_| "[".into(), "")),
         ("nests.gltf", FileKind::Gltf, lines("{\"nodes\":", &|_| "[".into(), "")),

@@ -113,8 +113,12 @@ impl CameraPath {
     pub fn read(path: impl AsRef<Path>) -> Result<CameraPath> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+        CameraPath::parse(&bytes, path)
+    }
+
+    pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<CameraPath> {
         let bad = |what: String| Error::input(path, what);
-        let file: File = serde_json::from_slice(&bytes).map_err(|error| {
+        let file: File = serde_json::from_slice(bytes).map_err(|error| {
             bad(format!("{error}; expected a camera path, as K and Shift-K of glint view save one"))
         })?;
         for (name, side) in [("width", file.width), ("height", file.height)] {

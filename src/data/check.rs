@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Kind, colmap, images, ply, scene_file, tensors, transforms};
+use super::{CameraPath, Kind, colmap, images, ply, scene_file, tensors, transforms};
 use crate::{Error, Result};
 
 /// A kind of file that glint reads.
@@ -34,6 +34,8 @@ pub enum FileKind {
     ColmapPointsTxt,
     /// `transforms.json` of NeRF Synthetic, instant-ngp or nerfstudio.
     TransformsJson,
+    /// A camera path, see [`super::CameraPath`].
+    CameraPath,
     /// A photo.
     Image,
     /// What an augmentation keeps: [`super::read_tensors`].
@@ -42,7 +44,7 @@ pub enum FileKind {
 
 impl FileKind {
     /// All kinds by name.
-    pub const ALL: [(&str, FileKind); 15] = [
+    pub const ALL: [(&str, FileKind); 16] = [
         ("ply_scene", FileKind::PlyScene),
         ("spz", FileKind::Spz),
         ("sog", FileKind::Sog),
@@ -56,6 +58,7 @@ impl FileKind {
         ("colmap_points_bin", FileKind::ColmapPointsBin),
         ("colmap_points_txt", FileKind::ColmapPointsTxt),
         ("transforms_json", FileKind::TransformsJson),
+        ("camera_path", FileKind::CameraPath),
         ("image", FileKind::Image),
         ("safetensors", FileKind::Safetensors),
     ];
@@ -80,6 +83,7 @@ impl FileKind {
             FileKind::ColmapPointsBin => colmap::points_binary(bytes, path).map(drop),
             FileKind::ColmapPointsTxt => colmap::points_text(bytes, path).map(drop),
             FileKind::TransformsJson => transforms::check(bytes, path),
+            FileKind::CameraPath => CameraPath::parse(bytes, path).map(drop),
             FileKind::Image => images::check(bytes, path),
             FileKind::Safetensors => tensors::parse_tensors(bytes, path).map(drop),
         }

@@ -330,7 +330,7 @@ int main(int argc, char **argv) {
         if (!held.buffer || !held.bytes || !held.name[0]) FAIL("buffer %u of the model", buffers);
     for (uint32_t k = 0; glint_frames_buffer(frames, k, &held) == 0; ++k)
         blended += !strcmp(held.name, "image") && held.buffer && held.bytes == 16ull * width * height;
-    if (buffers < 8 || blended != 1) FAIL("%u buffers, %u images", buffers, blended);
+    if (buffers < (counts.supplement ? 9u : 6u) || blended != 1) FAIL("%u buffers, %u images", buffers, blended);
     printf("%u + %u Gaussians, %u visible, %u intersections, %u kernels, %llu bytes\n", counts.base, counts.supplement,
            report.visible, report.intersections, kernels, (unsigned long long)glint_frames_bytes(context, &limits));
 
