@@ -13,6 +13,7 @@ use glint::{
         render::RenderOptions,
         screen::Refiner,
         session::Session,
+        spend::{MOST_BY_GAIN, Weigh},
         start::{photos_of, upload_photos},
         train::{BaseOptions, dense_trainer, train_base},
     },
@@ -146,7 +147,8 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     assert_eq!((trainer.gaussians(), base.base.len()), (Some(2000), 2000));
     assert!((0.0..2.0).contains(&(learned - lately)), "{lately} and {learned}");
 
-    let mut options = EnhanceOptions::pursuit();
+    // As the command has it without a budget, but for fewer steps.
+    let mut options = EnhanceOptions { ratio: MOST_BY_GAIN, weigh: Weigh::Limit, ..EnhanceOptions::pursuit() };
     options.join.steps_per_view = 12;
     let mut enhancer = Enhancer::new(&session, &base, &views, &options).unwrap();
     while enhancer.next(&views).unwrap().is_some() {}

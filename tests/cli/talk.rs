@@ -147,7 +147,7 @@ fn an_augmentation_ends_with_what_it_gained() {
 #[test]
 fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    fs::write(work.path("base.json"), work.ok("train data -o base.ply --iterations 60 --sh-degree 1 --json")).unwrap();
     let report = work.json("enhance data --base base.ply -o a.ply --bytes 2.5kB --ratio 0.3 --json");
     let (plan, number) = (&report["plan"], |name: &str| report[name].as_u64().unwrap());
     let added = number("supplementary_gaussians") + number("plain_gaussians");
@@ -157,10 +157,15 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let gain = |kind: &str| plan[kind]["gain_db"].as_f64().unwrap();
     assert!(gain("lobes") > gain("without_lobes") && gain("without_lobes") >= 0.0, "{plan}");
     fs::write(work.path("plan.json"), report.to_string()).unwrap();
-    work.ok("report data base=base.ply more=a.ply -o page --plan plan.json");
+    work.ok("report data base=base.ply more=a.ply -o page --run base.json --run plan.json");
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();
     assert!(page.contains("<h2>Plan of a.ply</h2>") && page.contains("Gaussians with lobes"));
-    work.refused("report data a=a.ply -o x --plan base.ply", &["base.ply"]);
+    // What both took; the joint phase is some of a run's seconds.
+    for part in ["of base.ply</h2>", "of a.ply</h2>", "training ", "join ", "MB held", "blend_backward"] {
+        assert!(page.contains(part), "`{part}` is not on the page");
+    }
+    assert!(report["device_megabytes"].as_f64().unwrap() > 0.0 && !report["stages"].as_array().unwrap().is_empty());
+    work.refused("report data a=a.ply -o x --run base.ply", &["base.ply"]);
     // Half of 120 bytes holds none, all of them one; of fewer it is said why there is none.
     let report = work.json("enhance data --base base.ply -o one.ply --bytes 120 --json");
     assert_eq!(report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap(), 1);
