@@ -101,8 +101,7 @@ typedef struct glint_memory {
     uint32_t size;
     uint32_t reserved;
     uint64_t used, budget; /* bytes of device memory that the context's buffers have, and that they may have together now */
-    uint64_t taken;        /* what was taken of the device for them: buffers of up to 4 MiB share blocks of so much; within the budget too,
-                            * but for a first block */
+    uint64_t taken;        /* what was taken of the device for them: buffers of up to 4 MiB share blocks of so much; within the budget too */
 } glint_memory;
 
 int32_t glint_context_memory(const glint_context *context, glint_memory *memory);

@@ -35,8 +35,7 @@ pub(super) const BLOCK: u64 = 4 << 20;
 /// Device memory, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// What the context's buffers may take together now: what they have, and what nobody has. Neither `used` nor `taken` goes beyond,
-    /// but for a first block.
+    /// What the context's buffers may take together now: what they have, and what nobody has. Neither `used` nor `taken` goes beyond.
     pub budget: u64,
     /// What they have.
     pub used: u64,
@@ -277,7 +276,8 @@ impl<T: Pod> Buffer<T> {
     ) -> Result<Self, GpuError> {
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let within = first.checked_add(bytes).is_some_and(|end| end <= parent.raw.bytes);
-        let Some(allocation) = parent.raw.allocation.as_ref().filter(|_| within) else {
+        // Memory that Vulkan was told is of one buffer has no room for another.
+        let Some(allocation) = parent.raw.allocation.as_ref().filter(|a| within && !a.is_dedicated()) else {
             return Self::new(context, name, len, Location::Device);
         };
         let device = &context.0.device;
@@ -427,7 +427,7 @@ fn without_memory(context: &Context, bytes: u64) -> Result<vk::Buffer, GpuError>
     unsafe { context.0.device.create_buffer(&info, None) }.check("vkCreateBuffer")
 }
 
-/// Within the budget, block by block.
+/// Within the budget: where a new block would go beyond it, and the buffer alone does not, it has memory of its own.
 ///
 /// # Safety
 /// `handle` is a live buffer of the context's device without memory.
@@ -452,7 +452,7 @@ unsafe fn allocate(
         return Err(over());
     }
     let before = allocator.capacity();
-    let description = AllocationCreateDesc {
+    let mut description = AllocationCreateDesc {
         name,
         requirements,
         location: match location {
@@ -463,12 +463,16 @@ unsafe fn allocate(
         linear: true,
         allocation_scheme: AllocationScheme::GpuAllocatorManaged,
     };
-    let allocation = allocator.allocate(&description).map_err(failed)?;
-    let more = allocator.capacity().saturating_sub(before);
-    // A budget of less than a block has room for small buffers all the same.
-    if counts && more > 0 && taken > 0 && taken.saturating_add(more) > most {
+    let mut allocation = allocator.allocate(&description).map_err(failed)?;
+    let mut more = allocator.capacity().saturating_sub(before);
+    if counts && more > 0 && taken.saturating_add(more) > most {
         allocator.free(allocation).map_err(failed)?;
-        return Err(over());
+        if taken.saturating_add(bytes) > most {
+            return Err(over());
+        }
+        description.allocation_scheme = AllocationScheme::DedicatedBuffer(handle);
+        allocation = allocator.allocate(&description).map_err(failed)?;
+        more = bytes;
     }
     if counts {
         context.0.budget.taken.fetch_add(more, Ordering::Relaxed);
