@@ -253,39 +253,42 @@ fn what_is_taken_of_a_lent_device_is_counted_and_stays_within_the_budget() {
     let application = Application::new();
     let budget = 24 << 20;
     let (instance, device) = counting::counted(&application.entry, &application.instance, &application.device);
-    let lent = BorrowedDevice { instance, device, memory_budget: Some(budget), ..application.borrowed() };
-    let context = unsafe { Context::borrow(lent) }.unwrap();
-    // What the host maps counts too, where there is no other memory.
-    let holds =
-        |taken: u64| if context.info().is_cpu { taken == counting::memory() } else { taken <= counting::memory() };
-    // A small scene and its frames: what they take is not much more than what they have.
-    let scene = random_scene(7, 3000, 800, 2);
-    let model = Model::upload(&context, &scene, 0).unwrap();
-    let frames = Frames::new(&context, Limits::of(&model, 320, 200)).unwrap();
-    let memory = context.memory();
-    println!("{memory:?}");
-    assert!(holds(memory.taken), "{memory:?}, not {}", counting::memory());
-    // The last block of several is not full.
-    assert!(memory.used <= memory.taken && memory.taken < memory.used + (8 << 20), "{memory:?}");
-    // To the budget and not beyond it, in large pieces and in small ones.
-    for bytes in [5 << 20, 1 << 20, 1 << 14] {
-        let mut more = Vec::new();
-        let refused = loop {
-            match Buffer::<u8>::new(&context, "more", bytes, Location::Device) {
-                Ok(buffer) => more.push(buffer),
-                Err(error) => break error,
-            }
-            let memory = context.memory();
-            assert!(holds(memory.taken) && memory.taken <= budget && memory.used <= memory.taken, "{memory:?}");
-        };
-        assert!(matches!(refused, GpuError::OverBudget { .. }), "{refused}");
-        // Of what is left there is less than a piece.
-        assert!(context.memory().taken + bytes as u64 > budget, "{bytes}: {:?}", context.memory());
+    for memory_budget in [None, Some(budget)] {
+        let (instance, device) = (instance.clone(), device.clone());
+        let lent = BorrowedDevice { instance, device, memory_budget, ..application.borrowed() };
+        let context = unsafe { Context::borrow(lent) }.unwrap();
+        // What the host maps counts too, where there is no other memory.
+        let holds =
+            |taken: u64| if context.info().is_cpu { taken == counting::memory() } else { taken <= counting::memory() };
+        // A small scene and its frames: what they take is not much more than what they have, with a budget or without.
+        let scene = random_scene(7, 3000, 800, 2);
+        let model = Model::upload(&context, &scene, 0).unwrap();
+        let frames = Frames::new(&context, Limits::of(&model, 320, 200)).unwrap();
+        let memory = context.memory();
+        println!("{memory:?}");
+        assert!(holds(memory.taken), "{memory:?}, not {}", counting::memory());
+        // The last block of several is not full.
+        assert!(memory.used <= memory.taken && memory.taken < memory.used + (8 << 20), "{memory:?}");
+        // To the budget and not beyond it, in large pieces and in small ones.
+        for bytes in [5 << 20, 1 << 20, 1 << 14].into_iter().filter(|_| memory_budget.is_some()) {
+            let mut more = Vec::new();
+            let refused = loop {
+                match Buffer::<u8>::new(&context, "more", bytes, Location::Device) {
+                    Ok(buffer) => more.push(buffer),
+                    Err(error) => break error,
+                }
+                let memory = context.memory();
+                assert!(holds(memory.taken) && memory.taken <= budget && memory.used <= memory.taken, "{memory:?}");
+            };
+            assert!(matches!(refused, GpuError::OverBudget { .. }), "{refused}");
+            // Of what is left there is less than a piece.
+            assert!(context.memory().taken + bytes as u64 > budget, "{bytes}: {:?}", context.memory());
+        }
+        drop((frames, model));
+        // A block stays for what comes next.
+        let memory = context.memory();
+        assert!(holds(memory.taken) && memory.used == 0 && memory.taken <= 4 << 20, "{memory:?}");
     }
-    drop((frames, model));
-    // A block stays for what comes next.
-    let memory = context.memory();
-    assert!(holds(memory.taken) && memory.used == 0 && memory.taken <= 4 << 20, "{memory:?}");
 }
 
 #[test]
