@@ -337,7 +337,7 @@ fn a_report_opens_and_can_be_moved() {
     // PSNR and SSIM over seconds, bytes and Gaussians.
     assert_eq!(seen["curves"], 6, "{seen}");
     let sections: Vec<&str> = seen["sections"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
-    assert!(["Scenes", "Time and memory of base", "1 views"].iter().all(|name| sections.contains(name)), "{seen}");
+    assert!(["Scenes", "Time and memory", "1 views"].iter().all(|name| sections.contains(name)), "{seen}");
     assert_eq!(seen["cut"], "inset(0px 75% 0px 0px)", "{seen}");
     let alt = |key: &str, side: usize| seen[key][side].as_str().unwrap().to_owned();
     // The photograph beside the last scene at first; then the base beside it.

@@ -15,7 +15,8 @@ use crate::{
     data::{Dataset, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes, write_scene},
     gpu::Context,
     pipelines::{
-        enhance::Times,
+        enhance::{EnhanceOptions, Enhanced, Times},
+        join::{JoinOptions, join},
         layers::{Layer, Layers},
         model::{Model, Room},
         render::RenderOptions,
@@ -26,7 +27,7 @@ use crate::{
         views::Views,
     },
     report::{
-        evaluate::{Evaluation, evaluate},
+        evaluate::evaluate,
         history::Record,
         runs::{Run, StageMean},
         sidebyside::{Crop, Figure, Panel},
@@ -37,8 +38,8 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos, on a page to look at too. As a control, the base is also trained with as many more plain Gaussians for as \
-many more steps.
+it, and compares both with 8 held-out photos, on a page to look at too. As controls, the base is also trained on for as many steps, trained \
+from the start with as many more plain Gaussians for as many more steps, and augmented by the other method.
 
 Examples:
   glint demo
@@ -54,7 +55,7 @@ struct Length {
     joint: Option<u32>,
 }
 
-/// Few enough steps that the whole demo stays within two minutes on two CPU cores.
+/// Few enough steps that the whole demo stays within four minutes on two CPU cores.
 const WHOLE: Length = Length { points: 4000, iterations: 2000, joint: None };
 const SH_DEGREE: u32 = 3;
 const BASE: &str = "base.ply";
@@ -92,7 +93,17 @@ pub(super) struct Args {
     choices: ChoiceArgs,
 }
 
-/// What is compared.
+/// A scene that is compared, and what it took.
+struct Made {
+    what: &'static str,
+    scene: Scene,
+    steps: u32,
+    /// From the first step of its base on.
+    seconds: f64,
+    told: Run,
+}
+
+/// What is told of it.
 #[derive(Serialize)]
 struct Row {
     what: &'static str,
@@ -107,7 +118,9 @@ struct Row {
 #[derive(Serialize)]
 struct Report {
     device: String,
-    rows: [Row; 3],
+    /// The base; trained on for as many steps as it is augmented; from the start with as many more plain Gaussians and steps; augmented by
+    /// the other method; augmented.
+    rows: [Row; 5],
     /// dB of test PSNR over its base, and over the base with as many more plain Gaussians and steps.
     gain_over_base: f64,
     gain_over_plain: f64,
@@ -145,75 +158,52 @@ impl Args {
         let rest = (background, dataset.extent() as f32, self.seed.into());
         let session = self.learn.session(context, Policy::default(), cameras, rest)?;
 
-        let (base, base_seconds, base_steps) = self.train(&session, dataset, &views, points, iterations)?;
-        write_scene(self.output.join(BASE), &base)?;
+        let base = self.train("base", &session, dataset, &views, points, iterations)?;
+        write_scene(self.output.join(BASE), &base.scene)?;
 
-        let mut options = self.choices.options(self.method, Preset::Quick)?;
-        options.join.steps_per_view = joint.unwrap_or(options.join.steps_per_view);
-        let started = Instant::now();
-        let beside = Beside { silent: self.json, ..Default::default() };
-        let enhanced = run_with_progress(&session, &base, &views, &options, &beside, &mut |_, _| ())?;
-        let enhance_seconds = started.elapsed().as_secs_f64();
-        let shown = enhanced.original.as_ref().unwrap_or(&enhanced.scene.base);
-        write_augmented(self.output.join(AUGMENTED), shown, &enhanced.scene)?;
-
-        let without = enhanced.scene.base.len() - base.base.len();
-        let added = enhanced.lifted as usize + without;
-        let joint_steps = options.join.steps_per_view * train.len() as u32;
-        let (plain, plain_seconds, plain_steps) =
-            self.train(&session, dataset, &views, points + added, iterations + joint_steps)?;
-
-        let score = |scene: &Scene| evaluate(context, scene, &test, RenderOptions::default(), background, |_| Ok(()));
-        let (base_score, plain_score, score) = (score(&base)?, score(&plain)?, score(&enhanced.scene)?);
-        let row = |what, gaussians, supplementary, steps, seconds, found: &Evaluation| Row {
-            what,
-            gaussians,
-            supplementary,
-            steps,
-            seconds,
-            psnr: found.augmented.psnr,
-            ssim: found.augmented.ssim,
+        let with_joint = |options: EnhanceOptions| {
+            let steps_per_view = joint.unwrap_or(options.join.steps_per_view);
+            EnhanceOptions { join: JoinOptions { steps_per_view, ..options.join }, ..options }
         };
-        let rows = [
-            row("base", points, 0, iterations, base_seconds, &base_score),
-            row("more plain Gaussians", points + added, 0, iterations + joint_steps, plain_seconds, &plain_score),
-            row(
-                "augmented",
-                points + without,
-                added - without,
-                iterations + joint_steps,
-                base_seconds + enhance_seconds,
-                &score,
-            ),
-        ];
+        let options = with_joint(self.choices.options(self.method, Preset::Quick)?);
+        let (mut augmented, enhanced) = self.augment(self.method, &session, &base, &views, &options)?;
+        // Nothing has held more until now.
+        augmented.told.device_megabytes = Some(context.memory().most_used as f64 / 1e6);
+        let shown = enhanced.original.as_ref().unwrap_or(&augmented.scene.base);
+        write_augmented(self.output.join(AUGMENTED), shown, &augmented.scene)?;
+
+        let (other, choices) = match self.method {
+            Way::Pursuit => (Way::Augs, EnhanceOptions::quick()),
+            Way::Augs => (Way::Pursuit, EnhanceOptions::pursuit()),
+        };
+        let (other, _) = self.augment(other, &session, &base, &views, &with_joint(choices))?;
+        let trained_on = self.train_on(&session, &base, &views, &with_joint(EnhanceOptions::pursuit()).join)?;
+        let added = count(&augmented.scene) - count(&base.scene);
+        let plain = self.train("more plain Gaussians", &session, dataset, &views, points + added, augmented.steps)?;
+
+        let made = [base, trained_on, plain, other, augmented];
+        let [base, _, plain, _, augmented] = &made;
+        self.pictures(context, &test, background, [base, plain, augmented].map(|made| &made.scene))?;
+        let row = |made: &Made| -> Result<Row> {
+            let found = evaluate(context, &made.scene, &test, RenderOptions::default(), background, |_| Ok(()))?;
+            Ok(Row {
+                what: made.what,
+                gaussians: made.scene.base.len(),
+                supplementary: count(&made.scene) - made.scene.base.len(),
+                steps: made.steps,
+                seconds: made.seconds,
+                psnr: found.augmented.psnr,
+                ssim: found.augmented.ssim,
+            })
+        };
+        let [base, on, plain, other, augmented] = made.each_ref().map(row);
+        let rows = [base?, on?, plain?, other?, augmented?];
+        self.page(context, &test, background, &made, &rows)?;
         let times = enhanced.times;
-        let trained = |row: usize, seconds, steps: &StepReport| Run {
-            name: rows[row].what.into(),
-            phases: vec![("training".into(), seconds)],
-            stages: StageMean::all(&steps.milliseconds()),
-            ..Run::default()
-        };
-        let phases = [
-            ("weighing", times.weigh),
-            ("placing", times.place),
-            ("2D phase", times.screen),
-            ("joint phase", times.join),
-        ];
-        let phases = phases.into_iter().filter(|(_, time)| !time.is_zero());
-        let augmented = Run {
-            name: rows[2].what.into(),
-            plan: enhanced.spending.clone(),
-            phases: phases.map(|(phase, time)| (phase.to_owned(), time.as_secs_f64())).collect(),
-            stages: joint_stages(&enhanced),
-            device_megabytes: Some(context.memory().most_used as f64 / 1e6),
-        };
-        let told = [trained(0, base_seconds, &base_steps), trained(1, plain_seconds, &plain_steps), augmented];
-        self.page(context, &test, background, [&base, &plain, &enhanced.scene], &rows, &told)?;
-        self.pictures(context, &test, background, &base, &plain, &enhanced.scene)?;
         let report = Report {
             device: context.info().name.clone(),
-            gain_over_base: rows[2].psnr - rows[0].psnr,
-            gain_over_plain: rows[2].psnr - rows[1].psnr,
+            gain_over_base: rows[4].psnr - rows[0].psnr,
+            gain_over_plain: rows[4].psnr - rows[2].psnr,
             seconds_base_renders: times.base.as_secs_f64(),
             seconds_place: times.place.as_secs_f64(),
             seconds_screen: times.screen.as_secs_f64(),
@@ -227,12 +217,13 @@ impl Args {
     /// Trains plain Gaussians on the first `points` surface points.
     fn train(
         &self,
+        what: &'static str,
         session: &Session,
         dataset: &Dataset,
         views: &Views,
         points: usize,
         iterations: u32,
-    ) -> Result<(Scene, f64, StepReport)> {
+    ) -> Result<Made> {
         let started = Instant::now();
         let (positions, colors) = match &dataset.points {
             Some(cloud) => (&cloud.positions[..], &cloud.colors[..]),
@@ -245,45 +236,86 @@ impl Args {
         let options = BaseOptions { iterations, sh_degree: SH_DEGREE, ..Default::default() };
         let bar = Progress::new("training", "steps", iterations.into());
         let trained = train_base(session, &model, views, &options, true, |done| bar.set(done.into()))?;
-        Ok((model.download()?, started.elapsed().as_secs_f64(), trained.steps))
+        let seconds = started.elapsed().as_secs_f64();
+        let told = trained_run(what, seconds, &trained.steps);
+        Ok(Made { what, scene: model.download()?, steps: iterations, seconds, told })
     }
 
-    /// The page that compares `scenes`, which are those of `rows`.
+    /// Trains the base on as a joint phase does, with nothing added.
+    fn train_on(&self, session: &Session, base: &Made, views: &Views, options: &JoinOptions) -> Result<Made> {
+        let (what, started) = ("base trained on", Instant::now());
+        let model = Model::upload_around(&session.context, views.origin, &base.scene, Room::default())?;
+        let mut trainer = join(session, &model, views, options)?;
+        let steps = trainer.total();
+        let bar = Progress::new("training on", "steps", steps.into());
+        let trained = trainer.run(&model, views, true, |done| bar.set(done.into()))?;
+        let seconds = started.elapsed().as_secs_f64();
+        let told = trained_run(what, seconds, &trained.steps);
+        Ok(Made { what, scene: model.download()?, steps: base.steps + steps, seconds: base.seconds + seconds, told })
+    }
+
+    fn augment(
+        &self,
+        way: Way,
+        session: &Session,
+        base: &Made,
+        views: &Views,
+        options: &EnhanceOptions,
+    ) -> Result<(Made, Enhanced)> {
+        let what = match way {
+            Way::Pursuit => "augmented by pursuit",
+            Way::Augs => "augmented by augs",
+        };
+        let started = Instant::now();
+        let beside = Beside { silent: self.json, ..Default::default() };
+        let enhanced = run_with_progress(session, &base.scene, views, options, &beside, &mut |_, _| ())?;
+        let seconds = base.seconds + started.elapsed().as_secs_f64();
+        let times = enhanced.times;
+        let phases = [
+            ("weighing", times.weigh),
+            ("placing", times.place),
+            ("2D phase", times.screen),
+            ("joint phase", times.join),
+        ];
+        let phases = phases.into_iter().filter(|(_, time)| !time.is_zero());
+        let told = Run {
+            name: what.into(),
+            plan: enhanced.spending.clone(),
+            phases: phases.map(|(phase, time)| (phase.to_owned(), time.as_secs_f64())).collect(),
+            stages: joint_stages(&enhanced),
+            ..Run::default()
+        };
+        let steps = base.steps + options.join.steps_per_view * views.cameras.len() as u32;
+        Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, told }, enhanced))
+    }
+
+    /// The page that compares all that was made.
     fn page(
         &self,
         context: &Context,
         test: &[&Photo],
         background: [f32; 3],
-        scenes: [&Scene; 3],
-        rows: &[Row; 3],
-        told: &[Run],
+        made: &[Made; 5],
+        rows: &[Row; 5],
     ) -> Result<()> {
-        let bytes = scenes.map(scene_bytes);
-        let shown: Vec<Shown> = scenes
-            .iter()
-            .zip(rows)
-            .zip(bytes)
-            .map(|((&scene, row), bytes)| Shown { name: row.what, scene, bytes })
-            .collect();
-        let history: Vec<Record> = rows
-            .iter()
-            .zip(bytes)
-            .map(|(row, bytes)| Record {
-                name: row.what.into(),
-                seconds: row.seconds,
-                bytes,
-                gaussians: (row.gaussians + row.supplementary) as u64,
-                psnr: row.psnr,
-                ssim: row.ssim,
-                seed: self.seed.into(),
-                holdout: "every".into(),
-            })
-            .collect();
+        let shown =
+            made.each_ref().map(|Made { what, scene, .. }| Shown { name: what, scene, bytes: scene_bytes(scene) });
+        let records = rows.iter().zip(&shown).map(|(row, shown)| Record {
+            name: row.what.into(),
+            seconds: row.seconds,
+            bytes: shown.bytes,
+            gaussians: (row.gaussians + row.supplementary) as u64,
+            psnr: row.psnr,
+            ssim: row.ssim,
+            seed: self.seed.into(),
+            holdout: "every".into(),
+        });
+        let told = made.each_ref().map(|made| made.told.clone());
         compare(context, &shown, test, RenderOptions::default(), background)?.write(
             &self.output,
             "the built-in scene",
-            &history,
-            told,
+            &records.collect::<Vec<_>>(),
+            &told,
         )
     }
 
@@ -293,9 +325,7 @@ impl Args {
         context: &Context,
         test: &[&Photo],
         background: [f32; 3],
-        base: &Scene,
-        plain: &Scene,
-        augmented: &Scene,
+        [base, plain, augmented]: [&Scene; 3],
     ) -> Result<()> {
         let layers = |scene| Layers::new(context, scene, test.iter().map(|p| &p.camera), RenderOptions::default());
         let (mut base, mut plain, mut augmented) = (layers(base)?, layers(plain)?, layers(augmented)?);
@@ -349,14 +379,29 @@ impl Args {
             ]);
         }
         format!(
-            "{table}\naugmented: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
+            "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
              placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}, view_*.png\n",
+            report.rows[4].what,
             report.gain_over_base,
             report.gain_over_plain,
             (times.base + times.place + times.screen + times.lift).as_secs_f64(),
             times.join.as_secs_f64(),
             self.output.display()
         )
+    }
+}
+
+/// Gaussians of base and supplement.
+fn count(scene: &Scene) -> usize {
+    scene.base.len() + scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len())
+}
+
+fn trained_run(what: &str, seconds: f64, steps: &StepReport) -> Run {
+    Run {
+        name: what.into(),
+        phases: vec![("training".into(), seconds)],
+        stages: StageMean::all(&steps.milliseconds()),
+        ..Run::default()
     }
 }
 
@@ -395,14 +440,17 @@ mod tests {
         let line = Line::try_parse_from(["demo", "--json", "-o", output.to_str().unwrap()]).unwrap();
         let length = Length { points: 600, iterations: 60, joint: Some(1) };
         let Ok((report, _)) = line.args.run_for(&length) else { panic!("the demo fails") };
-        let [base, plain, augmented] = &report.rows;
+        let [base, on, plain, other, augmented] = &report.rows;
         let added = augmented.gaussians + augmented.supplementary - base.gaussians;
         assert!(added > 0 && augmented.supplementary > 0, "{added}");
         assert_eq!((base.gaussians, base.supplementary, base.steps), (600, 0, 60));
         // One joint step a view.
         let steps = 60 + builtin_scene(10).dataset().split(Split::Train).count() as u32;
         assert_eq!((plain.gaussians, plain.supplementary, plain.steps), (600 + added, 0, steps));
-        assert_eq!(augmented.steps, steps);
+        assert_eq!((augmented.steps, other.steps), (steps, steps));
+        assert_eq!((on.gaussians, on.supplementary, on.steps), (600, 0, steps));
+        assert_eq!((other.what, augmented.what), ("augmented by augs", "augmented by pursuit"));
+        assert!(other.supplementary > 0 && other.gaussians == 600, "{}", other.supplementary);
         let times = [report.seconds_base_renders, report.seconds_place, report.seconds_join].into_iter().sum::<f64>();
         assert!(base.seconds > 0.0 && augmented.seconds >= base.seconds + times);
         assert_eq!(report.gain_over_plain, augmented.psnr - plain.psnr);

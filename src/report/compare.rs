@@ -52,10 +52,10 @@ pub fn page(title: &str, photos: &[String], entries: &[Entry], history: &[Record
     let title = escape(title);
     let mut body = format!("<h1>{title}</h1>\n<p>{EXPLAINED}</p>\n<h2>Scenes</h2>\n");
     body += &table_of_scenes(entries);
-    told.iter().for_each(|run| body += &runs::html(run));
     for holdout in holdouts(history) {
         body += &work_precision(history, holdout)?;
     }
+    body += &runs::html(told);
     let _ = write!(body, "<h2>{} views</h2>\n{}", photos.len(), table_of_views(entries));
     let names = || std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
     let options: String =
@@ -83,7 +83,7 @@ const OWN_STYLE: &str = "h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}t
     .slider{width:400px}.pair{position:relative;line-height:0}.pair img{width:400px}.pair .left{position:absolute;left:0;top:0}\
     .slider input{width:400px;margin:.4rem 0}.view td img,.view th img{width:160px}img.small{image-rendering:pixelated}\
     .choice{position:sticky;top:0;background:#fff;padding:.5rem 0;z-index:1}.curves{display:flex;flex-wrap:wrap}\
-    .key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}th{position:static;cursor:default}";
+    .key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}th{position:static;cursor:default}.views th{white-space:normal}";
 
 /// The two pictures that are chosen, in every view, and the border between them.
 const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')];\

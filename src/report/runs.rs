@@ -4,11 +4,7 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    page::escape,
-    spending,
-    table::{Column, Table},
-};
+use super::{page::escape, spending};
 use crate::pipelines::spend::Spending;
 
 /// Mean device time of a stage over steps all through a run.
@@ -44,34 +40,53 @@ pub struct Run {
     pub device_megabytes: Option<f64>,
 }
 
-/// As a page shows it.
-pub fn html(run: &Run) -> String {
-    let mut out = run.plan.as_ref().map_or_else(String::new, |plan| spending::html(&run.name, plan));
-    let _ = writeln!(out, "<h2>Time and memory of {}</h2>", escape(&run.name));
-    let phases = run.phases.iter().map(|(phase, seconds)| format!("{} {seconds:.1} s", escape(phase)));
-    let held = run.device_megabytes.map(|megabytes| format!("{megabytes:.1} MB held on the device at most"));
-    let _ = writeln!(out, "<p class=\"took\">{}</p>", phases.chain(held).collect::<Vec<_>>().join(", "));
-    let all: f64 = run.stages.iter().map(|stage| stage.milliseconds_per_step).sum();
-    if all > 0.0 {
-        let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
-        let mut table = Table::new([
-            column("stage", "stage of a step", "", 0),
-            column("ms", "on the device", "ms", 3),
-            column("share", "share", "%", 1),
-        ]);
-        let mut stages: Vec<&StageMean> = run.stages.iter().collect();
-        stages.sort_by(|a, b| b.milliseconds_per_step.total_cmp(&a.milliseconds_per_step));
-        for StageMean { name, milliseconds_per_step } in stages {
-            table.row([
-                name.as_str().into(),
-                (*milliseconds_per_step).into(),
-                (100.0 * milliseconds_per_step / all).into(),
-            ]);
-        }
-        table.row(["all".into(), all.into(), 100.0.into()]);
-        let _ = writeln!(out, "<pre class=\"stages\">{}</pre>", escape(&table.to_string()));
+/// As a page shows them: plans, and what all took, side by side. Empty without runs.
+pub fn html(runs: &[Run]) -> String {
+    let mut out: String = runs.iter().filter_map(|run| Some(spending::html(&run.name, run.plan.as_ref()?))).collect();
+    if runs.is_empty() {
+        return out;
     }
-    out
+    out += "<h2>Time and memory</h2>\n<table class=\"took\"><thead><tr><th></th>";
+    runs.iter().for_each(|run| out += &format!("<th>{}</th>", escape(&run.name)));
+    out += "</tr></thead>\n<tbody>";
+    let mut row = |what: &str, decimals: usize, value: &dyn Fn(&Run) -> Option<f64>| {
+        let values = runs.iter().map(value).collect::<Vec<_>>();
+        if values.iter().all(Option::is_none) {
+            return;
+        }
+        let _ = write!(out, "<tr><td>{}</td>", escape(what));
+        for value in values {
+            let _ = write!(out, "<td>{}</td>", value.map_or_else(String::new, |value| format!("{value:.decimals$}")));
+        }
+        out += "</tr>\n";
+    };
+    let mut phases: Vec<&str> = Vec::new();
+    for (phase, _) in runs.iter().flat_map(|run| &run.phases) {
+        if !phases.contains(&phase.as_str()) {
+            phases.push(phase);
+        }
+    }
+    for phase in phases {
+        let seconds = |run: &Run| run.phases.iter().find(|(name, _)| name == phase).map(|(_, seconds)| *seconds);
+        row(&format!("{phase} [s]"), 1, &seconds);
+    }
+    row("held on the device at most [MB]", 1, &|run| run.device_megabytes);
+    let all = |run: &Run| run.stages.iter().map(|stage| stage.milliseconds_per_step).sum::<f64>();
+    row("a step on the device [ms]", 3, &|run| Some(all(run)).filter(|all| *all > 0.0));
+    // The stage that takes most in all of them comes first.
+    let mut stages: Vec<(&str, f64)> = Vec::new();
+    for stage in runs.iter().flat_map(|run| &run.stages) {
+        match stages.iter_mut().find(|(name, _)| *name == stage.name) {
+            Some((_, sum)) => *sum += stage.milliseconds_per_step,
+            None => stages.push((&stage.name, stage.milliseconds_per_step)),
+        }
+    }
+    stages.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (name, _) in stages {
+        let time = |run: &Run| run.stages.iter().find(|stage| stage.name == name).map(|s| s.milliseconds_per_step);
+        row(name, 3, &time);
+    }
+    out + "</tbody></table>\n"
 }
 
 #[cfg(test)]
@@ -79,16 +94,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_took_longest_comes_first() {
-        let stages = StageMean::all(&[("emit", 1.0), ("blend", 3.0)]);
-        let phases = vec![("placing".into(), 3.25), ("a<b".into(), 1.0)];
-        let run = Run { name: "more & more".into(), phases, stages, device_megabytes: Some(12.34), ..Run::default() };
-        let page = html(&run);
-        for part in ["of more &amp; more</h2>", "placing 3.2 s, a&lt;b 1.0 s, 12.3 MB", "75.0", "4.000"] {
-            assert!(page.contains(part), "`{part}` is not in: {page}");
-        }
-        assert!(page.find("blend") < page.find("emit"));
-        // A device without timestamps.
-        assert!(!html(&Run { stages: Vec::new(), ..run }).contains("<pre"));
+    fn runs_lie_side_by_side_and_what_took_longest_comes_first() {
+        let run = |name: &str, phase: &str, stages: &[(&'static str, f64)], device_megabytes| Run {
+            name: name.into(),
+            phases: vec![(phase.into(), 3.25)],
+            stages: StageMean::all(stages),
+            device_megabytes,
+            plan: None,
+        };
+        let runs = [
+            run("more & more", "a<b", &[("emit", 1.0), ("blend", 3.0)], Some(12.34)),
+            run("other", "joint phase", &[("sort", 0.5)], None),
+        ];
+        let page = html(&runs);
+        let rows = [
+            "<th>more &amp; more</th><th>other</th>",
+            "<td>a&lt;b [s]</td><td>3.2</td><td></td>",
+            "<td>joint phase [s]</td><td></td><td>3.2</td>",
+            "<td>held on the device at most [MB]</td><td>12.3</td><td></td>",
+            "<td>a step on the device [ms]</td><td>4.000</td><td>0.500</td>",
+            "<td>blend</td><td>3.000</td><td></td>",
+            "<td>emit</td><td>1.000</td><td></td>",
+            "<td>sort</td><td></td><td>0.500</td>",
+        ];
+        let found: Vec<_> = rows.iter().map(|row| page.find(row)).collect();
+        assert!(found.iter().all(Option::is_some) && found.is_sorted(), "{found:?} in {page}");
+        // A device without timestamps, and nothing told.
+        assert!(!html(&[Run { stages: Vec::new(), ..runs[0].clone() }]).contains("a step"));
+        assert_eq!(html(&[]), "");
     }
 }
