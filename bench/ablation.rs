@@ -76,8 +76,9 @@ struct Args {
     first_seed: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
-    /// Settings of pursuit and of the joint phase other than the defaults: draws, sizes, first, ratio, rounds, caution, least, opacity,
-    /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps)
+    /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, least, opacity,
+    /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps). Of the paper's method: shared, smallest, weights, bias (1: the
+    /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -117,9 +118,7 @@ fn options_of(row: &str, args: &Args) -> Result<Option<EnhanceOptions>> {
         "augs+" => options.join = join_all(args)?,
         _ => {}
     }
-    if options.method == Method::Pursuit {
-        set(&mut options, args)?;
-    }
+    set(&mut options, args)?;
     Ok(Some(options))
 }
 
@@ -135,25 +134,44 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
         let bad = || Error::Usage(format!("--set {pair}: expected a known key and a number"));
         let (key, value) = pair.split_once('=').ok_or_else(bad)?;
         let value: f32 = value.parse().map_err(|_| bad())?;
-        match key {
-            "draws" => options.pursuit.draws = value as u32,
-            "sizes" => options.pursuit.sizes = value as u32,
-            "first" => options.pursuit.first_size = value,
-            "ratio" => options.pursuit.size_ratio = value,
-            "rounds" => options.pursuit.rounds = value as u32,
-            "caution" => options.pursuit.caution = value,
-            "least" => options.pursuit.least_gain = value,
-            "opacity" => options.pursuit.least_opacity = value,
-            "placements" => options.pursuit.placements = value as u32,
-            "pace" => options.join.pace = value,
-            "decay" => options.join.decay = value,
-            "newton" => options.join.newton = value,
-            "degree" => options.pursuit.lobe_degree = value as u32,
-            "worth" => options.pursuit.lobe_worth = value,
-            _ => return Err(bad()),
+        // What only the other method has changes nothing here.
+        let mut other = match options.method {
+            Method::Pursuit => EnhanceOptions::paper(),
+            Method::Augs => EnhanceOptions::pursuit(),
+        };
+        if !set_one(options, key, value) && !set_one(&mut other, key, value) {
+            return Err(bad());
         }
     }
     Ok(())
+}
+
+/// Whether the method has such a setting.
+fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
+    match (options.method, key) {
+        (_, "threshold") => options.median_threshold = value,
+        (_, "centre") => options.centre_depth = value != 0.0,
+        (Method::Augs, "shared") => options.schedule.shared_steps = value != 0.0,
+        (Method::Augs, "smallest") => options.lift.fail_on_smallest = value != 0.0,
+        (Method::Augs, "weights") => options.lift.plain_weights = value != 0.0,
+        (Method::Augs, "bias") => options.join.bias_correction = value != 0.0,
+        (Method::Pursuit, "draws") => options.pursuit.draws = value as u32,
+        (Method::Pursuit, "sizes") => options.pursuit.sizes = value as u32,
+        (Method::Pursuit, "first") => options.pursuit.first_size = value,
+        (Method::Pursuit, "ratio") => options.pursuit.size_ratio = value,
+        (Method::Pursuit, "rounds") => options.pursuit.rounds = value as u32,
+        (Method::Pursuit, "caution") => options.pursuit.caution = value,
+        (Method::Pursuit, "least") => options.pursuit.least_gain = value,
+        (Method::Pursuit, "opacity") => options.pursuit.least_opacity = value,
+        (Method::Pursuit, "placements") => options.pursuit.placements = value as u32,
+        (Method::Pursuit, "pace") => options.join.pace = value,
+        (Method::Pursuit, "decay") => options.join.decay = value,
+        (Method::Pursuit, "newton") => options.join.newton = value,
+        (Method::Pursuit, "degree") => options.pursuit.lobe_degree = value as u32,
+        (Method::Pursuit, "worth") => options.pursuit.lobe_worth = value,
+        _ => return false,
+    }
+    true
 }
 
 /// What became of one row and seed.

@@ -11,6 +11,8 @@ use crate::{Error, Result};
 
 /// The largest side of a picture, pixels: what a mistyped number becomes.
 const MAX_SIDE: u32 = 16_384;
+/// Of any other number.
+const LARGEST: f64 = 1e30;
 
 /// Poses of one camera for pictures of one size.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -133,12 +135,14 @@ impl CameraPath {
         for (i, Key { eye, rotation: [w, x, y, z], focal, center }) in file.keys.into_iter().enumerate() {
             let quaternion = DQuat::from_xyzw(x, y, z, w);
             let length = quaternion.length();
+            // Those of a camera, and of any between two keys, are finite in float32, too.
+            let bounded = |v: &f64| v.abs() <= LARGEST;
             let expected = [
-                ("eye", eye.iter().all(|v| v.is_finite()), "finite numbers"),
+                ("eye", eye.iter().all(bounded), "numbers of at most 1e30"),
                 // Written by hand with three digits it is still meant to be a rotation.
                 ("rotation", (length - 1.0).abs() < 0.01, "a quaternion of length 1"),
-                ("focal", focal.iter().all(|v| v.is_finite() && *v > 0.0), "numbers above 0"),
-                ("center", center.iter().all(|v| v.is_finite()), "finite numbers"),
+                ("focal", focal.iter().all(|v| bounded(v) && *v > 0.0), "numbers above 0, of at most 1e30"),
+                ("center", center.iter().all(bounded), "numbers of at most 1e30"),
             ];
             if let Some((field, _, what)) = expected.into_iter().find(|(_, holds, _)| !holds) {
                 return Err(bad(format!("keys[{i}].{field}: expected {what}")));
@@ -259,11 +263,12 @@ mod tests {
             assert_eq!(error.exit_code(), 2);
             error.to_string()
         };
-        let wrong: [(Change<'_>, &str); 7] = [
+        let wrong: [(Change<'_>, &str); 8] = [
             (&|v| v["width"] = 0.into(), "width is 0, expected 1 to 16384 pixels"),
             (&|v| v["keys"] = serde_json::json!([]), "keys is empty"),
             (&|v| v["keys"][2]["rotation"][0] = 7.into(), "keys[2].rotation: expected a quaternion of length 1"),
             (&|v| v["keys"][1]["focal"][1] = 0.into(), "keys[1].focal: expected numbers above 0"),
+            (&|v| v["keys"][1]["eye"][2] = (-1e308).into(), "keys[1].eye: expected numbers of at most 1e30"),
             (&|v| v["keys"][1]["eye"] = serde_json::json!([1, 2]), "expected an array of length 3"),
             (&|v| v["keys"][0]["fov"] = 3.into(), "unknown field `fov`"),
             (&|v| *v = 3.into(), "expected a camera path"),
