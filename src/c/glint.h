@@ -119,7 +119,7 @@ typedef struct glint_buffer {
 /* Scenes in PLY files, base and supplement. `name` is for errors. */
 typedef struct glint_scene_counts {
     uint32_t size;
-    uint32_t base, supplement, sh_degree;
+    uint32_t base, supplement, sh_degree; /* 0 to 3, or 4: spherical betas */
 } glint_scene_counts;
 
 int32_t glint_scene_read(const char *path, glint_scene **scene);

@@ -15,7 +15,7 @@ use crate::{
     },
     scene::{
         Scene,
-        layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
+        layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, colour_name},
     },
 };
 
@@ -103,7 +103,7 @@ impl RenderPlan {
                 "harmonics",
                 true,
                 match lobe_degree == degree || supplementary == 0 {
-                    true => format!("the scene's degree is {degree}: {} bytes a Gaussian", harmonics(degree)),
+                    true => format!("the scene has {}: {} bytes a Gaussian", colour_name(degree), harmonics(degree)),
                     false => format!(
                         "the base's degree is {degree}, {} bytes a Gaussian; the supplement's {lobe_degree}, {} bytes",
                         harmonics(degree),
@@ -147,7 +147,7 @@ impl RenderPlan {
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
                 let beside = |planes| layout::bytes(moment_planes(planes, false));
                 all(beside(GEOMETRY_PLANES))
-                    + both(&|degree| layout::bytes(sh_moments(degree, false, true)))
+                    + both(&|degree| layout::bytes(sh_moments(degree, false, degree != BETAS)))
                     + (supplementary * beside(LOBE_PLANES)) as i64
             }),
         ]);
