@@ -154,7 +154,7 @@ typedef struct glint_limits {
     uint32_t in_flight;     /* slots */
     uint32_t intersections; /* of Gaussians and tiles; 0: as many as take `intersection_bytes` */
     uint32_t texel;         /* the widest of any target */
-    uint32_t degrees;       /* bit d: harmonics of degree d are asked for */
+    uint32_t degrees;       /* bit d: harmonics of degree d are asked for; bit 4: spherical betas */
     uint32_t lobe_degrees;  /* the same of supplements; 0: no model has one */
     uint32_t half;          /* 1: models are of half width */
     uint32_t depth_in;      /* 1: depths hide Gaussians */

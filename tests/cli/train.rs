@@ -89,6 +89,7 @@ fn spherical_betas_are_learned_and_kept() {
     let info = work.ok("info out.ply");
     assert!(info.contains("300 Gaussians, spherical betas, no supplement"), "{info}");
     assert!(work.json("info out.ply --json")["sh_degree"].is_null());
+    assert!(work.ok("info out.ply --plan").contains("spherical betas: 64 bytes a Gaussian"));
     let psnr = |scene: &str| work.json(&format!("eval {scene} data --json"))["base"]["psnr"].as_f64().unwrap();
     work.ok("train data -o constant.ply --iterations 64 --deterministic --strategy mcmc --sh-degree 0");
     assert!(psnr("out.ply") > psnr("constant.ply"), "{} and {}", psnr("out.ply"), psnr("constant.ply"));
