@@ -269,7 +269,7 @@ fn constant(line: &str) -> Option<String> {
         "float" => "f32",
         _ => return None,
     };
-    let plain = value.starts_with(|c: char| c.is_ascii_digit())
+    let plain = value.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit())
         && value.chars().all(|c| c.is_ascii_hexdigit() || ".ex-+".contains(c));
     let doc = comment.trim().trim_start_matches('/').trim();
     plain.then(|| format!("#[doc = {doc:?}] pub const {name}: {ty} = {value};"))

@@ -46,7 +46,10 @@ use glint::{
         resolve::To,
         tiles::{Tiling, for_each_tile},
     },
-    scene::{Camera, Gaussians, Lobes, Scene, Supplement, from_points, layout},
+    scene::{
+        Camera, Gaussians, Lobes, Scene, Supplement, from_points,
+        layout::{self, BETAS, sh_planes},
+    },
     stages::constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
 };
 
@@ -608,18 +611,21 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
     let gpu = Gpu::new();
     let camera = random_camera(61, 47);
     let view = View::from_camera(&camera).rounded();
-    for ([base, lobed], half) in [([3, 0], false), ([3, 0], true), ([0, 2], false), ([1, 3], true)] {
-        let mut scene = random_scene(5, 400, 300, 3);
+    let betas = [false, true].map(|half| ([BETAS; 2], half));
+    for ([base, lobed], half) in
+        [([3, 0], false), ([3, 0], true), ([0, 2], false), ([1, 3], true)].into_iter().chain(betas)
+    {
+        let mut scene = random_scene(5, 400, 300, base.max(3));
         scene.base = scene.base.with_degree(base);
         scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
         let model =
             Model::upload_around(&gpu, DVec3::ZERO, &scene, model::Room { half, ..Default::default() }).unwrap();
-        let words = |degree: usize| if half { (3 * (degree + 1).pow(2)).div_ceil(2) } else { 3 * (degree + 1).pow(2) };
+        let words = |degree: u32| if half { sh_planes(degree).div_ceil(2) } else { sh_planes(degree) };
         let planes = model::Segment::ALL.map(|segment| model.part(segment).sh.planes());
-        assert_eq!(planes, [base, lobed].map(|degree| words(degree as usize)));
+        assert_eq!(planes, [base, lobed].map(words));
         // What the device was given, halves too.
         let params = Params::from_scene(&model.download().unwrap()).unwrap();
-        for degree in [model.sh_degree, 1] {
+        for degree in [model.sh_degree, 1, 0] {
             let options = Options { active_degree: degree, ..Default::default() };
             let projected = project(&params, &view, &options);
             let isects = Intersections::new(&projected, Tiling::new(61, 47, &options));

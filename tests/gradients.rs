@@ -3,7 +3,7 @@
 
 use glint::{
     reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render},
-    scene::layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
+    scene::layout::{Array, BETAS, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
 };
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -60,7 +60,11 @@ struct Problem {
 
 impl Problem {
     fn new(seed: u64, count: usize, supplement: usize, options: Options) -> Self {
-        let params = Params::from_scene(&random_scene(seed, count, supplement, 3)).unwrap();
+        Self::of(seed, count, supplement, 3, options)
+    }
+
+    fn of(seed: u64, count: usize, supplement: usize, degree: u32, options: Options) -> Self {
+        let params = Params::from_scene(&random_scene(seed, count, supplement, degree)).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(seed + 1000);
         let mut image = |low: f64| (0..PIXELS).map(|_| std::array::from_fn(|_| rng.random_range(low..1.0))).collect();
         Problem {
@@ -153,7 +157,8 @@ fn check(problem: &Problem, seen: &mut Seen) {
         // A gradient that rounding cannot hide.
         if gradient.abs() > 1e-6 {
             let kinks = base.projected.kinks[parameter.gaussian];
-            seen.live[groups(3).iter().position(|group| group.name == parameter.group).unwrap()] += 1;
+            seen.live
+                [groups(problem.params.sh_degree).iter().position(|group| group.name == parameter.group).unwrap()] += 1;
             seen.jacobian_clamped += (kinks & 3 != 0) as usize;
             seen.color_clamped += (kinks >> 2 != 0) as usize;
         }
@@ -185,6 +190,26 @@ fn every_gradient_is_the_central_difference() {
     assert!(seen.live.iter().all(|&live| live >= 30), "{seen:?}");
     assert!(seen.jacobian_clamped >= 30 && seen.color_clamped >= 30, "{seen:?}");
     assert!(seen.alpha_clamped >= 30 && seen.opaque >= 30, "{seen:?}");
+}
+
+#[test]
+fn gradients_of_betas_are_central_differences() {
+    let mut seen = Seen::default();
+    for seed in 120..124 {
+        let options = Options { active_degree: BETAS, ..Default::default() };
+        let problem = Problem::of(seed, 24, 16, BETAS, options);
+        check(&problem, &mut seen);
+        check(&problem.grown(2.3, 5.0), &mut seen);
+    }
+    println!("{seen:?}");
+    assert!(seen.skipped * 50 < seen.tested, "too many parameters at a threshold: {seen:?}");
+    assert!(seen.live.iter().all(|&live| live >= 30) && seen.color_clamped >= 30, "{seen:?}");
+    // Of degree 0 there is the constant alone.
+    let problem = Problem::of(124, 60, 20, BETAS, Options { active_degree: 0, ..Default::default() });
+    let mut plain = problem.params.clone();
+    plain.sh.truncate(3 * plain.stride);
+    plain.sh_degree = 0;
+    assert_eq!(problem.render(&problem.params).blended, problem.render(&plain).blended);
 }
 
 #[test]

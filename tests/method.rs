@@ -22,6 +22,7 @@ use glint::{
     reference::{
         ALPHA_MAX, ALPHA_MIN, DILATION, NEAR, TRANSMITTANCE_MIN,
         adam::{BETA1, BETA2, CURVATURE_DECAY, NEWTON_REACH, SHARPNESS_RANGE, WIDTH_RANGE},
+        betas::B_RANGE,
         density_apply::{COPIES, SPLIT_SCALE},
         density_noise::GATE,
         lift_groups::{GROUP_MIN, TAU_GROWTH},
@@ -34,7 +35,10 @@ use glint::{
         screen_prune::{OPACITY_MIN, covered_min},
         ssim_forward::SSIM_WEIGHT,
     },
-    scene::{Scene, Supplement, from_points},
+    scene::{
+        Scene, Supplement, from_points,
+        layout::{BETA_LOBES, BETAS},
+    },
 };
 
 /// What the code has, by the table's names.
@@ -42,6 +46,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
     let (paper, ours) = (EnhanceOptions::paper(), EnhanceOptions::pursuit());
     let pursuit = ours.pursuit;
     let base = BaseOptions::default();
+    let betas = BaseOptions { sh_degree: BETAS, ..base };
     let (first, last) = (base.plan(1.0, 0).rates, base.plan(1.0, 30_000).rates);
     let joint = paper.join.rates(1.0, 0.0);
     let band = (1..30_000).find(|&step| base.plan(1.0, step).active_degree == 1).unwrap();
@@ -55,6 +60,9 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("largest T", WIDTH_RANGE.1),
         ("least β", SHARPNESS_RANGE.0),
         ("largest β", SHARPNESS_RANGE.1),
+        ("betas of a Gaussian", BETA_LOBES as f64),
+        ("least b", B_RANGE.0),
+        ("largest b", B_RANGE.1),
         ("weight of 1 − SSIM", SSIM_WEIGHT),
         ("Adam's first decay", BETA1),
         ("Adam's second decay", BETA2),
@@ -67,6 +75,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("base: rate of opacities", first.opacity.into()),
         ("base: rate of DC", first.dc.into()),
         ("base: rate of other SH", first.sh.into()),
+        ("base: rate of betas", betas.plan(1.0, 0).rates.sh.into()),
         ("base: steps", base.iterations.into()),
         ("base: steps until the next band", band.into()),
         ("density: least opacity", density::LEAST_OPACITY.into()),
@@ -172,6 +181,8 @@ fn rates_of_positions_follow_the_extent_and_bands_the_run() {
         |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3, ..Default::default() }.plan(2.0, step);
     // Half way the rate is the geometric mean.
     assert!((f64::from(plan(600, 300).rates.mean) / (2.0 * 1.6e-5) - 1.0).abs() < 1e-6);
+    // Betas are no bands.
+    assert_eq!(BaseOptions { sh_degree: BETAS, ..Default::default() }.plan(2.0, 0).active_degree, BETAS);
     let degrees = |iterations: u32, steps: [u32; 5]| steps.map(|step| plan(iterations, step).active_degree);
     assert_eq!(degrees(30_000, [999, 1000, 2000, 3000, 29_999]), [0, 1, 2, 3, 3]);
     assert_eq!(degrees(600, [19, 20, 40, 60, 599]), [0, 1, 2, 3, 3]);

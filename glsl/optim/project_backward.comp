@@ -235,8 +235,8 @@ void main() {
         g.log_scale += push.mean_scale / (3.0 * of_all) * scale;
     }
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
-    // Each coefficient is read once: for the gradient by the direction, and for its step.
-    ColourAt at = colour_at(to_mean);
+    // Each coefficient of harmonics is read once: for the gradient by the direction, and for its step.
+    ColourAt at = colour_at(to_mean, place);
     vec3 d_to_mean = vec3(0.0);
     [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
         vec4 values[3], grads[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));

@@ -80,7 +80,7 @@ void main() {
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(view.width, view.height));
     if (tiles == 0) return;
 
-    vec3 colour = colour_of(colour_at(normalize(mean - view.eye)), place);
+    vec3 colour = colour_of(colour_at(normalize(mean - view.eye), place), place);
     vec3 size = abs(colour);
     if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return; // guard: colour within float32
 

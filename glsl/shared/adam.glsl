@@ -134,6 +134,10 @@ void step_sh12(uint g, uint place, vec4 values[3], vec4 grads[3]) {
             sh_moments[at] = first;
             if (!PACKED) sh_moments[at + push.stride] = second;
         }
+        [[unroll]] for (uint c = 0; c < 4; ++c) {
+            // guard: bounds of b
+            if (HAS_BETAS && is_beta_b(4 * q + c)) values[n][c] = clamp(values[n][c], BETA_MIN, BETA_MAX);
+        }
         sh[q * push.stride + place] = values[n];
     }
 }

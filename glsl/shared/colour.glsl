@@ -1,10 +1,15 @@
-// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023).
+// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023), or their constant
+// and spherical betas.
 //
 // Kernels know colour_at, colour_of, direction_gradient and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
-// channels. Another colour model is another file with these four, and a choice between the two here. The bands in use are a
+// channels. Another colour model is another file and a choice here. The bands in use, or betas in their place, are a
 // specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
+#include "betas.glsl"
+
 layout(constant_id = 10) const uint SH_DEGREE = 3;
-const uint COEFFICIENTS = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+const bool HAS_BETAS = SH_DEGREE == BETAS;
+const uint HARMONICS = HAS_BETAS ? 1 : (SH_DEGREE + 1) * (SH_DEGREE + 1);
+const uint COEFFICIENTS = HARMONICS + (HAS_BETAS ? 2 * BETA_LOBES : 0);
 const uint GROUPS = (COEFFICIENTS + 3) / 4; // of four, which are read and written together
 
 // Basis functions of a unit vector; those beyond SH_DEGREE are not set.
@@ -55,15 +60,23 @@ vec3 sh_basis_gradient(vec3 d, uint k) {
     return vec3(0.0);
 }
 
-// What depends on the direction alone, the unit vector from the eye to the Gaussian.
+// What depends on the direction alone, the unit vector from the eye to the Gaussian, and what betas make of it.
 struct ColourAt {
     vec3 direction;
     float basis[16];
+    Beta betas[BETA_LOBES];
 };
-ColourAt colour_at(vec3 direction) {
+ColourAt colour_at(vec3 direction, uint place) {
     ColourAt at;
     at.direction = direction;
     sh_basis(direction, at.basis);
+    if (!HAS_BETAS) return at;
+    vec4 quads[2][3];
+    [[unroll]] for (uint g = 0; g < 2; ++g) load_sh12(g, 3 * COEFFICIENTS, place, quads[g]);
+    [[unroll]] for (uint m = 0; m < BETA_LOBES; ++m) {
+        uint k = 1 + 2 * m, next = k + 1;
+        at.betas[m] = beta_at(direction, coefficient_of(quads[k / 4], k % 4), coefficient_of(quads[next / 4], next % 4));
+    }
     return at;
 }
 
@@ -74,16 +87,25 @@ vec3 colour_of(ColourAt at, uint place) {
         vec4 quads[3];
         load_sh12(g, 3 * COEFFICIENTS, place, quads);
         [[unroll]] for (uint j = 0; j < 4; ++j) {
-            if (4 * g + j < COEFFICIENTS) colour += at.basis[4 * g + j] * coefficient_of(quads, j);
+            if (4 * g + j < HARMONICS) colour += at.basis[4 * g + j] * coefficient_of(quads, j);
         }
+    }
+    if (HAS_BETAS) {
+        [[unroll]] for (uint m = 0; m < BETA_LOBES; ++m) colour += at.betas[m].factor * at.betas[m].light;
     }
     return colour;
 }
 
-// Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere.
+// Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere. A lobe's is with its colour.
 vec3 direction_gradient(ColourAt at, uint k, vec3 d_colour, vec3 coefficient) {
-    return dot(d_colour, coefficient) * sh_basis_gradient(at.direction, k);
+    if (k < HARMONICS) return dot(d_colour, coefficient) * sh_basis_gradient(at.direction, k);
+    Beta l = at.betas[(k - 1) / 2];
+    return k % 2 == 1 ? dot(d_colour, l.light) * l.by_cosine * l.axis : vec3(0.0);
 }
 
 // The gradient by coefficient k.
-vec3 coefficient_gradient(ColourAt at, uint k, vec3 d_colour) { return at.basis[k] * d_colour; }
+vec3 coefficient_gradient(ColourAt at, uint k, vec3 d_colour) {
+    if (k < HARMONICS) return at.basis[k] * d_colour;
+    Beta l = at.betas[(k - 1) / 2];
+    return k % 2 == 1 ? l.factor * l.slope * d_colour : dot(d_colour, l.light) * l.by_shape;
+}

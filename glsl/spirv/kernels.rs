@@ -5218,6 +5218,12 @@ pub mod adam_one {
 #[doc = ""] pub const CURVATURE_DECAY: f32 = 0.95;
 #[doc = ""] pub const NEWTON_REACH: f32 = 3.0;
 }
+pub mod betas {
+#[doc = "what stands where a degree of harmonics would"] pub const BETAS: u32 = 4;
+#[doc = "of a Gaussian"] pub const BETA_LOBES: u32 = 2;
+#[doc = ""] pub const BETA_MIN: f32 = -1.3862944;
+#[doc = ""] pub const BETA_MAX: f32 = 7.0;
+}
 pub mod cluster {
 #[doc = "points: PCA needs three"] pub const GROUP_MIN: u32 = 3;
 #[doc = ""] pub const MAX_GROWTHS: u32 = 32;

@@ -119,7 +119,7 @@ typedef struct glint_buffer {
 /* Scenes in PLY files, base and supplement. `name` is for errors. */
 typedef struct glint_scene_counts {
     uint32_t size;
-    uint32_t base, supplement, sh_degree;
+    uint32_t base, supplement, sh_degree; /* 0 to 3, or 4: spherical betas */
 } glint_scene_counts;
 
 int32_t glint_scene_read(const char *path, glint_scene **scene);
@@ -154,7 +154,7 @@ typedef struct glint_limits {
     uint32_t in_flight;     /* slots */
     uint32_t intersections; /* of Gaussians and tiles; 0: as many as take `intersection_bytes` */
     uint32_t texel;         /* the widest of any target */
-    uint32_t degrees;       /* bit d: harmonics of degree d are asked for */
+    uint32_t degrees;       /* bit d: harmonics of degree d are asked for; bit 4: spherical betas */
     uint32_t lobe_degrees;  /* the same of supplements; 0: no model has one */
     uint32_t half;          /* 1: models are of half width */
     uint32_t depth_in;      /* 1: depths hide Gaussians */

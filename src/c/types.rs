@@ -15,7 +15,7 @@ use crate::{
         model::{Model, Segment, Upload},
         session::Policy,
     },
-    scene::Scene,
+    scene::{Scene, layout::BETAS},
 };
 
 /// Of `glint.h`.
@@ -131,7 +131,7 @@ pub struct glint_scene_counts {
     pub base: u32,
     /// Gaussians with lobes.
     pub supplement: u32,
-    /// Of the harmonics, 0 to 3.
+    /// Of the harmonics, 0 to 3, or [`BETAS`].
     pub sh_degree: u32,
 }
 
@@ -229,7 +229,7 @@ fn bits(degrees: &[u32]) -> u32 {
 }
 
 fn numbers(bits: u32) -> Vec<u32> {
-    (0..4).filter(|degree| bits >> degree & 1 != 0).collect()
+    (0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()
 }
 
 fn texel(number: u32) -> Result<Texel> {

@@ -20,7 +20,10 @@ use crate::{
         render::RenderOptions,
         start::photos_of,
     },
-    scene::Scene,
+    scene::{
+        Scene,
+        layout::{BETAS, colour_name},
+    },
 };
 
 const EXAMPLES: &str = "\
@@ -83,7 +86,8 @@ pub(super) struct Args {
 struct Report {
     gaussians: usize,
     supplementary: usize,
-    sh_degree: u32,
+    /// None of spherical betas.
+    sh_degree: Option<u32>,
     /// Bytes of the input; of a folder, of all files in it.
     input_bytes: u64,
     output_bytes: u64,
@@ -115,7 +119,7 @@ impl Args {
         }
         check_lobes(&file, format, output)?;
         let degree = file.scene.base.sh_degree;
-        if degree > format.greatest_sh_degree() {
+        if degree > format.greatest_sh_degree() && degree != BETAS {
             note(format!(
                 "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
                 output.display(),
@@ -128,7 +132,7 @@ impl Args {
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
-            sh_degree: degree.min(format.greatest_sh_degree()),
+            sh_degree: Some(degree.min(format.greatest_sh_degree())).filter(|&degree| degree != BETAS),
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
             psnr: match (&dataset, &photos) {
@@ -179,7 +183,8 @@ impl Report {
         }
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
-        let _ = write!(text, ", SH degree {}, {now:.3} MB of {before:.3}", self.sh_degree);
+        let colour = colour_name(self.sh_degree.unwrap_or(BETAS));
+        let _ = write!(text, ", {colour}, {now:.3} MB of {before:.3}");
         let _ = match self.psnr {
             Some(psnr) if psnr.is_infinite() => write!(text, ", renders as the input does"),
             Some(psnr) => write!(text, ", renders {psnr:.2} dB from those of the input"),

@@ -35,7 +35,10 @@ use crate::{
         work::WorkDir,
     },
     report::{evaluate::evaluate, metrics::Quality, runs::StageMean, spending},
-    scene::{Scene, layout},
+    scene::{
+        Scene,
+        layout::{self, BETAS, colour_name},
+    },
 };
 
 const EXAMPLES: &str = "\
@@ -318,6 +321,10 @@ impl Args {
         let scene = self.lenient.open(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
+            return Err(Error::input(&self.base, what).into());
+        }
+        if scene.base.sh_degree == BETAS {
+            let what = format!("has {}, expected a base of harmonics", colour_name(BETAS));
             return Err(Error::input(&self.base, what).into());
         }
         let dataset = self.photos.open(&self.dataset)?;

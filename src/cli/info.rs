@@ -11,6 +11,7 @@ use crate::{
         plan::RenderPlan,
         summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
     },
+    scene::layout::{BETAS, colour_name},
 };
 
 const EXAMPLES: &str = "\
@@ -128,20 +129,22 @@ fn scene_text(scene: &SceneSummary) -> String {
     let mut lines = Lines(String::new());
     match &scene.supplement {
         Some(supplement) => {
-            let (base, lobed) = (scene.sh_degree, supplement.sh_degree);
-            let degrees = if lobed == base { base.to_string() } else { format!("{base} and {lobed}") };
+            let [base, lobed] = [scene.sh_degree, supplement.sh_degree].map(|degree| degree.unwrap_or(BETAS));
+            let lobed = if lobed == base { String::new() } else { format!(" and {lobed}") };
             lines.add(
                 "scene",
                 format_args!(
-                    "{} base and {} supplementary Gaussians, SH degree {degrees}",
-                    scene.base.count, supplement.gaussians.count
+                    "{} base and {} supplementary Gaussians, {}{lobed}",
+                    scene.base.count,
+                    supplement.gaussians.count,
+                    colour_name(base)
                 ),
             )
         }
-        None => lines.add(
-            "scene",
-            format_args!("{}, SH degree {}, no supplement", counted(scene.base.count, "Gaussian"), scene.sh_degree),
-        ),
+        None => {
+            let colour = colour_name(scene.sh_degree.unwrap_or(BETAS));
+            lines.add("scene", format_args!("{}, {colour}, no supplement", counted(scene.base.count, "Gaussian")))
+        }
     }
     gaussians_text(&mut lines, &scene.base);
     if let Some(supplement) = &scene.supplement {

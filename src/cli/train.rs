@@ -31,7 +31,10 @@ use crate::{
         train::{BaseOptions, HALVED_UNTIL, LEARNED, Trainer, dense_trainer, halvings_at},
     },
     report::runs::StageMean,
-    scene::{Gaussians, Scene, from_points, layout},
+    scene::{
+        Gaussians, Scene, from_points,
+        layout::{self, BETAS, colour_name},
+    },
 };
 
 const EXAMPLES: &str = "\
@@ -87,6 +90,10 @@ pub(super) struct Args {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
+    /// What depends on the direction in colours
+    #[arg(long, value_enum, default_value_t)]
+    #[serde(skip_serializing_if = "is_default")]
+    color: ColorArg,
     /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
     /// sparse ones. Fewer are faster [default: all sparse points, or as many random ones as --gaussians or 4 for each pixel of the
     /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
@@ -170,6 +177,20 @@ impl From<StrategyArg> for Strategy {
     }
 }
 
+#[derive(Debug, Clone, Copy, Default, PartialEq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum ColorArg {
+    /// Spherical harmonics of --sh-degree
+    #[default]
+    Sh,
+    /// Two spherical betas, as DBS; with --strategy mcmc or adc
+    Sb,
+}
+
+fn is_default(color: &ColorArg) -> bool {
+    *color == ColorArg::default()
+}
+
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Report<'a> {
@@ -177,7 +198,8 @@ struct Report<'a> {
     device: &'a str,
     photos: usize,
     gaussians: usize,
-    sh_degree: u32,
+    /// None of spherical betas.
+    sh_degree: Option<u32>,
     iterations: u32,
     /// Those of them that an earlier run did.
     iterations_resumed: u32,
@@ -204,6 +226,8 @@ struct Report<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
+        self.check_color()?;
+        let sh_degree = self.degree();
         let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
         let mut dataset = self.photos.open(&self.dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
@@ -217,18 +241,18 @@ impl Args {
         let (count, begins) = (first.gaussians.len(), first.begins);
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
-        let options = |iterations| BaseOptions { iterations, sh_degree: self.sh_degree, begins };
+        let options = |iterations| BaseOptions { iterations, sh_degree, begins };
         if let Some(deadline) = &mut deadline {
             let whole = options(1);
             deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings)));
         }
         let density = |iterations| self.density([count, first.most], iterations);
-        check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(self.sh_degree, false))?;
+        check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(sh_degree, false))?;
         check_sight(&dataset, &first.gaussians.means)?;
         first.notes.into_iter().for_each(note);
-        if self.sh_degree < 3 {
-            let bands: Vec<String> = (self.sh_degree + 1..=3).map(|band| band.to_string()).collect();
-            note(format!("SH degree {}: bands {} are not stored", self.sh_degree, bands.join(", ")));
+        if sh_degree < 3 {
+            let bands: Vec<String> = (sh_degree + 1..=3).map(|band| band.to_string()).collect();
+            note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
         }
         let extent = dataset.extent() as f32;
         if extent == 0.0 {
@@ -262,7 +286,7 @@ impl Args {
             let control = density(iterations);
             let most = control.limit.max(count as u32);
             let packed = self.learn.precision == super::Precision::Half;
-            let scene = u64::from(most) * learning_bytes(self.sh_degree, packed, control.strategy.is_newton());
+            let scene = u64::from(most) * learning_bytes(sh_degree, packed, control.strategy.is_newton());
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);
@@ -270,7 +294,7 @@ impl Args {
                 control.begin(&mut base);
             }
             let scene = Scene { base, supplement: None };
-            let (sh_degree, seed) = (self.sh_degree, self.seed);
+            let seed = self.seed;
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             let session = {
@@ -414,7 +438,7 @@ impl Args {
                 device: &context.info().name,
                 photos: photos.len(),
                 gaussians,
-                sh_degree,
+                sh_degree: Some(sh_degree).filter(|&degree| degree != BETAS),
                 iterations: if deadline.is_some() { ran } else { steps },
                 iterations_resumed: resumed,
                 seed,
@@ -436,9 +460,10 @@ impl Args {
                 print_json(&report)?;
             } else {
                 print(format_args!(
-                    "{output}: {} of SH degree {sh_degree} from {}\n\
+                    "{output}: {} of {} from {}\n\
                      {} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
                     counted(gaussians, "Gaussian"),
+                    colour_name(sh_degree),
                     counted(photos, "photo"),
                     counted(did as usize, "step"),
                 ))?;
@@ -451,6 +476,24 @@ impl Args {
             }
             Ok(())
         })
+    }
+
+    /// What colours are: a degree of harmonics, or betas.
+    fn degree(&self) -> u32 {
+        if self.color == ColorArg::Sb { BETAS } else { self.sh_degree }
+    }
+
+    fn check_color(&self) -> Result<()> {
+        if self.color == ColorArg::Sh {
+            return Ok(());
+        }
+        if Strategy::from(self.strategy).is_newton() {
+            return Err(Error::Usage("--color sb learns by Adam's steps: expected --strategy mcmc or adc".into()));
+        }
+        if self.sh_degree != BaseOptions::default().sh_degree {
+            return Err(Error::Usage("--color sb has no harmonics: --sh-degree is for --color sh".into()));
+        }
+        Ok(())
     }
 
     /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
@@ -482,7 +525,7 @@ impl Args {
                     let left = left.gaussians.len();
                     notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
                 }
-                let gaussians = base.with_degree(self.sh_degree);
+                let gaussians = base.with_degree(self.degree());
                 return Ok(First { most: gaussians.len(), gaussians, begins: LEARNED, notes });
             }
             None => "sparse points",
@@ -508,7 +551,7 @@ impl Args {
             (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
             _ => None,
         };
-        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.sh_degree);
+        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
         Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
     }
 

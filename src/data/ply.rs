@@ -1,7 +1,8 @@
 //! Scenes and point clouds in PLY files.
 //!
 //! A scene has the layout that the 3DGS reference trainer writes: element `vertex` with x y z, nx ny nz (ignored), f_dc_0..2,
-//! f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y z). Supplementary
+//! f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y z). Where colours are spherical betas,
+//! sb_params_0..11 stand in the place of f_rest, as DBS writes them: r, g, b, θ, φ and b of both lobes, number by number. Supplementary
 //! Gaussians are a second element `augmented` with the same properties and lobe_x lobe_y lobe_z lobe_width lobe_sharpness.
 //!
 //! Where a base has learned together with its supplement, `vertex` is the base as it was, which other viewers show, and an element
@@ -17,7 +18,10 @@ use std::path::Path;
 
 use super::ply_format::{Element, Ply};
 use super::scene_file::SceneFile;
-use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::scene::{
+    Gaussians, Lobes, Scene, Supplement,
+    layout::{self, BETA_LOBES, BETAS},
+};
 use crate::{Error, Result};
 
 /// A sparse point cloud, scene units and 8-bit sRGB.
@@ -42,6 +46,19 @@ pub(super) const FIXED: [&str; 14] = [
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
     "rot_3",
 ];
+
+/// How the properties of coefficients beyond the constant one are called, but for their numbers, and which coefficient and channel each is.
+pub(super) fn beyond(sh_degree: u32) -> (&'static str, Vec<[usize; 2]>) {
+    let count = layout::coefficients(sh_degree) - 1;
+    let each = 0..3 * count;
+    if sh_degree == BETAS {
+        let of = |i| (i / BETA_LOBES, i % BETA_LOBES);
+        return (SB, each.map(of).map(|(number, lobe)| [1 + 2 * lobe + number / 3, number % 3]).collect());
+    }
+    (REST, each.map(|i| [1 + i % count, i / count]).collect())
+}
+const REST: &str = "f_rest_";
+const SB: &str = "sb_params_";
 
 /// A header is not longer.
 const HEADER_BYTES: u64 = 1 << 16;
@@ -116,7 +133,8 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
 /// Property indices of one element.
 struct Columns {
     fixed: [usize; FIXED.len()],
-    /// By SH coefficient above the constant one, then channel.
+    sh_degree: u32,
+    /// By coefficient beyond the constant one, then channel.
     rest: Vec<[usize; 3]>,
     lobe: Option<[usize; LOBE.len()]>,
 }
@@ -138,18 +156,11 @@ impl Columns {
         for (slot, name) in fixed.iter_mut().zip(FIXED) {
             *slot = place(name)?;
         }
-        let count = named.keys().filter(|name| name.starts_with("f_rest_")).count();
-        if ![0, 9, 24, 45].contains(&count) {
-            let name = &element.name;
-            return Err(format!(
-                "element `{name}` has {count} properties `f_rest_*`; expected 0, 9, 24 or 45 (SH degree 0 to 3)"
-            ));
-        }
-        let per_channel = count / 3;
-        let mut rest = Vec::with_capacity(per_channel);
-        for k in 0..per_channel {
-            let at = |channel| place(&format!("f_rest_{}", channel * per_channel + k));
-            rest.push([at(0)?, at(1)?, at(2)?]);
+        let sh_degree = degree_of(&element.name, |prefix| named.keys().filter(|n| n.starts_with(prefix)).count())?;
+        let (prefix, order) = beyond(sh_degree);
+        let mut rest = vec![[0; 3]; order.len() / 3];
+        for (i, [k, channel]) in order.into_iter().enumerate() {
+            rest[k - 1][channel] = place(&format!("{prefix}{i}"))?;
         }
         let lobe = match lobe {
             false => None,
@@ -161,16 +172,7 @@ impl Columns {
                 Some(lobe)
             }
         };
-        Ok(Columns { fixed, rest, lobe })
-    }
-
-    fn sh_degree(&self) -> u32 {
-        match self.rest.len() {
-            0 => 0,
-            3 => 1,
-            8 => 2,
-            _ => 3,
-        }
+        Ok(Columns { fixed, sh_degree, rest, lobe })
     }
 
     fn push(&self, values: &[f64], gaussians: &mut Gaussians, lobes: &mut Lobes) {
@@ -190,6 +192,27 @@ impl Columns {
     }
 }
 
+/// What an element's colours are, of which there are so many properties of each name.
+fn degree_of(element: &str, count: impl Fn(&str) -> usize) -> Result<u32, String> {
+    let betas = 3 * (layout::coefficients(BETAS) - 1);
+    match (count(REST), count(SB)) {
+        (0, 0) => Ok(0),
+        (9, 0) => Ok(1),
+        (24, 0) => Ok(2),
+        (45, 0) => Ok(3),
+        (0, n) if n == betas => Ok(BETAS),
+        (n, 0) => Err(format!(
+            "element `{element}` has {n} properties `f_rest_*`; expected 0, 9, 24 or 45 (SH degree 0 to 3)"
+        )),
+        (0, n) => Err(format!(
+            "element `{element}` has {n} properties `sb_params_*`; expected {betas} ({BETA_LOBES} spherical betas)"
+        )),
+        _ => {
+            Err(format!("element `{element}` has properties `f_rest_*` and `sb_params_*`; expected harmonics or betas"))
+        }
+    }
+}
+
 /// Property indices of `learned`: those of [`FIXED`] that changed, and all bands of harmonics or none.
 struct LearnedColumns {
     fixed: [Option<usize>; FIXED.len()],
@@ -199,13 +222,14 @@ struct LearnedColumns {
 impl LearnedColumns {
     fn find(element: &Element, sh_degree: u32) -> Result<Self, String> {
         let fixed = FIXED.map(|name| element.scalar(name));
-        let per_channel = ((sh_degree + 1) * (sh_degree + 1) - 1) as usize;
-        let rest: Vec<[Option<usize>; 3]> = (0..per_channel)
-            .map(|k| [0, 1, 2].map(|channel| element.scalar(&format!("f_rest_{}", channel * per_channel + k))))
-            .collect();
+        let (prefix, order) = beyond(sh_degree);
+        let mut rest = vec![[None; 3]; order.len() / 3];
+        for (i, &[k, channel]) in order.iter().enumerate() {
+            rest[k - 1][channel] = element.scalar(&format!("{prefix}{i}"));
+        }
         let there = rest.iter().flatten().flatten().count();
-        if there != 0 && there != 3 * per_channel {
-            return Err(format!("element `{LEARNED}` has {there} of {} properties `f_rest_*`", 3 * per_channel));
+        if there != 0 && there != order.len() {
+            return Err(format!("element `{LEARNED}` has {there} of {} properties `{prefix}*`", order.len()));
         }
         Ok(LearnedColumns { fixed, rest: rest.into_iter().filter_map(|[r, g, b]| Some([r?, g?, b?])).collect() })
     }
@@ -259,12 +283,12 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let base_columns = Columns::find(ply.element(BASE).ok_or_else(no_base)?, false).map_err(fail)?;
     let extra_columns =
         ply.element(SUPPLEMENT).map(|element| Columns::find(element, true)).transpose().map_err(fail)?;
-    let sh_degree = base_columns.sh_degree();
+    let sh_degree = base_columns.sh_degree;
     let learned_columns = ply.element(LEARNED).map(|element| LearnedColumns::find(element, sh_degree));
     let learned_columns = learned_columns.transpose().map_err(fail)?;
 
     let mut base = Gaussians { sh_degree, ..Default::default() };
-    let extra_degree = extra_columns.as_ref().map_or(sh_degree, Columns::sh_degree);
+    let extra_degree = extra_columns.as_ref().map_or(sh_degree, |columns| columns.sh_degree);
     let mut extra = Gaussians { sh_degree: extra_degree, ..Default::default() };
     let mut lobes = Lobes::default();
     let mut learned = Vec::new();
@@ -294,6 +318,9 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
         return Some("a compressed PLY, which this build of glint does not read");
     }
     let splat = |name: &&str| vertex.scalar(name).is_some();
+    if ["sh0_0", "beta"].iter().all(splat) {
+        return Some("a scene of beta kernels, as DBS writes them");
+    }
     if FIXED[3..].iter().any(&splat) || !FIXED[..3].iter().all(splat) {
         return None;
     }
@@ -427,7 +454,7 @@ mod tests {
 
     #[test]
     fn every_degree_comes_back_bit_for_bit_with_and_without_supplement() {
-        for degree in 0..4 {
+        for degree in 0..=BETAS {
             for supplement in [false, true] {
                 written(&scene(degree, supplement));
             }
@@ -497,7 +524,7 @@ mod tests {
     fn a_reader_of_one_element_and_no_comments_opens_an_augmented_scene() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.ply");
-        for degree in 0..4 {
+        for degree in 0..=BETAS {
             let augmented = scene(degree, true);
             let plain = Scene { base: augmented.base.clone(), supplement: None };
             let mut learned = augmented.clone();
@@ -563,6 +590,28 @@ mod tests {
     }
 
     #[test]
+    fn betas_have_the_names_and_the_order_of_dbs() {
+        let scene = scene(BETAS, false);
+        let bytes = written(&scene);
+        let text = String::from_utf8_lossy(&bytes);
+        let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
+        let expected: Vec<String> = (0..12).map(|i| format!("sb_params_{i}")).collect();
+        assert_eq!((names.len(), &names[8..][..2]), (29, &["f_dc_2", "sb_params_0"][..]));
+        assert_eq!(names[9..21], expected);
+        // r of both lobes, g, b, θ, φ, b.
+        let row = &bytes[bytes.len() - 3 * 29 * 4..][4 * 9..];
+        let value = |i: usize| f32::from_le_bytes(row[4 * i..][..4].try_into().unwrap());
+        let [_, one, one_shape, two, two_shape] = scene.base.sh[..5].try_into().unwrap();
+        for number in 0..3 {
+            assert_eq!([value(2 * number), value(2 * number + 1)], [one[number], two[number]]);
+            assert_eq!([value(6 + 2 * number), value(7 + 2 * number)], [one_shape[number], two_shape[number]]);
+        }
+        let path = Path::new("never.ply");
+        let mixed = Scene { supplement: self::scene(0, true).supplement, ..scene };
+        assert!(write_scene(path, &mixed).unwrap_err().to_string().contains("expected both or none"));
+    }
+
+    #[test]
     fn any_order_type_and_encoding_is_read_and_strangers_are_skipped() {
         for big_endian in [false, true] {
             let (bytes, expected) = ascii(big_endian);
@@ -582,6 +631,8 @@ mod tests {
         let face = "element face 0\nproperty list uchar int vertex_indices\n";
         expect(format!("{head}{xyz}{face}end_header\n").as_bytes(), &["mesh", "3DGS"]);
         expect(format!("{head}property uint packed_position\nend_header\n").as_bytes(), &["compressed PLY"]);
+        let kernels = "property float sh0_0\nproperty float beta\n";
+        expect(format!("{head}{xyz}{kernels}end_header\n").as_bytes(), &["beta kernels", "3DGS"]);
         expect(b"ply\nformat ascii 1.0\nelement point 0\nend_header\n", &["no element `vertex`"]);
     }
 
@@ -626,6 +677,13 @@ mod tests {
             &["8 properties `f_rest_*`", "0, 9, 24 or 45"],
         );
         expect(&replaced(&scene(1, false), "float f_rest_8", "float f_rest_9"), &["`f_rest_8`"]);
+        let betas = scene(BETAS, false);
+        expect(
+            &replaced(&betas, "float sb_params_11", "float params"),
+            &["11 properties `sb_params_*`", "expected 12"],
+        );
+        expect(&replaced(&betas, "float sb_params_11", "float sb_params_12"), &["`sb_params_11`"]);
+        expect(&replaced(&betas, "float sb_params_11", "float f_rest_0"), &["`f_rest_*` and `sb_params_*`", "or"]);
         expect(&replaced(&scene(0, true), "lobe_width", "width"), &["`augmented`", "`lobe_width`"]);
     }
 
@@ -671,14 +729,14 @@ mod tests {
 
     #[test]
     fn numbers_that_are_none_are_refused_by_name() {
-        let patch = |edit: &dyn Fn(&mut Scene)| {
+        let patch_of = |degree: u32, edit: &dyn Fn(&mut Scene)| {
             // The writer refuses such a scene, so the rows of a sound one are replaced.
-            let sound = scene(2, true);
+            let sound = scene(degree, true);
             let mut edited = sound.clone();
             edit(&mut edited);
             assert!(write_scene("never.ply", &edited).is_err());
             let mut bytes = written(&sound);
-            let rows_bytes = 3 * gaussian_bytes(2, false) + 2 * gaussian_bytes(2, true);
+            let rows_bytes = 3 * gaussian_bytes(degree, false) + 2 * gaussian_bytes(degree, true);
             let base_at = bytes.len() - rows_bytes as usize;
             let mut rows = Vec::new();
             Rows::whole(&edited.base, None).write(&mut rows).unwrap();
@@ -688,7 +746,9 @@ mod tests {
             bytes.extend(rows);
             bytes
         };
+        let patch = |edit: &dyn Fn(&mut Scene)| patch_of(2, edit);
         expect(&patch(&|s| s.base.sh[2 * 9 + 4][1] = f32::NAN), &["row 2", "`vertex`", "`f_rest_11`"]);
+        expect(&patch_of(BETAS, &|s| s.base.sh[5 + 4][1] = f32::NAN), &["row 1", "`vertex`", "`sb_params_9`"]);
         expect(&patch(&|s| s.base.means[1][2] = f32::INFINITY), &["row 1", "`vertex`", "`z`"]);
         expect(&patch(&|s| s.base.quats[0] = [0.0; 4]), &["row 0", "rot_0..3"]);
         expect(&patch(&|s| s.base.quats[0] = [1e-39; 4]), &["row 0", "rot_0..3"]);
@@ -779,11 +839,12 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
         #[test]
-        fn no_damage_makes_the_reader_panic(which in 0..4usize, cut in 0.0..1.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..6)) {
+        fn no_damage_makes_the_reader_panic(which in 0..5usize, cut in 0.0..1.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..6)) {
             let mut bytes = match which {
                 0 => ascii(false).0,
                 1 => ascii(true).0,
                 2 => replaced(&scene(0, true), "vertex", "vertex"),
+                3 => replaced(&scene(BETAS, false), "vertex", "vertex"),
                 _ => replaced(&scene(3, false), "vertex", "vertex"),
             };
             for (at, value) in flips {

@@ -4,9 +4,9 @@ use std::io::Write;
 use std::path::Path;
 
 use super::atomic::write_whole;
-use super::ply::{ANNOUNCED, BASE, DC, FIXED, LEARNED, LOBE, SHAPE, SUPPLEMENT};
+use super::ply::{ANNOUNCED, BASE, DC, FIXED, LEARNED, LOBE, SHAPE, SUPPLEMENT, beyond};
 use super::sound;
-use crate::scene::{Gaussians, Lobes, Scene};
+use crate::scene::{Gaussians, Lobes, Scene, layout};
 use crate::{Error, Result};
 
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
@@ -45,7 +45,7 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
 pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
     // The constant band is among the fixed; a base has normals too.
     let beside = if lobed { LOBE.len() as u64 } else { 3 };
-    4 * (FIXED.len() as u64 + beside + 3 * ((u64::from(sh_degree) + 1).pow(2) - 1))
+    4 * (FIXED.len() as u64 + beside + layout::sh_planes(sh_degree) as u64 - 3)
 }
 
 /// Bytes of the file that [`write_scene`] makes of a scene, but for its header.
@@ -60,7 +60,7 @@ pub(super) struct Rows<'a> {
     lobes: Option<&'a Lobes>,
     /// Which of [`FIXED`].
     fixed: Vec<usize>,
-    /// f_rest_*, channel-major.
+    /// As [`beyond`] has it.
     rest: bool,
     /// nx ny nz, all 0, as the reference trainer writes them and some readers want them.
     normals: bool,
@@ -92,13 +92,15 @@ impl<'a> Rows<'a> {
         }
         tail.iter().filter(|&&p| p < SHAPE).try_for_each(|&p| property(FIXED[p]))?;
         if self.rest {
-            (0..3 * (self.gaussians.sh_coefficients() - 1)).try_for_each(|i| property(&format!("f_rest_{i}")))?;
+            let (prefix, order) = beyond(self.gaussians.sh_degree);
+            (0..order.len()).try_for_each(|i| property(&format!("{prefix}{i}")))?;
         }
         tail.iter().filter(|&&p| p >= SHAPE).try_for_each(|&p| property(FIXED[p]))?;
         self.lobes.map_or(Ok(()), |_| LOBE.into_iter().try_for_each(&mut property))
     }
 
     pub(super) fn write(&self, file: &mut impl Write) -> std::io::Result<()> {
+        let (_, order) = beyond(self.gaussians.sh_degree);
         let mut row: Vec<f32> = Vec::new();
         let mut bytes: Vec<u8> = Vec::new();
         for i in 0..self.gaussians.len() {
@@ -110,9 +112,8 @@ impl<'a> Rows<'a> {
             }
             row.extend(self.fixed.iter().filter(|&&p| (DC..SHAPE).contains(&p)).map(|&p| values[p]));
             if self.rest {
-                for channel in 0..3 {
-                    row.extend(bands(self.gaussians, i).iter().map(|rgb| rgb[channel]));
-                }
+                let rgb = bands(self.gaussians, i);
+                row.extend(order.iter().map(|&[k, channel]| rgb[k - 1][channel]));
             }
             row.extend(self.fixed.iter().filter(|&&p| p >= SHAPE).map(|&p| values[p]));
             if let Some(lobes) = self.lobes {

@@ -10,7 +10,10 @@ use super::ply;
 #[cfg(feature = "train")]
 use super::ply_write;
 use super::sound::{self, Dropped};
-use crate::scene::{Gaussians, Scene};
+use crate::scene::{
+    Gaussians, Scene,
+    layout::{BETAS, colour_name},
+};
 use crate::{Error, Result};
 
 /// What a folder with an SOG scene has.
@@ -90,9 +93,13 @@ impl SceneFormat {
         matches!(self, SceneFormat::Ply | SceneFormat::Gltf)
     }
 
-    /// The greatest degree of harmonics that is kept.
+    /// The greatest degree of harmonics that is kept, or [`BETAS`] where these are.
     pub fn greatest_sh_degree(self) -> u32 {
-        if self == SceneFormat::Splat { 0 } else { 3 }
+        match self {
+            SceneFormat::Splat => 0,
+            SceneFormat::Ply => BETAS,
+            _ => 3,
+        }
     }
 }
 
@@ -126,6 +133,9 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
     if let (Some(supplement), false) = (supplement, format.keeps_lobes()) {
         let lost = supplement.gaussians.len();
         return refuse(format!("this format has no place for the scene's {lost} Gaussians with lobes"));
+    }
+    if base.sh_degree == BETAS {
+        return refuse(format!("this format has no place for {}, expected a .ply or harmonics", colour_name(BETAS)));
     }
     if let Err(what) = sound::check(&file.scene) {
         return refuse(format!("this scene cannot be written: {what}"));

@@ -1,7 +1,7 @@
 //! What a scene's numbers must be.
 
-use super::ply::{BASE, FIXED, LOBE, SUPPLEMENT};
-use crate::scene::{Gaussians, Lobes, Scene};
+use super::ply::{BASE, FIXED, LOBE, SUPPLEMENT, beyond};
+use crate::scene::{Gaussians, Lobes, Scene, layout::BETAS};
 
 /// Lobe widths T are kept in this range by the method (section 1).
 const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
@@ -24,6 +24,9 @@ pub(super) fn check(scene: &Scene) -> Result<(), String> {
     if let Some(supplement) = &scene.supplement {
         let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
         check_lengths(SUPPLEMENT, &supplement.gaussians)?;
+        if (scene.base.sh_degree == BETAS) != (supplement.gaussians.sh_degree == BETAS) {
+            return Err(format!("of `{BASE}` and `{SUPPLEMENT}` one has spherical betas; expected both or none"));
+        }
         if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
             return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
         }
@@ -75,7 +78,7 @@ fn retain<T>(values: &mut Vec<T>, keep: &[bool], width: usize) {
 }
 
 fn check_lengths(element: &str, gaussians: &Gaussians) -> Result<(), String> {
-    if gaussians.sh_degree > 3 {
+    if gaussians.sh_degree > BETAS {
         return Err(format!("`{element}` has SH degree {}; 0 to 3 are known", gaussians.sh_degree));
     }
     let (n, k) = (gaussians.len(), gaussians.sh_coefficients());
@@ -112,13 +115,13 @@ fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
         None
     };
     let higher = || {
-        for (coefficient, rgb) in sh[1..].iter().enumerate() {
-            // guard: PLY: SH
-            if let Some(channel) = rgb.iter().position(|v| !v.is_finite()) {
-                return Some(bad(&format!("f_rest_{}", channel * (k - 1) + coefficient)));
-            }
+        // guard: PLY: SH
+        if sh[1..].as_flattened().iter().all(|v| v.is_finite()) {
+            return None;
         }
-        None
+        let (prefix, order) = beyond(gaussians.sh_degree);
+        let first = order.iter().position(|&[k, channel]| !sh[k][channel].is_finite())?;
+        Some(bad(&format!("{prefix}{first}")))
     };
     vector(&gaussians.means[row], &FIXED[..3])
         .or_else(|| vector(&sh[0], &FIXED[3..6]))
@@ -179,7 +182,7 @@ mod tests {
             Gaussians { quats: vec![], ..one.clone() },
             Gaussians { opacities: vec![], ..one.clone() },
             Gaussians { sh: vec![[0.0; 3]; 5], ..one.clone() },
-            Gaussians { sh_degree: 4, ..one.clone() },
+            Gaussians { sh_degree: BETAS + 1, ..one.clone() },
         ];
         for short in &short {
             assert!(scene(short, &one, &lobes).unwrap_err().contains("`vertex`"));

@@ -115,7 +115,7 @@ pub fn random_task(context: &Context, load: Load, overlap: f64, sh_degree: u32) 
     });
     let photographs = {
         let mut other: Scene = scene.clone();
-        other.base.sh.rotate_right((sh_degree as usize + 1).pow(2));
+        other.base.sh.rotate_right(scene.base.sh_coefficients());
         let views = Views::upload(context, &cameras, &[])?;
         let model = Model::upload(context, &other, 0)?;
         let mut renderer = Renderer::new(context, Needs::of(&model), &views, RenderOptions::default())?;

@@ -25,7 +25,10 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    scene::{Gaussians, Scene, Supplement},
+    scene::{
+        Gaussians, Scene, Supplement,
+        layout::{BETAS, colour_name},
+    },
     stages::types::Lift,
 };
 
@@ -247,6 +250,9 @@ impl Enhancer {
         }
         if scene.base.is_empty() || views.cameras.is_empty() {
             return Err(Error::Usage("there is nothing to augment: no Gaussians, or no training views".into()));
+        }
+        if scene.base.sh_degree == BETAS {
+            return Err(Error::Usage(format!("the base has {}, expected harmonics", colour_name(BETAS))));
         }
         let render = RenderOptions {
             depth: true,

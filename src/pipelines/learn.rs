@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, quads, sh_planes},
+    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, degrees, quads, sh_planes},
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
@@ -25,7 +25,7 @@ pub struct Rates {
     pub opacity: f32,
     /// Constant SH band.
     pub dc: f32,
-    /// Other SH bands.
+    /// Other SH bands, or what betas have beyond the constant.
     pub sh: f32,
     /// Of lobes.
     pub direction: f32,
@@ -185,7 +185,9 @@ pub struct Learner {
     pub lesson: Lesson,
     /// First and second, or first and curvature, in pages as the model's.
     pub moments: Beside,
-    /// By degree of harmonics, for the fused step.
+    /// What of colours can be in use: a pipeline for each.
+    degrees: Vec<u32>,
+    /// By `degrees`, for the fused step.
     fused: Vec<project_backward::Stage>,
     accumulated: Option<Accumulated>,
 }
@@ -214,7 +216,7 @@ impl Learner {
         let has_lobes = lesson.segment == Segment::Supplement;
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // What is frozen does not look at its colour.
-        let degrees = if opacity_only { 0..=0 } else { 0..=model.part(lesson.segment).sh_degree };
+        let degrees = if opacity_only { vec![0] } else { degrees(model.part(lesson.segment).sh_degree) };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),
@@ -228,12 +230,12 @@ impl Learner {
                 sh_degree,
             };
             degrees
-                .clone()
+                .iter()
                 .filter(|_| wanted)
-                .map(|degree| project_backward::Stage::new(context, &spec(degree)))
+                .map(|&degree| project_backward::Stage::new(context, &spec(degree)))
                 .collect()
         };
-        let step = |sh_degree| {
+        let step = |&sh_degree: &u32| {
             let spec = adam::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),
                 has_lobes,
@@ -249,13 +251,14 @@ impl Learner {
             true => Some(Accumulated {
                 gradients: Beside::gradients(model, &lesson)?,
                 add: backward(true, true)?,
-                step: degrees.clone().map(step).collect::<Result<_, _>>()?,
+                step: degrees.iter().map(step).collect::<Result<_, _>>()?,
             }),
         };
         Ok(Learner {
             lesson,
             moments: Beside::moments(model, &lesson)?,
             fused: backward(!accumulate, false)?,
+            degrees,
             accumulated,
         })
     }
@@ -382,7 +385,7 @@ impl Learner {
 
     fn by_degree<'a, S>(&self, stages: &'a [S], model: &Model, degree: u32) -> Option<&'a S> {
         let degree = if self.lesson.opacity_only { 0 } else { model.degree_of(self.lesson.segment, degree) };
-        stages.get(degree as usize)
+        stages.get(self.degrees.iter().position(|&of| of == degree)?)
     }
 
     fn step_rates(&self, rates: &Rates, step: u32) -> StepRates {

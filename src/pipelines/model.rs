@@ -143,7 +143,7 @@ pub struct Part {
     pub sh: Planes,
     /// None for the base.
     pub lobes: Planes,
-    /// Of its harmonics, 0 to 3.
+    /// Of its harmonics, 0 to 3, or [`BETAS`](layout::BETAS).
     pub sh_degree: u32,
     /// Planes of `sh` are words of two halves.
     half: bool,
@@ -214,7 +214,7 @@ const NAMES: [[&str; 3]; 2] =
 pub struct Model {
     context: Context,
     parts: [Part; 2],
-    /// The greatest of both segments, 0 to 3.
+    /// The greatest of both segments, 0 to 3, or [`BETAS`](layout::BETAS).
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,
@@ -462,9 +462,9 @@ impl Model {
         self.parts[1].capacity() > 0
     }
 
-    /// Bands of harmonics that the Gaussians of a segment have where `degree` are shown.
+    /// What the Gaussians of a segment show where `degree` is asked for.
     pub fn degree_of(&self, segment: Segment, degree: u32) -> u32 {
-        degree.min(self.part(segment).sh_degree)
+        layout::shown(degree, self.part(segment).sh_degree)
     }
 
     /// Harmonics are of half width, see [`Room::half`].

@@ -60,7 +60,7 @@ impl Default for RenderOptions {
 pub struct Needs {
     /// Gaussians at most, base and supplement.
     pub gaussians: u32,
-    /// Bands of harmonics that bases are rendered with: a pipeline for each number.
+    /// Bands of harmonics, or betas, that bases are rendered with: a pipeline for each number.
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where nothing has a lobe.
     pub lobe_degrees: Vec<u32>,
@@ -402,7 +402,7 @@ impl Renderer {
     /// Whether there is such a view, and the renderer was made for it and for the model.
     fn check<'a>(&self, model: &Model, views: &'a Views, view: u32, show: &Show) -> Result<&'a Camera> {
         model.check_origin(views)?;
-        self.stages.check(model, show.upto, show.degree.min(model.sh_degree))?;
+        self.stages.check(model, show.upto, show.degree)?;
         let Some(camera) = views.cameras.get(view as usize) else {
             let most = views.cameras.len();
             return Err(Error::Usage(format!("there are {most} views, and number {view} was asked for")));
@@ -454,6 +454,5 @@ impl Renderer {
 
 /// A model by itself.
 fn placed<'a>(model: &'a Model, views: &'a Views, view: u32, show: &Show) -> Placed<'a> {
-    let degree = show.degree.min(model.sh_degree);
-    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree }
+    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree }
 }

@@ -22,6 +22,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Recorder},
+    scene::layout::BETAS,
     stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
@@ -99,6 +100,9 @@ impl Trainer {
         let newton = lessons.iter().any(|lesson| lesson.newton);
         if newton && views_per_step > 1 {
             return Err(Error::Usage("Newton's steps see one view each".into()));
+        }
+        if lessons.iter().any(|l| l.newton && !l.opacity_only && model.part(l.segment).sh_degree == BETAS) {
+            return Err(Error::Usage("spherical betas learn by Adam's steps, and these are Newton's".into()));
         }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
@@ -494,7 +498,7 @@ pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
 pub struct BaseOptions {
     /// Steps, of one view each.
     pub iterations: u32,
-    /// 0 to 3.
+    /// 0 to 3, or [`BETAS`].
     pub sh_degree: u32,
     /// Part of the schedule that was over before the first step: 0, or for Gaussians that have learned [`LEARNED`].
     pub begins: f64,
@@ -536,6 +540,7 @@ impl BaseOptions {
         let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
         // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
         let interval = (self.iterations / 30).clamp(1, 1000);
+        let betas = self.sh_degree == BETAS;
         StepPlan {
             rates: Rates {
                 mean,
@@ -543,11 +548,16 @@ impl BaseOptions {
                 quat: 1e-3,
                 opacity: 0.025,
                 dc: 2.5e-3,
-                sh: 2.5e-3 / 20.0,
+                // DBS's for all that betas have.
+                sh: if betas { 2.5e-3 } else { 2.5e-3 / 20.0 },
                 ..Default::default()
             },
-            // What has learned has all its bands.
-            active_degree: if self.begins > 0.0 { self.sh_degree } else { (step / interval).min(self.sh_degree) },
+            // What has learned has all its bands, and betas are no bands.
+            active_degree: if self.begins > 0.0 || betas {
+                self.sh_degree
+            } else {
+                (step / interval).min(self.sh_degree)
+            },
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS; and Newton's step by a curvature that probes tell.
 
-use super::{FLOAT_MAX, FLOAT_MIN};
-use crate::scene::layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH};
+use super::{FLOAT_MAX, FLOAT_MIN, betas::B_RANGE};
+use crate::scene::layout::{Array, BETA_GROUP, Group, LOBE_SHARPNESS, LOBE_WIDTH};
 
 /// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
 pub const BETA1: f64 = 0.9;
@@ -40,11 +40,13 @@ impl PlaneRate {
         PlaneRate { rate, range: None }
     }
 
-    /// Of the planes of a group of parameters.
-    pub fn of(group: &Group, rate: f64) -> Self {
-        let range = match (group.array, group.planes.start) {
+    /// Of a plane of a group of parameters.
+    pub fn of(group: &Group, plane: usize, rate: f64) -> Self {
+        let range = match (group.array, plane) {
             (Array::Lobes, LOBE_WIDTH) => Some(WIDTH_RANGE),
             (Array::Lobes, LOBE_SHARPNESS) => Some(SHARPNESS_RANGE),
+            // The third number of a lobe's shape, which comes behind its colour.
+            (Array::Sh, _) if group.name == BETA_GROUP && plane % 6 == 2 => Some(B_RANGE),
             _ => None,
         };
         PlaneRate { rate, range }
@@ -317,7 +319,9 @@ mod tests {
         let (mut m, mut v) = (vec![0.0; 10], vec![0.0; 10]);
         let rates = |rates: [f64; 3]| -> Vec<PlaneRate> {
             let lobes = groups(0).into_iter().filter(|group| group.array == Array::Lobes).zip(rates);
-            lobes.flat_map(|(group, rate)| vec![PlaneRate::of(&group, rate); group.planes.len()]).collect()
+            let planes =
+                |(group, rate): (Group, f64)| group.planes.clone().map(move |p| PlaneRate::of(&group, p, rate));
+            lobes.flat_map(planes).collect()
         };
         adam(&mut p, &[-1.0; 10], &mut m, &mut v, 2, 2, &rates([0.1, 10.0, 100.0]), Some(1), Some(&[true, false]));
         assert_eq!(p[6], 1.0);

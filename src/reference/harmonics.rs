@@ -1,18 +1,27 @@
 //! The colour of a Gaussian toward a view and its gradient: real spherical harmonics up to degree 3 with the sign convention of
-//! 3DGS, in which Y of order m carries (−1)^m. The twin of `glsl/shared/colour.glsl`.
+//! 3DGS, in which Y of order m carries (−1)^m, or their constant and betas. The twin of `glsl/shared/colour.glsl`.
 
 use glam::DVec3;
 
-use super::Params;
-use crate::scene::layout::coefficients;
+use super::{
+    Params,
+    betas::{self, lobes},
+};
+use crate::scene::layout::{BETAS, coefficients, shown};
 
 /// RGB before it is clamped at 0. `direction` is the unit vector from the eye to the Gaussian.
 pub fn colour_of(params: &Params, i: usize, degree: u32, direction: DVec3) -> [f64; 3] {
-    let degree = degree.min(params.sh_degree);
+    let degree = shown(degree, params.sh_degree);
+    let harmonics = if degree == BETAS { 0 } else { degree };
     let mut colour = [0.5; 3];
-    for (k, y) in basis(degree, direction).iter().enumerate().take(coefficients(degree)) {
+    for (k, y) in basis(harmonics, direction).iter().enumerate().take(coefficients(harmonics)) {
         for (c, coefficient) in params.coefficient(i, k).into_iter().enumerate() {
             colour[c] += y * coefficient;
+        }
+    }
+    if degree == BETAS {
+        for lobe in lobes(params, i, direction) {
+            (0..3).for_each(|c| colour[c] += lobe.factor * lobe.light[c]);
         }
     }
     colour
@@ -27,10 +36,14 @@ pub fn colour_backward(
     colour_grad: [f64; 3],
     out: &mut Params,
 ) -> DVec3 {
-    let degree = degree.min(params.sh_degree);
-    let (basis, basis_grad) = (basis(degree, direction), basis_gradient(degree, direction));
+    let degree = shown(degree, params.sh_degree);
+    let harmonics = if degree == BETAS { 0 } else { degree };
+    let (basis, basis_grad) = (basis(harmonics, direction), basis_gradient(harmonics, direction));
     let mut direction_grad = DVec3::ZERO;
-    for k in 0..coefficients(degree) {
+    if degree == BETAS {
+        direction_grad += betas::backward(params, i, direction, colour_grad, out);
+    }
+    for k in 0..coefficients(harmonics) {
         let coefficient = params.coefficient(i, k);
         let mut sum = 0.0;
         for c in 0..3 {

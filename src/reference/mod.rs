@@ -9,6 +9,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod adam;
+pub mod betas;
 pub mod blend;
 pub mod blend_backward;
 pub mod blend_backward_atomic;

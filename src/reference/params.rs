@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::scene::layout::{self, Array, GEOMETRY_PLANES, Group, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT};
+use crate::scene::layout::{self, Array, BETAS, GEOMETRY_PLANES, Group, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -24,7 +24,7 @@ pub struct Params {
     pub lobe_first: usize,
     /// Elements of a lobe plane, ≥ M.
     pub lobe_stride: usize,
-    /// L, 0 to 3.
+    /// L, 0 to 3, or [`BETAS`].
     pub sh_degree: u32,
 }
 
@@ -39,6 +39,13 @@ impl Params {
         // What one of them lacks is 0.
         let of = |part: &Gaussians| if part.is_empty() { 0 } else { part.sh_degree };
         let sh_degree = if extra == 0 { scene.base.sh_degree } else { of(&scene.base).max(of(&supplement.gaussians)) };
+        if sh_degree == BETAS
+            && [(first, &scene.base), (extra, &supplement.gaussians)]
+                .iter()
+                .any(|(n, part)| *n > 0 && part.sh_degree != BETAS)
+        {
+            return Err(Error::Usage("base and supplement: one has spherical betas and the other harmonics".into()));
+        }
         let lobes = &supplement.lobes;
         if lobes.directions.len() != extra || lobes.widths.len() != extra || lobes.sharpness.len() != extra {
             return Err(Error::Usage(format!("supplement: {extra} Gaussians need as many lobes")));
@@ -108,7 +115,7 @@ impl Params {
         }
     }
 
-    /// Coefficients per Gaussian and channel, (L + 1)².
+    /// Coefficients per Gaussian and channel, (L + 1)², or of betas.
     pub fn sh_coefficients(&self) -> usize {
         layout::coefficients(self.sh_degree)
     }
@@ -165,7 +172,7 @@ impl Params {
 
 fn check(name: &str, gaussians: &Gaussians) -> Result<()> {
     let n = gaussians.len();
-    if n > 0 && gaussians.sh_degree > 3 {
+    if n > 0 && gaussians.sh_degree > BETAS {
         return Err(Error::Usage(format!("{name}: SH degree {}; 0 to 3 are known", gaussians.sh_degree)));
     }
     let lengths = [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len()];

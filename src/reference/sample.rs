@@ -1,10 +1,12 @@
 //! Random scenes that exercise every branch of the renderer, for comparing kernels with their twins.
 
+use std::f32::consts::{PI, TAU};
+
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::scene::{Camera, Gaussians, Lobes, Scene, Supplement};
+use crate::scene::{Camera, Gaussians, Lobes, Scene, Supplement, layout::BETAS};
 
 /// The camera that [`random_scene`] is built before: horizontal field of view 60°, off-centre principal point, turned
 /// and moved away from the world's axes so that no transposed rotation goes unnoticed.
@@ -31,8 +33,8 @@ const FRAC_TAN: f64 = 0.577_350_269_189_625_8;
 /// Depths 0.4 to 12, 5 % behind the camera, one in seven beside a square image. Standard deviations between 0.05 % and
 /// 8 % of the image's width, one in ten a needle of up to 1 : 100. Opacities from below 1/255 to 0.999.
 pub fn random_scene(seed: u64, count: usize, supplement: usize, sh_degree: u32) -> Scene {
+    let sh_degree = sh_degree.min(BETAS);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let sh_degree = sh_degree.min(3);
     let base = gaussians(&mut rng, count, sh_degree);
     let supplement = (supplement > 0).then(|| {
         let gaussians = gaussians(&mut rng, supplement, sh_degree);
@@ -82,8 +84,13 @@ fn gaussians(rng: &mut ChaCha8Rng, count: usize, sh_degree: u32) -> Gaussians {
         out.opacities.push(rng.random_range(-6.0..6.9));
         // Band 0 spans colours 0.5 ± 0.5 and a little beyond, so that some channels are clamped at 0.
         out.sh.push(std::array::from_fn(|_| rng.random_range(-2.0..2.0)));
-        for _ in 1..out.sh_coefficients() {
-            out.sh.push(std::array::from_fn(|_| rng.random_range(-0.2..0.2)));
+        for k in 1..out.sh_coefficients() {
+            // Of lobes of betas θ, φ and b, from a cosine to some degrees.
+            let ranges = match sh_degree == BETAS && k % 2 == 0 {
+                true => [0.0..PI, 0.0..TAU, -1.3..3.0],
+                false => [-0.2..0.2, -0.2..0.2, -0.2..0.2],
+            };
+            out.sh.push(ranges.map(|range| rng.random_range(range)));
         }
     }
     out

@@ -15,7 +15,7 @@ use crate::{
     },
     scene::{
         Scene,
-        layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
+        layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, colour_name},
     },
 };
 
@@ -97,13 +97,17 @@ impl RenderPlan {
         // Of what is different for the two kinds.
         let both =
             |of: &dyn Fn(u32) -> u64| (of(degree) * scene.base.len() as u64 + of(lobe_degree) * supplementary) as i64;
+        let (name, own) = match degree {
+            BETAS => ("betas", colour_name(degree)),
+            _ => ("harmonics", format!("the scene's degree is {degree}")),
+        };
         let mut features = vec![
             feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry)),
             feature(
-                "harmonics",
+                name,
                 true,
                 match lobe_degree == degree || supplementary == 0 {
-                    true => format!("the scene's degree is {degree}: {} bytes a Gaussian", harmonics(degree)),
+                    true => format!("{own}: {} bytes a Gaussian", harmonics(degree)),
                     false => format!(
                         "the base's degree is {degree}, {} bytes a Gaussian; the supplement's {lobe_degree}, {} bytes",
                         harmonics(degree),
@@ -147,7 +151,7 @@ impl RenderPlan {
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
                 let beside = |planes| layout::bytes(moment_planes(planes, false));
                 all(beside(GEOMETRY_PLANES))
-                    + both(&|degree| layout::bytes(sh_moments(degree, false, true)))
+                    + both(&|degree| layout::bytes(sh_moments(degree, false, degree != BETAS)))
                     + (supplementary * beside(LOBE_PLANES)) as i64
             }),
         ]);

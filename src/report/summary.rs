@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::{
     data::{Dataset, DatasetKind, PixelSource, Split},
-    scene::{Gaussians, Scene},
+    scene::{Gaussians, Scene, layout::BETAS},
 };
 
 /// Where the values of something lie.
@@ -65,8 +65,8 @@ pub struct LobesSummary {
 /// The supplement of an augmented scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupplementSummary {
-    /// 0 to 3.
-    pub sh_degree: u32,
+    /// As the base's.
+    pub sh_degree: Option<u32>,
     /// Of the Gaussians that have them.
     #[serde(flatten)]
     pub gaussians: GaussiansSummary,
@@ -77,8 +77,8 @@ pub struct SupplementSummary {
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneSummary {
-    /// Of the base, 0 to 3.
-    pub sh_degree: u32,
+    /// Of the base, 0 to 3; none where its colours are spherical betas.
+    pub sh_degree: Option<u32>,
     /// The Gaussians that every viewer shows.
     pub base: GaussiansSummary,
     /// Those with lobes, where there are any.
@@ -90,15 +90,20 @@ impl SceneSummary {
     pub fn of(scene: &Scene) -> SceneSummary {
         let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
         SceneSummary {
-            sh_degree: scene.base.sh_degree,
+            sh_degree: harmonics(&scene.base),
             base: GaussiansSummary::of(&scene.base),
             supplement: scene.supplement.as_ref().map(|s| SupplementSummary {
-                sh_degree: s.gaussians.sh_degree,
+                sh_degree: harmonics(&s.gaussians),
                 gaussians: GaussiansSummary::of(&s.gaussians),
                 lobes: LobesSummary { width: lobe_spread(&s.lobes.widths), sharpness: lobe_spread(&s.lobes.sharpness) },
             }),
         }
     }
+}
+
+/// Their degree.
+fn harmonics(of: &Gaussians) -> Option<u32> {
+    Some(of.sh_degree).filter(|&degree| degree != BETAS)
 }
 
 impl GaussiansSummary {
@@ -221,7 +226,7 @@ mod tests {
         let scene = random_scene(1, 200, 50, 2);
         let summary = SceneSummary::of(&scene);
         let supplement = summary.supplement.unwrap();
-        assert_eq!((summary.sh_degree, summary.base.count, supplement.gaussians.count), (2, 200, 50));
+        assert_eq!((summary.sh_degree.unwrap(), summary.base.count, supplement.gaussians.count), (2, 200, 50));
         let [low, high] = summary.base.bounds.unwrap();
         assert!(scene.base.means.iter().all(|m| (0..3).all(|c| low[c] <= m[c] && m[c] <= high[c])));
         let (small, large) = (summary.base.smallest_scale.unwrap(), summary.base.largest_scale.unwrap());

@@ -16,7 +16,10 @@ use crate::{
     Error, Result,
     pipelines::views::{JACOBIAN_LIMIT, origin_for},
     reference::NEAR,
-    scene::{Camera, Scene},
+    scene::{
+        Camera, Scene,
+        layout::{BETAS, colour_name},
+    },
 };
 
 /// Characters of the longest text that all browsers hold (2^29 less some).
@@ -82,8 +85,11 @@ impl Viewer<'_> {
     /// The page.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the scene is too large for a page.
+    /// [`Error::Usage`] where the scene is too large for a page, or of [`BETAS`].
     pub fn page(&self) -> Result<String> {
+        if self.scene.base.sh_degree == BETAS {
+            return Err(Error::Usage(format!("a page has no place for {}, expected harmonics", colour_name(BETAS))));
+        }
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
         let origin = origin_for(&cameras.iter().map(|(_, camera)| *camera).collect::<Vec<_>>());

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::Gaussians;
+use super::{Gaussians, gaussians::unlearned, layout};
 
 /// The constant SH band's value.
 pub const SH_DC: f32 = crate::stages::constants::constants::SH_C0;
@@ -15,10 +15,10 @@ const FIRST_OPACITY: f32 = 0.1;
 const MIN_SQUARED_DISTANCE: f32 = 1e-7;
 
 /// One Gaussian for each point: isotropic, as wide as the root mean square distance to its three nearest neighbours, of
-/// opacity 0.1, its colour in the constant band. `positions` and `colors` (8-bit sRGB) have the same length.
+/// opacity 0.1, its colour in the constant. `positions` and `colors` (8-bit sRGB) have the same length.
 pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -> Gaussians {
     let n = positions.len();
-    let coefficients = ((sh_degree + 1) * (sh_degree + 1)) as usize;
+    let coefficients = layout::coefficients(sh_degree);
     // A tree of fewer points than are asked for gives what it has; the point itself comes first.
     let neighbours = NonZeroUsize::new(4.min(n)).unwrap_or(NonZeroUsize::MIN);
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok();
@@ -28,7 +28,8 @@ pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -
         let mean = squared.iter().sum::<f32>() / squared.len().max(1) as f32;
         0.5 * mean.max(MIN_SQUARED_DISTANCE).ln()
     };
-    let mut sh = vec![[0.0; 3]; n * coefficients];
+    let coefficient = |at: usize| unlearned(sh_degree, at / coefficients, at % coefficients);
+    let mut sh: Vec<[f32; 3]> = (0..n * coefficients).map(coefficient).collect();
     for (i, color) in colors.iter().enumerate().take(n) {
         sh[i * coefficients] = color.map(|c| (f32::from(c) / 255.0 - 0.5) / SH_DC);
     }

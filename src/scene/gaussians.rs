@@ -1,14 +1,17 @@
 //! Gaussians on the host, structure of arrays, in the units of the de-facto PLY layout.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::DVec3;
 
+use super::layout::{self, BETA_LOBES, BETAS};
+
 /// Plain 3D Gaussians. All vectors have the same length, but `sh` which holds
-/// `len · (sh_degree + 1)²` RGB coefficients, Gaussian-major: `sh[i · K + k]`.
+/// `len · K` RGB coefficients, K = (sh_degree + 1)², Gaussian-major: `sh[i · K + k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
-    /// Degree of the spherical harmonics, 0 to 3.
+    /// Degree of the spherical harmonics, 0 to 3; or [`BETAS`], of which `sh` has the constant and then, for each lobe, its colour and
+    /// its θ, φ and b.
     pub sh_degree: u32,
     /// Centres, scene units.
     pub means: Vec<[f32; 3]>,
@@ -33,17 +36,33 @@ impl Gaussians {
         self.means.is_empty()
     }
 
-    /// Coefficients per Gaussian, (L + 1)².
+    /// Coefficients per Gaussian, (L + 1)², or of betas.
     pub fn sh_coefficients(&self) -> usize {
-        ((self.sh_degree + 1) * (self.sh_degree + 1)) as usize
+        layout::coefficients(self.sh_degree)
     }
 
-    /// The same with harmonics of another degree, 0 to 3: bands above it go, new ones are 0.
+    /// The same with harmonics of another degree, 0 to 3: bands above it go, new ones are 0. Between harmonics and [`BETAS`] the constant
+    /// alone is kept.
     pub fn with_degree(self, sh_degree: u32) -> Gaussians {
-        let (old, new) = (self.sh_coefficients(), ((sh_degree + 1) * (sh_degree + 1)) as usize);
-        let of = |row: &[[f32; 3]]| (0..new).map(|k| row.get(k).copied().unwrap_or_default()).collect::<Vec<_>>();
-        Gaussians { sh_degree, sh: self.sh.chunks(old).flat_map(of).collect(), ..self }
+        let (old, new) = (self.sh_coefficients(), layout::coefficients(sh_degree));
+        let kept = if (self.sh_degree == BETAS) == (sh_degree == BETAS) { old } else { 1 };
+        let of = |(i, row): (usize, &[[f32; 3]])| {
+            let coefficient = |k: usize| if k < kept { row[k] } else { unlearned(sh_degree, i, k) };
+            (0..new).map(coefficient).collect::<Vec<_>>()
+        };
+        Gaussians { sh_degree, sh: self.sh.chunks(old).enumerate().flat_map(of).collect(), ..self }
     }
+}
+
+/// Coefficient k of Gaussian i where nothing was learned: 0, but that the lobes of betas look evenly into all directions, by Roberts's
+/// sequence of the plastic number. (DBS draws θ evenly from 0 to π, most of them near the poles.)
+pub(super) fn unlearned(sh_degree: u32, i: usize, k: usize) -> [f32; 3] {
+    if sh_degree != BETAS || k == 0 || k % 2 == 1 {
+        return [0.0; 3];
+    }
+    let number = (i * BETA_LOBES + k / 2) as f64;
+    let [height, turn] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| (number * step).fract());
+    [(1.0 - 2.0 * height).acos() as f32, (TAU * turn) as f32, 0.0]
 }
 
 /// The opacity lobes of supplementary Gaussians (method, section 1).
@@ -125,6 +144,25 @@ mod tests {
         let two = one.clone().with_degree(2);
         assert_eq!((two.sh.len(), two.sh[3], two.sh[4], two.sh[9]), (18, [3.0; 3], [0.0; 3], [4.0; 3]));
         assert_eq!(two.with_degree(1), one);
+        let betas = one.clone().with_degree(BETAS);
+        let k = betas.sh_coefficients();
+        assert_eq!((betas.sh.len(), betas.sh[0], betas.sh[k], betas.sh[1]), (2 * k, [0.0; 3], [4.0; 3], [0.0; 3]));
+        assert_eq!(betas.clone().with_degree(1), one.with_degree(0).with_degree(1));
+        assert_eq!(betas.clone().with_degree(BETAS), betas);
+    }
+
+    /// The mean of a thousand directions is 1/√1000 long where they are drawn; these lie more evenly.
+    #[test]
+    fn lobes_of_betas_begin_in_all_directions() {
+        let of = |n: usize| {
+            let [theta, phi, b] = unlearned(BETAS, n / 2, 2 + n % 2 * 2).map(f64::from);
+            assert_eq!(b, 0.0);
+            DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+        };
+        let mean = (0..1000).map(of).sum::<DVec3>() / 1000.0;
+        assert!(mean.length() < 0.01, "{mean}");
+        let squares = (0..1000).map(|n| of(n) * of(n)).sum::<DVec3>() / 1000.0;
+        assert!((squares - 1.0 / 3.0).abs().max_element() < 0.01, "{squares}");
     }
 
     #[test]

@@ -26,6 +26,7 @@ use crate::{
         tile_ranges::tile_ranges,
         tiles::{Tiling, for_each_tile},
     },
+    scene::layout::{BETAS, GEOMETRY_PLANES, sh_planes},
     stages::{status, types},
 };
 
@@ -43,7 +44,9 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     case(bench, &scene, &scene.twin(true), chosen, true)?;
     // Without a supplement, and with fewer bands.
     let plain = Scene::new(bench, 2, (count, 0), 1, (width, height))?;
-    case(bench, &plain, &plain.twin(false), chosen, false)
+    case(bench, &plain, &plain.twin(false), chosen, false)?;
+    let betas = Scene::new(bench, 3, (count, 0), BETAS, (width, height))?;
+    case(bench, &betas, &betas.twin(false), chosen, false)
 }
 
 /// A random scene on both sides.
@@ -112,7 +115,11 @@ impl Scene {
 
     /// ", compensated, degree 1".
     pub fn suffix(&self, compensate: bool) -> String {
-        let degree = if self.degree < 3 { format!(", degree {}", self.degree) } else { String::new() };
+        let degree = match self.degree {
+            3 => String::new(),
+            BETAS => ", betas".into(),
+            degree => format!(", degree {degree}"),
+        };
         format!("{}{degree}", if compensate { ", compensated" } else { "" })
     }
 }
@@ -257,7 +264,7 @@ fn case(
     }
     row.flips(flips, both.len());
     row.unequal(wrong);
-    let planes = f64::from(11 + 3 * (scene.degree + 1).pow(2));
+    let planes = (GEOMETRY_PLANES + sh_planes(scene.degree)) as f64;
     let supplement = f64::from(scene.model.count_of(Segment::Supplement));
     row.work = Work {
         bytes: count * 8.0 + 4.0 * (count * planes + 5.0 * supplement) + 36.0 * visible,

@@ -23,7 +23,7 @@ use crate::{
         blend_backward::{Record, blend_backward_magnitudes},
         project_backward::{magnitudes, project_backward, sum_records},
     },
-    scene::layout::{self, Array, GEOMETRY_PLANES, Group, LOBE_PLANES, OPACITY},
+    scene::layout::{self, Array, BETAS, GEOMETRY_PLANES, Group, LOBE_PLANES, OPACITY},
     stages::{
         status::{self, Resource, Status},
         step_done,
@@ -88,7 +88,7 @@ pub(super) fn cases(
                     step(bench, scene, ordered, part, lesson, &want.touched)?;
                 }
             }
-            if !options.compensate && !opacity_only {
+            if !options.compensate && !opacity_only && scene.degree != BETAS {
                 for packed in [false, true] {
                     newton(bench, scene, ordered, part, packed)?;
                 }
@@ -201,13 +201,13 @@ impl Part {
     }
 
     /// Groups of parameters that such a lesson moves, each with its rate.
-    fn groups(&self, scene: &Scene, opacity_only: bool) -> Vec<(Group, PlaneRate)> {
+    fn groups(&self, scene: &Scene, opacity_only: bool) -> Vec<(Group, f64)> {
         let learns = |(group, _): &(Group, f32)| match opacity_only {
             true => group.array == Array::Geometry && group.planes.start == OPACITY,
             false => group.array != Array::Lobes || self.segment == Segment::Supplement,
         };
         let groups = layout::groups(scene.degree).into_iter().zip(RATES.by_group()).filter(learns);
-        groups.map(|(group, rate)| (group.clone(), PlaneRate::of(&group, f64::from(rate)))).collect()
+        groups.map(|(group, rate)| (group, f64::from(rate))).collect()
     }
 }
 
@@ -246,9 +246,13 @@ fn step(
     let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
     let original = read(parameters)?;
     let mut before = original.clone();
-    // Some lobes stand at the ends of their ranges.
-    for (plane, ends) in [(layout::LOBE_WIDTH, [0.0101, 0.9999]), (layout::LOBE_SHARPNESS, [-1.999, 7.999])] {
-        for lobe in before[2].get_mut(plane).into_iter().flat_map(|values| values.chunks_mut(4)) {
+    // Some lobes stand at the ends of their ranges, of opacity and of betas.
+    let mut at_ends = vec![(2, layout::LOBE_WIDTH, [0.0101, 0.9999]), (2, layout::LOBE_SHARPNESS, [-1.999, 7.999])];
+    if scene.degree == BETAS {
+        at_ends.extend([8, 14].map(|plane| (1, plane, [-1.386, 6.999])));
+    }
+    for (array, plane, ends) in at_ends {
+        for lobe in before[array].get_mut(plane).into_iter().flat_map(|values| values.chunks_mut(4)) {
             lobe.iter_mut().zip(ends).for_each(|(value, end)| *value = end);
         }
     }
@@ -307,7 +311,8 @@ fn step(
                 let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][at]));
                 let (mut first, mut second) = (wide(&start[array][2 * at]), wide(&start[array][2 * at + 1]));
                 let touched = lesson.sparse.then_some(&touched[part.first..][..count]);
-                adam(&mut value, &gradients, &mut first, &mut second, count, count, &[rate], Some(STEP), touched);
+                let rate = [PlaneRate::of(&group, p, rate)];
+                adam(&mut value, &gradients, &mut first, &mut second, count, count, &rate, Some(STEP), touched);
                 // Each plane by itself: their magnitudes differ.
                 row.numbers(after[array][p].iter().copied().zip(value));
                 let lies = places.of(array, at);
@@ -380,6 +385,7 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
                 let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
                 let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][p]));
                 let (mut first, mut second) = (wide(&start[array][2 * p]), wide(&start[array][2 * p + 1]));
+                let rate = PlaneRate::of(&group, p, rate);
                 for i in 0..count {
                     match probes {
                         true => curvature_one(gradients[i], &mut second[i]),

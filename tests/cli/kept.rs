@@ -134,6 +134,17 @@ fn exposures_that_were_killed_go_on_to_the_same_bits() {
 }
 
 #[test]
+fn betas_that_were_killed_go_on_to_the_same_bits() {
+    let work = Work::new();
+    let train = "train data --color sb --strategy mcmc --iterations 400 --deterministic";
+    work.ok(&format!("{train} -o whole.ply"));
+    work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+    let report = work.json(&format!("{train} -o out.ply --json"));
+    assert!(report["iterations_resumed"].as_u64().unwrap() > 0, "{report}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+}
+
+#[test]
 fn a_checkpoint_of_another_run_is_refused_by_key() {
     let work = Work::new();
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);

@@ -75,6 +75,39 @@ fn exposure_is_corrected_in_training_alone() {
     assert!(output.status.success() && said.contains("note: exposure: the photos' colour maps"), "{said}");
 }
 
+/// The colours of DBS, from training to pictures; where there is no place for them that is said.
+#[test]
+fn spherical_betas_are_learned_and_kept() {
+    let work = Work::new();
+    let sb = "train data --color sb --iterations 64 --deterministic";
+    work.refused(&format!("{sb} -o out.ply"), &["--strategy mcmc or adc"]);
+    work.refused(&format!("{sb} -o out.ply --strategy adc --sh-degree 2"), &["--sh-degree is for --color sh"]);
+    for strategy in ["adc", "mcmc"] {
+        let report = work.json(&format!("{sb} -o out.ply --strategy {strategy} --json --force"));
+        assert_eq!((&report["sh_degree"], &report["gaussians"]), (&serde_json::Value::Null, &300.into()));
+    }
+    let info = work.ok("info out.ply");
+    assert!(info.contains("300 Gaussians, spherical betas, no supplement"), "{info}");
+    assert!(work.json("info out.ply --json")["sh_degree"].is_null());
+    assert!(work.ok("info out.ply --plan").contains("spherical betas: 64 bytes a Gaussian"));
+    let psnr = |scene: &str| work.json(&format!("eval {scene} data --json"))["base"]["psnr"].as_f64().unwrap();
+    work.ok("train data -o constant.ply --iterations 64 --deterministic --strategy mcmc --sh-degree 0");
+    assert!(psnr("out.ply") > psnr("constant.ply"), "{} and {}", psnr("out.ply"), psnr("constant.ply"));
+    work.ok("render out.ply data -o frames --what specular");
+    work.ok("convert out.ply copy.ply");
+    assert!(fs::read(work.path("copy.ply")).unwrap() == fs::read(work.path("out.ply")).unwrap());
+    for name in ["out.spz", "out.sog", "out.splat", "out.compressed.ply", "out.glb"] {
+        work.refused(&format!("convert out.ply {name}"), &[name, "no place for spherical betas", "expected"]);
+    }
+    work.refused("export --html out.html out.ply", &["no place for spherical betas"]);
+    work.refused("enhance data --base out.ply -o more.ply", &["out.ply", "has spherical betas", "harmonics"]);
+    // They learn on as they were, and what is of harmonics begins with their constant.
+    let on = "train data --init out.ply --strategy mcmc --iterations 32 --deterministic";
+    work.ok(&format!("{on} --color sb -o on.ply"));
+    assert!(psnr("on.ply") > psnr("out.ply"));
+    assert_eq!(work.json(&format!("{on} -o harmonics.ply --json"))["sh_degree"], 3);
+}
+
 /// Width, height and bytes.
 fn image(path: &std::path::Path) -> (u32, u32, Vec<u8>) {
     let image = image::open(path).unwrap().to_rgb8();

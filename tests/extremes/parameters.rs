@@ -3,7 +3,10 @@
 use glam::DVec3;
 use glint::{
     reference::random_scene,
-    scene::{Camera, layout},
+    scene::{
+        Camera,
+        layout::{self, BETAS},
+    },
 };
 
 use super::{
@@ -137,6 +140,37 @@ fn sh_coefficients_of_1e4() {
         // Colours are sums of 16 terms of up to 1e4: what is left of 1 has 1e-3 of rounding, relative to the largest 1e-6. A
         // gradient of the direction through them is a difference of such terms.
         check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
+    }
+}
+
+#[test]
+fn betas_at_the_ends_of_their_ranges() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup { degree: BETAS, ..Default::default() });
+    let blob =
+        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let v = (blob.mean - camera.eye()).normalize();
+    let (theta, phi) = (v.z.acos() as f32, v.y.atan2(v.x) as f32);
+    for b in [-100.0, -1.387, -1.3, 0.0, 4.0, 6.999, 100.0f32] {
+        // Half of the light, at the bluntest at 60°; the edge from both sides; behind.
+        let half = (-2f64.ln() / (4.0 * f64::from(b.clamp(-1.386, 7.0)).exp())).exp().acos() as f32;
+        for off in [0.0, half, 1.57, 1.5709, 3.1] {
+            for colour in [[1.0, 0.0, -0.5], [3.0, -100.0, 0.3]] {
+                let mut before = scene(&[near, blob, far]);
+                before.base = before.base.with_degree(BETAS);
+                before.base.sh[6..10].copy_from_slice(&[colour, [theta + off, phi, b], colour, [theta, phi + off, b]]);
+                // Roundings of the cosine and of its derivatives, which are nearly 0 along the axis, times the exponent and the light.
+                let steep = 4.0 * f64::from(b.clamp(-1.386, 7.0)).exp();
+                let [image, gradient] = [0.5e-6, 1e-6 * f64::from(colour[0])].map(|part| (part * steep).max(1e-4));
+                let what = format!("b {b}, {off} off the axis, colour {colour:?}");
+                let shot = check(&mut probe, &camera, &before, &what, 1e-4, image, gradient);
+                assert!(shot.tile_counts[1] > 0, "{what}");
+                let moved = [7, 9].map(|k| shot.stepped.base.sh[k][2]);
+                assert!(moved.iter().all(|b| (-1.3863..=7.0).contains(b)), "{what}: {moved:?}");
+            }
+        }
     }
 }
 

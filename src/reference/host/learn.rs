@@ -111,7 +111,7 @@ impl Planes<'_> {
         let correct = |corrections: [f32; 2]| corrections.map(|c| 1.0 / f64::from(c));
         let Planes { stride, page_first, packed, newton, .. } = *self;
         for (number, group) in moves.groups() {
-            let rate = PlaneRate::of(&group, rates[number]);
+            let rate = |p: usize| PlaneRate::of(&group, p, rates[number]);
             let correct = match group.array {
                 Array::Lobes => correct([r.lobe_first_correction, r.lobe_second_correction]),
                 _ => correct([r.first_correction, r.second_correction]),
@@ -119,7 +119,7 @@ impl Planes<'_> {
             let grads = values(grads, group.array);
             if newton && group.array == Array::Sh && group.planes.start > 0 {
                 if r.probe == 0 {
-                    self.step_bands(grads, steps, group.planes.len() / 3, &rate, r);
+                    self.step_bands(grads, steps, group.planes.len() / 3, &rate(group.planes.start), r);
                 }
                 continue;
             }
@@ -137,8 +137,8 @@ impl Planes<'_> {
                     };
                     let mut param = f64::from(params[at]);
                     match (newton, r.probe) {
-                        (false, _) => adam_one(&mut param, grads[of], [&mut m, &mut v], &rate, correct),
-                        (true, 0) => newton_one(&mut param, grads[of], &mut m, v, &rate, r.newton.into()),
+                        (false, _) => adam_one(&mut param, grads[of], [&mut m, &mut v], &rate(p), correct),
+                        (true, 0) => newton_one(&mut param, grads[of], &mut m, v, &rate(p), r.newton.into()),
                         (true, _) => curvature_one(grads[of], &mut v),
                     }
                     params[at] = param as f32;

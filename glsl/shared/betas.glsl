@@ -1,0 +1,40 @@
+// Colour by spherical betas (Liu et al. 2025, "Deformable Beta Splatting", and the release's parameters): beside a constant as that of
+// harmonics a Gaussian has lobes of light, each toward where its cosine is 1,
+//     sum over lobes of softplus(colour) max(0, mu . v)^(4 exp(b)),   mu = (sin theta cos phi, sin theta sin phi, cos theta),
+// v from the eye to the Gaussian and softplus(x) = log2(1 + 2^(10 x)) / 10: a lobe adds light, and of colour 0 it adds a tenth.
+//
+// Of a Gaussian coefficient 0 is the constant, 1 + 2m the colour of lobe m and 2 + 2m its theta, phi and b. The kernel has unit.glsl.
+const uint BETAS = 4;      // what stands where a degree of harmonics would
+const uint BETA_LOBES = 2; // of a Gaussian
+// The exponent from 1, below which the slope at the edge has no bound, to 4386, a lobe of one degree at half its light: there the cosine's
+// rounding is a thousandth of the value.
+const float BETA_MIN = -1.3862944;
+const float BETA_MAX = 7.0;
+bool is_beta_b(uint plane) { return plane > 3 && plane % 6 == 2; } // of `sh`
+
+struct Beta {
+    vec3 light, slope; // softplus of the colour and its derivative
+    vec3 axis;
+    float factor;      // max(0, mu . v)^(4 exp(b))
+    float by_cosine;   // its derivatives: by mu . v,
+    vec3 by_shape;     // by theta, phi and b
+};
+
+Beta beta_at(vec3 v, vec3 colour, vec3 shape) {
+    Beta l;
+    l.light = max(colour, vec3(0.0)) + 0.1 * log2(1.0 + exp2(-10.0 * abs(colour)));
+    l.slope = 1.0 / (1.0 + exp2(-10.0 * colour));
+    float sin_theta = sin(shape.x), cos_theta = cos(shape.x), sin_phi = sin(shape.y), cos_phi = cos(shape.y);
+    l.axis = vec3(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta);
+    l.factor = l.by_cosine = 0.0;
+    l.by_shape = vec3(0.0);
+    float cosine = min(dot(l.axis, v), 1.0);
+    if (!(cosine >= FLOAT_MIN)) return l; // guard: behind a beta
+    float exponent = 4.0 * exp(clamp(shape.z, BETA_MIN, BETA_MAX)); // guard: b of a file
+    float log_factor = exponent * log(cosine);
+    l.factor = exp(log_factor);
+    l.by_cosine = exponent * l.factor / cosine;
+    l.by_shape = vec3(l.by_cosine * dot(vec3(cos_theta * cos_phi, cos_theta * sin_phi, -sin_theta), v),
+                      l.by_cosine * sin_theta * (cos_phi * v.y - sin_phi * v.x), log_factor * l.factor);
+    return l;
+}
