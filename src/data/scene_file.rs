@@ -10,10 +10,9 @@ use super::ply;
 #[cfg(feature = "train")]
 use super::ply_write;
 use super::sound::{self, Dropped};
-use crate::scene::{
-    Gaussians, Scene,
-    layout::{BETAS, colour_name},
-};
+#[cfg(feature = "train")]
+use crate::scene::layout::colour_name;
+use crate::scene::{Gaussians, Scene, layout::BETAS};
 use crate::{Error, Result};
 
 /// What a folder with an SOG scene has.
