@@ -270,7 +270,7 @@ fn run(args: &Args) -> Result<()> {
                     json!({
                         "name": row, "dataset": name, "seed": seed, "holdout": split, "psnr": after.psnr, "ssim": after.ssim,
                         "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
-                        "gaussians": scene.base.len() + supplement, "lobes": lobes, "plain": plain,
+                        "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": lobes, "plain": plain,
                     })
                 );
             }

@@ -1,22 +1,27 @@
-//! Quality over time, Gaussians or memory: draws tables of `bench/train`, a panel for each dataset and a line for each strategy.
+//! Quality over time, Gaussians or memory: draws tables of `bench/train`, or what `bench/ablation --json` prints, a panel for each dataset and
+//! a line for each strategy or row.
 //!
 //!     STEPS="300 1000 3000" bench/train OUT DATASET... > now.md
 //!     cargo bench --bench curves -- curves.svg now.md before=earlier.md
 //!     LIMIT="2000 4000 8000" POINTS=half bench/train OUT DATASET... > limits.md
 //!     cargo bench --bench curves -- curves.svg limits.md --over gaussians
 //!
+//!     for n in 5 10 30 60; do cargo bench --bench ablation -- DATASET --base PLY --rows more --steps $n --json; done > more.jsonl
+//!     cargo bench --bench curves -- curves.svg more.jsonl
+//!
 //! `NAME=FILE` puts NAME before the strategies of a file. Points are means over seeds, bars go from the least to the largest.
 
-use std::{collections::BTreeMap, error::Error, fs, process::ExitCode};
+use std::{collections::BTreeMap, error::Error, fs, path::Path, process::ExitCode};
 
 use clap::{Parser, ValueEnum};
 use plotters::{coord::Shift, prelude::*};
+use serde_json::{Map, Value};
 
 #[derive(Parser)]
 struct Args {
     /// The SVG that is written.
     output: String,
-    /// Tables as `bench/train` prints them.
+    /// Tables as `bench/train` prints them, or lines of `bench/ablation --json`.
     #[arg(required = true, value_name = "[NAME=]FILE")]
     tables: Vec<String>,
     /// What quality is drawn over.
@@ -29,7 +34,7 @@ struct Args {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Over {
-    /// Of training; a line goes through the lengths of runs.
+    /// Of training, or of an augmentation; a line goes through the lengths of runs.
     Seconds,
     /// Of the base; a line goes through limits.
     Gaussians,
@@ -40,7 +45,7 @@ enum Over {
 impl Over {
     fn title(self) -> &'static str {
         match self {
-            Over::Seconds => "seconds of training",
+            Over::Seconds => "seconds",
             Over::Gaussians => "Gaussians",
             Over::Memory => "memory of the device, MB",
         }
@@ -55,6 +60,25 @@ struct Run {
     limit: u32,
     /// Where it is drawn.
     at: [f64; 2],
+}
+
+/// A row of `bench/ablation --json`.
+fn of_ablation(name: &str, row: &Map<String, Value>, over: Over) -> Result<Run, String> {
+    let number = |key: &str| row.get(key).and_then(Value::as_f64).ok_or_else(|| format!("no number `{key}`"));
+    let text = |key: &str| row.get(key).and_then(Value::as_str).ok_or_else(|| format!("no text `{key}`"));
+    let dataset = text("dataset")?;
+    let x = match over {
+        Over::Seconds => number("seconds")?,
+        Over::Gaussians => number("gaussians")?,
+        Over::Memory => return Err("a row of bench/ablation knows no memory".into()),
+    };
+    Ok(Run {
+        dataset: Path::new(dataset).file_name().map_or(dataset.into(), |name| name.to_string_lossy().into_owned()),
+        strategy: format!("{name} {}", text("name")?).trim().to_owned(),
+        steps: number("steps_per_view")? as u32,
+        limit: 0,
+        at: [x, number("psnr")?],
+    })
 }
 
 /// Where runs of each seed are drawn, by dataset, then by line of the plot, then by steps or limit.
@@ -79,6 +103,10 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         let (name, path) = table.split_once('=').unwrap_or(("", table));
         let text = fs::read_to_string(path).map_err(|e| format!("{path}: {e}"))?;
         for line in text.lines() {
+            if let Ok(Value::Object(row)) = serde_json::from_str(line) {
+                runs.push(of_ablation(name, &row, args.over).map_err(|what| format!("{path}: `{line}`: {what}"))?);
+                continue;
+            }
             let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
             let [dataset, strategy, steps, limit, _, gaussians, quality, seconds, memory] = cells[..] else { continue };
             // The head and the rule below it.
@@ -101,6 +129,9 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         }
     }
     // What a line does not go through is in its name where there are several.
+    if runs.is_empty() {
+        return Err("neither a table of bench/train nor a row of bench/ablation --json in these files".into());
+    }
     let (several_steps, several_limits) =
         (runs.iter().any(|r| r.steps != runs[0].steps), runs.iter().any(|r| r.limit != runs[0].limit));
     let mut curves = Curves::new();
@@ -112,9 +143,6 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             _ => (strategy, limit),
         };
         curves.entry(dataset).or_default().entry(line).or_default().entry(key).or_default().push(at);
-    }
-    if curves.is_empty() {
-        return Err("no table of bench/train in these files".into());
     }
     let mut svg = String::new();
     {

@@ -15,7 +15,7 @@ use glint::{
         views::Views,
     },
     reference::{random_camera, random_scene},
-    stages::status,
+    stages::status::{self, Status},
     verify::NEAR_THRESHOLD,
 };
 use probe::{BACKGROUND, Probe, Setup, distance};
@@ -117,7 +117,7 @@ fn tiles_counted_in_vain_change_no_pixel() {
         raster.record_order(&mut recorder, splats, &grid, &views.frames, None, &status);
         raster.record_blend(&mut recorder, &grid, &views.frames, BACKGROUND, 0.5);
         recorder.submit().unwrap().wait().unwrap();
-        assert_eq!(status.download().unwrap(), [0; status::WORDS]);
+        assert!(!Status::read(&status.download().unwrap()).failed());
         assert!(raster.buffers.image.download_range(0, pixels).unwrap() == want);
     }
 }
