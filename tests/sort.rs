@@ -153,6 +153,7 @@ fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
         let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, capacity, per_group);
         assert_eq!(counted.count.download().unwrap(), [count, 12345]);
         let mut told = Status::default();
+        told.ask(RESOURCE, items);
         overflow.into_iter().for_each(|needed| told.fail(RESOURCE, needed));
         assert_eq!(counted.status.download().unwrap(), told.0);
         assert_eq!(counted.args.download().unwrap()[3..], groups);

@@ -8,7 +8,7 @@ use super::{Report, Row};
 use crate::{Error, Result, data::write_text};
 
 /// Pixels.
-const SIZE: (u32, u32) = (1600, 1200);
+const SIZE: (u32, u32) = (1600, 1500);
 /// Where results that are exact are drawn: below what float32 can err by.
 const EXACT: f64 = 1e-9;
 /// Height of a label, pixels.
