@@ -8,13 +8,15 @@ use super::{Report, Row};
 use crate::{Error, Result, data::write_text};
 
 /// Pixels.
-const SIZE: (u32, u32) = (1600, 1500);
+const SIZE: (u32, u32) = (1600, 1200);
 /// Where results that are exact are drawn: below what float32 can err by.
 const EXACT: f64 = 1e-9;
 /// Height of a label, pixels.
 const TEXT: i32 = 11;
+/// Lines that a label may lie off its point where its stage has one already.
+const NEARBY: i32 = 3;
 
-/// Writes an SVG with time on one axis and relative L2 error on the other, both logarithmic: one labelled point for each row
+/// Writes an SVG with time on one axis and relative L2 error on the other, both logarithmic: a point for each row
 /// that has a time. Integers and what is equal lie on the line of exact results.
 pub fn plot(report: &Report, path: &Path) -> Result<()> {
     write_text(path, &draw(report).map_err(|e| Error::Usage(format!("the plot could not be drawn: {e}")))?)
@@ -67,7 +69,8 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
             rows.iter().map(|(row, time)| Circle::new((time * 1e6, error(row)), 3, colour(row).filled())),
         )?;
 
-        // Labels where there is room: each goes to the nearest free line below or above its point, and a line leads there.
+        // Labels go to the nearest free line below or above their points, and a line leads there: one for each stage, and others where there
+        // is room nearby.
         let plotted = area.strip_coord_spec();
         let mut taken: Vec<(i32, i32, i32)> = Vec::new();
         let mut points: Vec<_> =
@@ -77,7 +80,13 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
         for (_, (x, y)) in &points {
             taken.extend([y - 3, y + 3].map(|y| (x - 4, x + 4, y.div_euclid(TEXT))));
         }
-        for (row, (x, y)) in points {
+        let (mut of_stages, mut others): (Vec<_>, Vec<_>) = (Vec::new(), Vec::new());
+        for point in points {
+            let known = of_stages.iter().any(|(row, _): &(&Row, _)| row.stage == point.0.stage);
+            if known { others.push(point) } else { of_stages.push(point) }
+        }
+        let anywhere = of_stages.into_iter().map(|point| (point, i32::MAX));
+        for ((row, (x, y)), reach) in anywhere.chain(others.into_iter().map(|point| (point, NEARBY))) {
             let text = format!("{} {}", row.stage, row.variant);
             let width = 6 * text.chars().count() as i32;
             let from = if x + 8 + width > SIZE.0 as i32 - 20 { x - 8 - width } else { x + 8 };
@@ -86,7 +95,8 @@ fn draw(report: &Report) -> std::result::Result<String, Box<dyn std::error::Erro
             let own = y / TEXT;
             let first = 50 / TEXT;
             let last = (SIZE.1 as i32 - 80) / TEXT;
-            let line = (0..=last).flat_map(|k| [own + k, own - k]).find(|&l| l >= first && l <= last && free(l));
+            let line =
+                (0..=last.min(reach)).flat_map(|k| [own + k, own - k]).find(|&l| l >= first && l <= last && free(l));
             let Some(line) = line else { continue };
             taken.push((from, from + width, line));
             let at = line * TEXT;
