@@ -128,10 +128,10 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             });
         }
     }
-    // What a line does not go through is in its name where there are several.
     if runs.is_empty() {
         return Err("neither a table of bench/train nor a row of bench/ablation --json in these files".into());
     }
+    // What a line does not go through is in its name where there are several.
     let (several_steps, several_limits) =
         (runs.iter().any(|r| r.steps != runs[0].steps), runs.iter().any(|r| r.limit != runs[0].limit));
     let mut curves = Curves::new();

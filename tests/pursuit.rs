@@ -297,7 +297,7 @@ fn bytes_and_gaussians_are_never_more_than_asked_for() {
     }
 }
 
-/// Where bytes are what is limited, lobes have no bands above the constant one, so there are more; else as many as the base.
+/// Lobes have no bands above the constant one but where they are asked for; where bytes are limited, more fit without.
 #[test]
 fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
     let gpu = Gpu::new();

@@ -6,6 +6,7 @@
 // Of a Gaussian coefficient 0 is the constant, 1 + 2m the colour of lobe m and 2 + 2m its theta, phi and b. The kernel has unit.glsl.
 const uint BETAS = 4;      // what stands where a degree of harmonics would
 const uint BETA_LOBES = 2; // of a Gaussian
+const uint BETA_GROUPS = (1 + 2 * BETA_LOBES + 3) / 4; // of four coefficients, which are read together
 // The exponent from 1, below which the slope at the edge has no bound, to 4386, a lobe of one degree at half its light: there the cosine's
 // rounding is a thousandth of the value.
 const float BETA_MIN = -1.3862944;
@@ -20,12 +21,17 @@ struct Beta {
     vec3 by_shape;     // by theta, phi and b
 };
 
+// An angle of a file, within what Vulkan bounds sines for.
+float within_turn(float angle) { return clamp(angle - 2.0 * PI * round(angle / (2.0 * PI)), -PI, PI); }
+
 Beta beta_at(vec3 v, vec3 colour, vec3 shape) {
     Beta l;
     l.light = max(colour, vec3(0.0)) + 0.1 * log2(1.0 + exp2(-10.0 * abs(colour)));
     l.slope = 1.0 / (1.0 + exp2(-10.0 * colour));
-    float sin_theta = sin(shape.x), cos_theta = cos(shape.x), sin_phi = sin(shape.y), cos_phi = cos(shape.y);
-    l.axis = vec3(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta);
+    float theta = within_turn(shape.x), phi = within_turn(shape.y);
+    float sin_theta = sin(theta), cos_theta = cos(theta), sin_phi = sin(phi), cos_phi = cos(phi);
+    // Sines may be wrong by 2^-11, and the exponent is in the thousands: what is left of that is a turn of the axis, not its length.
+    l.axis = normalize(vec3(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta));
     l.factor = l.by_cosine = 0.0;
     l.by_shape = vec3(0.0);
     float cosine = min(dot(l.axis, v), 1.0);

@@ -71,8 +71,8 @@ ColourAt colour_at(vec3 direction, uint place) {
     at.direction = direction;
     sh_basis(direction, at.basis);
     if (!HAS_BETAS) return at;
-    vec4 quads[2][3];
-    [[unroll]] for (uint g = 0; g < 2; ++g) load_sh12(g, 3 * COEFFICIENTS, place, quads[g]);
+    vec4 quads[BETA_GROUPS][3];
+    [[unroll]] for (uint g = 0; g < BETA_GROUPS; ++g) load_sh12(g, 3 * COEFFICIENTS, place, quads[g]);
     [[unroll]] for (uint m = 0; m < BETA_LOBES; ++m) {
         uint k = 1 + 2 * m, next = k + 1;
         at.betas[m] = beta_at(direction, coefficient_of(quads[k / 4], k % 4), coefficient_of(quads[next / 4], next % 4));

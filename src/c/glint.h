@@ -21,7 +21,7 @@
  *
  * Barriers. glint copies from and to your images and buffers, so they must be available to GLINT_SYNC_READ_STAGE with
  * GLINT_SYNC_READ_ACCESS (depth_in; color too with GLINT_OVER) or GLINT_SYNC_WRITTEN_STAGE with GLINT_SYNC_WRITTEN_ACCESS (color,
- * depth_out, ids) before the recorded commands, in the layout that is said. Afterwards wait for the latter. Layouts stay. What is glint's own is
+ * depth_out, ids) before the recorded commands, in the layout that is said. Afterwards wait for GLINT_SYNC_WRITTEN_*. Layouts stay. What is glint's own is
  * glint's affair, from frame to frame on one queue. A queue without graphics copies no depth images: give buffers there.
  */
 #ifndef GLINT_H
@@ -208,7 +208,7 @@ typedef struct glint_view {
 
 typedef struct glint_instance {
     uint32_t size;
-    uint32_t sh_degree; /* at most the model's */
+    uint32_t sh_degree; /* at most the model's; of spherical betas all are shown from 1 on */
     uint32_t base_only; /* 1: without the supplement */
     uint32_t reserved;
     const glint_model *model;

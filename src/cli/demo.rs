@@ -29,7 +29,7 @@ use crate::{
     report::{
         evaluate::evaluate,
         history::Record,
-        runs::{Run, StageMean},
+        runs::{PHASES, Run, StageMean},
         sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
@@ -176,6 +176,11 @@ impl Args {
             Way::Pursuit => (Way::Augs, EnhanceOptions::quick()),
             Way::Augs => (Way::Pursuit, EnhanceOptions::pursuit()),
         };
+        let choices = EnhanceOptions {
+            median_threshold: options.median_threshold,
+            centre_depth: options.centre_depth,
+            ..choices
+        };
         let (other, _) = self.augment(other, &session, &base, &views, &with_joint(choices))?;
         let trained_on = self.train_on(&session, &base, &views, &with_joint(EnhanceOptions::pursuit()).join)?;
         let added = count(&augmented.scene) - count(&base.scene);
@@ -271,17 +276,12 @@ impl Args {
         let enhanced = run_with_progress(session, &base.scene, views, options, &beside, &mut |_, _| ())?;
         let seconds = base.seconds + started.elapsed().as_secs_f64();
         let times = enhanced.times;
-        let phases = [
-            ("weighing", times.weigh),
-            ("placing", times.place),
-            ("2D phase", times.screen),
-            ("joint phase", times.join),
-        ];
-        let phases = phases.into_iter().filter(|(_, time)| !time.is_zero());
+        let phases = [times.base, times.weigh, times.place, times.screen, times.lift, times.join];
+        let phases = PHASES.iter().zip(phases).filter(|(_, time)| !time.is_zero());
         let told = Run {
             name: what.into(),
             plan: enhanced.spending.clone(),
-            phases: phases.map(|(phase, time)| (phase.to_owned(), time.as_secs_f64())).collect(),
+            phases: phases.map(|((_, name), time)| ((*name).to_owned(), time.as_secs_f64())).collect(),
             stages: joint_stages(&enhanced),
             ..Run::default()
         };

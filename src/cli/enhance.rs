@@ -95,7 +95,7 @@ enum Weights {
 #[serde(rename_all = "kebab-case")]
 #[command(next_help_heading = "What the paper leaves open")]
 pub(super) struct ChoiceArgs {
-    /// Rounds of the 2D phase of --method augs [default: paper]
+    /// Rounds of the 2D phase of --method augs [default: paper; of demo: quick]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
@@ -192,7 +192,7 @@ pub(super) struct Args {
     /// on, 0.25 at most]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB; those with lobes then have one colour each, in fewer bytes
+    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
     /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ

@@ -316,7 +316,7 @@ struct LearnArgs {
     /// any order, with a warning; with it, that is an error
     #[arg(long)]
     deterministic: bool,
-    /// Numbers that the optimiser keeps. With half a Gaussian of degree 3 takes 176 of 612 bytes less (240 of 788 where steps are Adam's),
+    /// Numbers that the optimiser keeps. `half` saves 176 of the 612 bytes of a Gaussian of degree 3 (240 of 788 where steps are Adam's),
     /// at some cost of quality
     #[arg(long, value_enum, default_value_t)]
     precision: Precision,

@@ -26,7 +26,7 @@ use crate::{
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
         page::{data_of, pictures},
-        runs::{Run, StageMean},
+        runs::{PHASES, Run, StageMean},
         sidebyside::to_bytes,
         table::{Cell, Column, Table},
     },
@@ -41,9 +41,8 @@ One page, DIR/index.html, that needs nothing beside it: for each photo the rende
 the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. DIR/report.json has the numbers.
 
 A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}. \
-Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. What \
-`glint train --json` and `glint enhance --json` printed (--run) is shown, too: what each stage took, the memory, and of an augmentation \
-what was spent on which, and what was left out and why.
+Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. --run adds \
+what `glint train --json` or `glint enhance --json` printed: the time of each stage, the memory, and of an augmentation its plan.
 
 Examples:
   glint report garden base=base.ply augmented=augmented.ply -o compared
@@ -157,7 +156,10 @@ fn read_run(path: &Path) -> Result<Run> {
     })?;
     let phases = match seconds {
         Seconds::All(seconds) => vec![("training".into(), seconds)],
-        Seconds::Phases(all) => all.into_iter().filter(|(_, seconds)| *seconds > 0.0).collect(),
+        Seconds::Phases(all) => {
+            let phases = PHASES.iter().map(|&(key, name)| (name.to_owned(), all.get(key).copied().unwrap_or(0.0)));
+            phases.filter(|(_, seconds)| *seconds > 0.0).collect()
+        }
     };
     Ok(Run { name: output, plan, phases, stages, device_megabytes })
 }

@@ -90,7 +90,7 @@ pub(super) struct Args {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
-    /// What depends on the direction in colours
+    /// How colours depend on the direction of view
     #[arg(long, value_enum, default_value_t)]
     #[serde(skip_serializing_if = "is_default")]
     color: ColorArg,
@@ -524,6 +524,10 @@ impl Args {
                 if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
                     let left = left.gaussians.len();
                     notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
+                }
+                if base.sh_degree != 0 && (base.sh_degree == BETAS) != (self.degree() == BETAS) {
+                    let (had, has) = (colour_name(base.sh_degree), colour_name(self.degree()));
+                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
                 }
                 let gaussians = base.with_degree(self.degree());
                 return Ok(First { most: gaussians.len(), gaussians, begins: LEARNED, notes });

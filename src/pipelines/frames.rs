@@ -89,7 +89,7 @@ pub struct Limits {
     pub intersections: Room,
     /// The widest texels of any target.
     pub texel: Texel,
-    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3.
+    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3, or [`BETAS`](crate::scene::layout::BETAS).
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where no model has one.
     pub lobe_degrees: Vec<u32>,
@@ -389,7 +389,7 @@ pub struct Instance<'a> {
     pub transform: Transform,
     /// The last segment that is shown.
     pub upto: Segment,
-    /// Bands of harmonics, at most the model's.
+    /// Bands of harmonics, at most the model's; of spherical betas all are shown from 1 on.
     pub degree: u32,
 }
 

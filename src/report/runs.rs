@@ -25,6 +25,16 @@ impl StageMean {
     }
 }
 
+/// What the JSON of `glint enhance` calls each phase, in their order, and what a page does.
+pub const PHASES: [(&str, &str); 6] = [
+    ("base", "renders of the base"),
+    ("weigh", "weighing"),
+    ("place", "placing"),
+    ("screen", "2D phase"),
+    ("lift", "inverse splatting"),
+    ("join", "joint phase"),
+];
+
 /// What is told of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Run {

@@ -42,7 +42,8 @@ fn sentences(plan: &Spending) -> [String; 3] {
     let bytes = bytes_allowed.map_or(String::new(), |bytes| format!(" in {bytes} bytes"));
     let later = match placements.saturating_sub(1) {
         0 => String::new(),
-        more => format!(", what is lacking by then {more} times more while it goes on"),
+        1 => ", the rest in a later placement".into(),
+        more => format!(", the rest in {more} later placements"),
     };
     let does = if plan.placed() == 0 {
         format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene stays as it is")
