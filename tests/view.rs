@@ -285,6 +285,8 @@ fn glint(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
     command.current_dir(folder).args(arguments.split_whitespace());
     command.env_remove("RUST_LOG").env_remove("DISPLAY");
+    // Whoever runs this may have calibrated.
+    command.env("XDG_CONFIG_HOME", folder.join("config"));
     command
 }
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::{
     DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    counted,
+    calibrate, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
@@ -358,6 +358,10 @@ impl Args {
             output: &self.output,
         };
         self.watch.with(&run, |context, look_at| {
+            let mut session = {
+                let cameras = photos.iter().map(|photo| &photo.camera);
+                self.learn.session(context, self.draw.policy(), cameras, (background, extent, self.seed.into()))?
+            };
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, 0, |done, words| {
@@ -367,14 +371,12 @@ impl Args {
             })?;
             drop(reading);
             note_uncounted(uncounted);
-            let session = {
-                let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, self.draw.policy(), cameras, (background, extent, self.seed.into()))?
-            };
             let work = match &self.work {
                 Some(folder) => {
-                    let settings = self.settings(&photos, &pixels, &session, &options)?;
-                    Some(WorkDir::open(folder, &settings, stems(photos.iter().copied()))?)
+                    let mut settings = self.settings(&photos, &pixels, &session, &options)?;
+                    let work = WorkDir::open(folder, &mut settings, stems(photos.iter().copied()))?;
+                    session.policy.tile = calibrate::tile_of(&settings, folder, context)?;
+                    Some(work)
                 }
                 None => None,
             };
@@ -523,15 +525,17 @@ impl Args {
         let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
         // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
         let &Session { context: _, policy, background, extent, seed } = session;
-        let policy = Policy { reduction: Reduction::Auto, ..policy };
+        let resolved = Policy { reduction: Reduction::Auto, tile: None, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "planes": layout::groups(0).map(|group| group.planes.start),
             "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
             "photos": photos_json(photos, pixels),
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
+            // A run that goes on keeps its own, whatever was calibrated since.
+            "tile": policy.tile.map(|tile| [tile.width, tile.height]),
             // What they mean in this version, presets and all.
-            "resolved": format!("{options:?} {:?}", (policy, background, extent, seed)),
+            "resolved": format!("{options:?} {:?}", (resolved, background, extent, seed)),
         }))
     }
 }
@@ -731,7 +735,7 @@ pub(super) fn run_with_progress(
                         Method::Pursuit => work.joint_without_lifts(),
                         Method::Augs => work.joint()?,
                     };
-                    let found = Kept::new(path, settings, every);
+                    let mut found = Kept::new(path, settings, every);
                     // The folder's settings are its own: of lifts that were made anew, or nothing of ours.
                     let other = |path: &Path, why: &str| {
                         note(format!("{}: of another joint phase ({why}); all steps are done again", path.display()));

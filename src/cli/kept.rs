@@ -9,11 +9,15 @@ use std::{
 
 use serde_json::{Map, Value, json};
 
-use super::progress::note;
+use super::{calibrate, progress::note};
 use crate::{
     Error, Result,
     data::Photo,
-    pipelines::checkpoint::{Checkpoint, Found},
+    gpu::Context,
+    pipelines::{
+        checkpoint::{Checkpoint, Found},
+        raster::TileShape,
+    },
 };
 
 #[derive(Debug, clap::Args)]
@@ -47,8 +51,8 @@ impl Kept {
 
     /// What an earlier run left. One that is damaged is passed over with a note; one of other settings goes to `foreign`, which
     /// is told why and may fail.
-    pub(super) fn find(&self, foreign: impl FnOnce(&Path, &str) -> Result<()>) -> Result<Option<Checkpoint>> {
-        match Checkpoint::find(&self.path, &self.settings)? {
+    pub(super) fn find(&mut self, foreign: impl FnOnce(&Path, &str) -> Result<()>) -> Result<Option<Checkpoint>> {
+        match Checkpoint::find(&self.path, &mut self.settings)? {
             Found::Nothing => Ok(None),
             Found::Sound(checkpoint) => {
                 note(format!("going on after step {} of {}", checkpoint.step, self.path.display()));
@@ -60,6 +64,11 @@ impl Kept {
                 Ok(None)
             }
         }
+    }
+
+    /// The tile that the loop is to learn by: where something was found, as it did until then.
+    pub(super) fn tile(&self, context: &Context) -> Result<Option<TileShape>> {
+        calibrate::tile_of(&self.settings, &self.path, context)
     }
 
     /// Keeps what `checkpoint` gives if it is time.

@@ -266,7 +266,11 @@ impl Args {
             output: &self.output,
         };
         self.watch.with(&run, |context, look_at| {
-            let background = dataset.background;
+            let (background, seed) = (dataset.background, self.seed);
+            let mut session = {
+                let cameras = photos.iter().map(|photo| &photo.camera);
+                self.learn.session(context, self.draw.policy(), cameras, (background, extent, seed))?
+            };
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, halvings, |done, words| {
@@ -294,21 +298,12 @@ impl Args {
                 control.begin(&mut base);
             }
             let scene = Scene { base, supplement: None };
-            let seed = self.seed;
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
-            let session = {
-                let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, self.draw.policy(), cameras, (background, extent, seed))?
-            };
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
             let training = Progress::new("training", "steps", iterations.into());
             let started = Instant::now();
-            let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
-            if self.exposure {
-                trainer.correct_exposure(&session, &views)?;
-            }
             let settings = self.settings(
                 &photos,
                 &checksums,
@@ -322,6 +317,11 @@ impl Args {
                 None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
                 Some(_) => None,
             };
+            session.policy.tile = kept.tile(context)?;
+            let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
+            if self.exposure {
+                trainer.correct_exposure(&session, &views)?;
+            }
             let mut history = test.map(|test| {
                 History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
             });
@@ -577,14 +577,16 @@ impl Args {
     ) -> Result<Value> {
         // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
         let &Session { context: _, policy, background, extent, seed } = session;
-        let policy = Policy { reduction: Reduction::Auto, ..policy };
+        let resolved = Policy { reduction: Reduction::Auto, tile: None, ..policy };
         Ok(json!({
             "glint": env!("CARGO_PKG_VERSION"),
             "planes": layout::groups(0).map(|group| group.planes.start),
             "photos": photos_json(photos, pixels),
             "points": {"count": first, "crc32": checksum},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
-            "resolved": format!("{options:?} {density:?} {halvings} {:?}", (policy, background, extent, seed)),
+            // A run that goes on keeps its own, whatever was calibrated since.
+            "tile": policy.tile.map(|tile| [tile.width, tile.height]),
+            "resolved": format!("{options:?} {density:?} {halvings} {:?}", (resolved, background, extent, seed)),
         }))
     }
 }

@@ -14,7 +14,7 @@ use std::{
 use serde_json::{Value, json};
 
 use super::{
-    checkpoint::difference,
+    checkpoint::another_run,
     lift::Lifted,
     screen::{Refiner, ScreenGaussian},
 };
@@ -48,13 +48,13 @@ pub struct WorkDir {
 }
 
 impl WorkDir {
-    /// Makes the folder, or takes up one of the same `settings`, a JSON object of everything that the results depend on. `names`
-    /// are the views' file names without extension, each once.
+    /// Makes the folder, or takes up one of the same `settings`, a JSON object of everything that the results depend on. Their `tile` may
+    /// be another; it becomes that of the folder. `names` are the views' file names without extension, each once.
     ///
     /// # Errors
     /// [`Error::Input`] where the folder holds results of other settings, whose first difference is named, or of settings that
     /// are not known.
-    pub fn open(folder: &Path, settings: &Value, names: Vec<String>) -> Result<Self> {
+    pub fn open(folder: &Path, settings: &mut Value, names: Vec<String>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let file = folder.join(SETTINGS);
         let another = "expected the same ones to go on from, or another --work folder";
@@ -63,9 +63,7 @@ impl WorkDir {
                 let found: Value = serde_json::from_str(&text).map_err(|e| {
                     Error::input(&file, format!("is damaged ({e}), so what was made is not known; {another}"))
                 })?;
-                // As it is read back, since a number may differ in its last digit from what was written.
-                let now = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
-                if let Some(what) = difference(&found, &now, "") {
+                if let Some(what) = another_run(&found, settings) {
                     return Err(Error::input(
                         &file,
                         format!("these are the settings of another run: {what}; {another}"),
@@ -242,7 +240,7 @@ mod tests {
     use super::*;
 
     fn work(folder: &Path) -> WorkDir {
-        WorkDir::open(folder, &json!({}), vec!["a".into(), "b".into()]).unwrap()
+        WorkDir::open(folder, &mut json!({}), vec!["a".into(), "b".into()]).unwrap()
     }
 
     const LIFT: Lift = Lift {
@@ -287,7 +285,7 @@ mod tests {
     #[test]
     fn what_differs_between_two_runs_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let open = |settings: Value| WorkDir::open(folder.path(), &settings, vec!["a".into()]).map(drop);
+        let open = |mut settings: Value| WorkDir::open(folder.path(), &mut settings, vec!["a".into()]).map(drop);
         let settings = json!({"version": "1", "photos": {"a.png": 7, "b.png": 8}, "options": {"seed": 0}});
         open(settings.clone()).unwrap();
         open(settings.clone()).unwrap();

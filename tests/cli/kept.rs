@@ -343,7 +343,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
         let mut command = Command::new("sh");
         // Blocks of 512 bytes. A signal that is ignored stays so in the program that follows.
         let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
-        command.current_dir(work.0.path()).args(["-c", &script]);
+        command.current_dir(work.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", work.path("config"));
         run::run(&mut command)
     };
     let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
