@@ -9,14 +9,16 @@ use std::{
 
 use common::{Gpu, Turn};
 use glint::{
+    Error,
     gpu::{
         Access, Buffer, ConstantKind, Context, ContextOptions, Feature, GpuError, Location, Reconvergence, Unit,
-        ash::vk,
+        ash::{self, vk},
         spirv::{
             MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW, instructions, op,
             opcode, shared_bytes, with_modes, words,
         },
     },
+    pipelines::calibrate::{Load, random_task, time_tiles},
     stages::{blend, kernels, radix_upsweep, status, step_done},
 };
 
@@ -309,13 +311,19 @@ fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     assert_eq!((name.as_str(), *bytes, *used, *left), ("too much", (budget / 2) + 4, budget / 2, budget));
     assert!(more.is_no_room() && more.to_string().contains("buffer too much needs 524292 bytes"), "{more}");
     // What was refused takes nothing, and what is dropped is there again.
-    assert_eq!(gpu.memory().used, budget / 2);
+    assert_eq!((gpu.memory().used, gpu.memory().most_used), (budget / 2, budget / 2));
     let other = half.clone();
     drop(half);
     assert_eq!(gpu.memory().used, budget / 2);
     drop(other);
     assert_eq!(gpu.memory().used, 0);
     assert!(Buffer::<u32>::new(&gpu, "all", 1 << 18, Location::Device).is_ok());
+    assert_eq!(gpu.memory().most_used, budget);
+    // Nor does what is refused for the block that a small one has taken.
+    let gpu = Gpu::with(ContextOptions { memory_budget: Some(6 << 20), ..ContextOptions::from_env() });
+    let _small = Buffer::<u8>::new(&gpu, "small", 1 << 16, Location::Device).unwrap();
+    assert!(Buffer::<u8>::new(&gpu, "large", 5 << 20, Location::Device).is_err());
+    assert_eq!(gpu.memory().most_used, 1 << 16);
     // Without a cap there is what the device has.
     assert!(Gpu::new().memory().budget > 1 << 28);
 }
@@ -335,12 +343,18 @@ fn a_context_made_again_keeps_the_device_open_and_has_the_rest_for_itself() {
 }
 
 /// What one submission leaves to the next without a barrier or a semaphore is seen, or no test would show that frames and steps, which
-/// follow each other on a queue, wait for each other. Older layers look at one command buffer after the other, unless they are told.
+/// follow each other on a queue, wait for each other. Layers before 1.3.275 look at one command buffer after the other, unless they are told.
 #[test]
 fn a_hazard_between_two_submissions_is_seen() {
     let options = ContextOptions::from_env();
     let told = std::env::var("VK_LAYER_ENABLES").is_ok_and(|list| list.contains("QUEUE_SUBMIT"));
-    if !options.validation || !told {
+    // SAFETY: loads the system's loader, and a query.
+    let layers = unsafe { ash::Entry::load().unwrap().enumerate_instance_layer_properties() }.unwrap();
+    let need_no_telling = layers.iter().any(|layer| {
+        let validates = layer.layer_name_as_c_str() == Ok(c"VK_LAYER_KHRONOS_validation");
+        validates && layer.spec_version >= vk::make_api_version(0, 1, 3, 275)
+    });
+    if !options.validation || !(told || need_no_telling) {
         return println!("needs the validation layers, told to look at submissions, as tools/test has them");
     }
     let _turn = Turn::alone();
@@ -365,4 +379,12 @@ fn a_hazard_between_two_submissions_is_seen() {
     pair(false);
     let said = context.validation_messages().concat();
     assert!(said.contains("SYNC-HAZARD-") && said.contains("-AFTER-WRITE"), "{said}");
+}
+
+#[test]
+fn a_load_of_no_gaussians_is_refused() {
+    let load = Load { width: 64, height: 64, gaussians: 0 };
+    let gpu = Gpu::new();
+    assert!(matches!(random_task(&gpu, load, 1.0, 3), Err(Error::Usage(_))));
+    assert!(matches!(time_tiles(&gpu, load, || ()), Err(Error::Usage(_))));
 }

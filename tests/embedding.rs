@@ -289,6 +289,20 @@ fn what_is_taken_of_a_lent_device_is_counted_and_stays_within_the_budget() {
         let memory = context.memory();
         assert!(holds(memory.taken) && memory.used == 0 && memory.taken <= 4 << 20, "{memory:?}");
     }
+    // Less than a block: each buffer has memory of its own, and nothing stays.
+    let budget = 2 << 20;
+    let lent = BorrowedDevice { instance, device, memory_budget: Some(budget), ..application.borrowed() };
+    let context = unsafe { Context::borrow(lent) }.unwrap();
+    let mut small = Vec::new();
+    while let Ok(buffer) = Buffer::<u8>::new(&context, "small", 1 << 16, Location::Device) {
+        small.push(buffer);
+        let memory = context.memory();
+        let given = counting::memory();
+        assert!(memory.taken == given && given <= budget && memory.used <= given, "{memory:?}, not {given}");
+    }
+    assert_eq!((small.len(), context.memory().most_used), (32, budget));
+    drop(small);
+    assert_eq!((context.memory().taken, counting::memory()), (0, 0));
 }
 
 #[test]
@@ -364,18 +378,24 @@ fn the_callers_pipeline_cache_may_be_warm() {
     // The header alone where a driver keeps nothing.
     const HEADER: usize = 32;
     assert!(data.len() >= HEADER);
-    let (warm, again, warm_time, _) = shot(&data);
-    assert!(cold == warm, "a warm cache changes the image");
-    assert!(again.len() >= data.len());
-    println!("{} bytes of pipelines: {cold_time:?} cold, {warm_time:?} warm", data.len() - HEADER);
     // Compiling is what takes time, and all of it is saved: half is far from both. A driver with a cache of its own on disk may have had
     // the kernels at the first time; to read one takes no millisecond, so that fewer than five for each pipeline are nothing to save.
     let quick = Duration::from_millis(5) * made as u32;
+    let saves = |warm_time| warm_time < cold_time / 2 || cold_time < quick;
+    // The best of a few, as a machine that does other things may hold one up.
+    let mut warm_time = Duration::MAX;
+    for _ in 0..5 {
+        let (warm, again, time, _) = shot(&data);
+        assert!(cold == warm, "a warm cache changes the image");
+        assert!(again.len() >= data.len());
+        warm_time = time.min(warm_time);
+        if saves(warm_time) || data.len() == HEADER {
+            break;
+        }
+    }
+    println!("{} bytes of pipelines: {cold_time:?} cold, {warm_time:?} warm", data.len() - HEADER);
     if data.len() > HEADER {
-        assert!(
-            warm_time < cold_time / 2 || cold_time < quick,
-            "{cold_time:?} cold, {warm_time:?} warm, {made} pipelines"
-        );
+        assert!(saves(warm_time), "{cold_time:?} cold, {warm_time:?} warm, {made} pipelines");
     } else {
         println!("the driver keeps nothing: no times to compare");
     }

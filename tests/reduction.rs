@@ -117,6 +117,31 @@ fn growth_needs_the_room_of_one_buffer_more() {
     }
 }
 
+/// Room for what may come is no reason to take atomics; what does not fit is.
+#[test]
+fn growth_in_time_keeps_the_order_of_sums() {
+    let (old, fits, more) = (400_000, 800_000, 1_000_000);
+    let made = |budget: Option<u64>| {
+        let gpu = Gpu::with(ContextOptions { memory_budget: budget, ..ContextOptions::from_env() });
+        let raster = Raster::new(&gpu, options(old, Reduction::Auto)).unwrap();
+        (gpu, raster)
+    };
+    let (gpu, mut raster) = made(None);
+    raster.grow_early(fits).unwrap();
+    assert!(raster.capacity() == more && !raster.by_gaussian());
+    // The lists fit and the records do not.
+    let budget = gpu.memory().used - 12 * u64::from(old);
+    let (gpu, mut raster) = made(Some(budget));
+    let before = gpu.memory().used;
+    assert!(raster.grow_early(fits).unwrap_err().is_no_room());
+    assert_eq!((raster.capacity(), raster.by_gaussian()), (old, false));
+    assert!(gpu.memory().used >= before);
+    match raster.grow(fits) {
+        Ok(()) => assert!(raster.capacity() == more && raster.by_gaussian()),
+        Err(e) => assert!(!gpu.info().float_atomics && e.is_no_room(), "{e}"),
+    }
+}
+
 #[test]
 fn float_atomics_give_the_twins_gradients() {
     let gpu = Gpu::new();

@@ -9,6 +9,7 @@ use glint::{
     reference,
     stages::{
         blocks::{Blocks, DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
+        constants::status::NO_RESOURCE,
         dispatch_args,
         status::{self, Resource, Status},
     },
@@ -81,6 +82,25 @@ fn a_stage_over_no_items_is_not_recorded() {
         counted.stage.record(&mut recorder, &buffers, &push, items);
         recorder.submit().unwrap().wait().unwrap();
         assert_eq!(counted.args.download_range(0, 3).unwrap(), wanted);
+    }
+}
+
+#[test]
+fn nothing_is_told_of_what_always_fits() {
+    let context = Gpu::new();
+    let counted = Counted::new(&context, 9).unwrap();
+    let buffers =
+        dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
+    for (resource_index, asked) in [(NO_RESOURCE, None), (RESOURCE.index(), Some(9))] {
+        let push =
+            dispatch_args::Push { count_index: ITEMS, capacity: 9, items_per_group: 2, args_index: 0, resource_index };
+        let mut recorder = context.recorder("args").unwrap();
+        counted.stage.record(&mut recorder, &buffers, &push, 1);
+        recorder.submit().unwrap().wait().unwrap();
+        assert_eq!(counted.args.download_range(0, 3).unwrap(), [5, 1, 1]);
+        let mut want = Status::default();
+        asked.into_iter().for_each(|asked| want.ask(RESOURCE, asked));
+        assert_eq!(counted.status.download().unwrap(), want.0);
     }
 }
 

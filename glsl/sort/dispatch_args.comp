@@ -2,7 +2,7 @@
 // Turns a count on the GPU into an indirect dispatch, and keeps it within what the buffers hold.
 //
 // One thread. count[count_index] is clamped to capacity; status says what the resource was asked for, and where that was more, that
-// it failed. dispatch_args[args_index..] is the VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
+// it failed; nothing of NO_RESOURCE. dispatch_args[args_index..] is the VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/status.glsl"
@@ -23,10 +23,11 @@ layout(push_constant, scalar) uniform Push {
 void main() {
     if (!(thread_index() == 0)) return;
     uint items = count[push.count_index];
+    bool told = push.resource_index != NO_RESOURCE;
     uint needed = STATUS_NEEDED + push.resource_index;
-    status[needed] = max(status[needed], items);
+    if (told) status[needed] = max(status[needed], items);
     if (items > push.capacity) {
-        status[STATUS_FAILED] |= 1u << push.resource_index; // guard: what does not fit is told
+        if (told) status[STATUS_FAILED] |= 1u << push.resource_index; // guard: what does not fit is told
         items = push.capacity;
         count[push.count_index] = items;
     }

@@ -4,7 +4,7 @@ use std::{
     marker::PhantomData,
     sync::{
         Arc,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicU32, AtomicU64, Ordering},
     },
 };
 
@@ -60,6 +60,8 @@ pub(super) struct Budget {
     most_used: AtomicU64,
     /// Changes with the allocator only, under its lock.
     taken: AtomicU64,
+    /// The same. Bit l: a block was made for buffers of location l, and the last one stays.
+    blocks: AtomicU32,
 }
 
 impl Budget {
@@ -74,7 +76,7 @@ impl Budget {
         }
         let most = cap.map_or(most, |cap| cap.min(most));
         let [used, most_used, taken] = [const { AtomicU64::new(0) }; 3];
-        Budget { heap, most, shared, unified: heaps.len() == 1, used, most_used, taken }
+        Budget { heap, most, shared, unified: heaps.len() == 1, used, most_used, taken, blocks: AtomicU32::new(0) }
     }
 
     fn counts(&self, location: Location) -> bool {
@@ -128,8 +130,13 @@ impl Share {
         if bytes > 0 && used.saturating_add(bytes) > budget {
             return Err(GpuError::OverBudget { name: name.into(), bytes, used, budget });
         }
-        context.0.budget.most_used.fetch_max(used + bytes, Ordering::Relaxed);
         Ok(share)
+    }
+
+    /// It has its memory: until then it may be refused.
+    fn is_used(&self) {
+        let Budget { used, most_used, .. } = &self.context.0.budget;
+        most_used.fetch_max(used.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 }
 
@@ -244,6 +251,7 @@ impl<T: Pod> Buffer<T> {
                     return Err(error);
                 }
             };
+            share.is_used();
             let bound = device.bind_buffer_memory(handle, allocation.memory(), allocation.offset());
             let raw = RawBuffer {
                 handle,
@@ -445,13 +453,21 @@ unsafe fn allocate(
     let most = context.memory().budget;
     let mut guard = context.0.allocator.lock().map_err(|_| internal("allocator poisoned"))?;
     let Some(allocator) = guard.as_mut() else { return Err(internal("the device is gone")) };
+    let Budget { taken, blocks, .. } = &context.0.budget;
     let counts = context.0.budget.counts(location);
-    let taken = context.0.budget.taken.load(Ordering::Relaxed);
-    let over = || GpuError::OverBudget { name: name.into(), bytes, used: taken, budget: most };
-    if counts && bytes > BLOCK && taken.saturating_add(bytes) > most {
+    let has_taken = || taken.load(Ordering::Relaxed);
+    let fits = |more: u64| !counts || has_taken().saturating_add(more) <= most;
+    let over = || GpuError::OverBudget { name: name.into(), bytes, used: has_taken(), budget: most };
+    let here = 1 << location as u32;
+    let made = blocks.load(Ordering::Relaxed);
+    // The first block of a kind of memory stays once it is made: not where it is beyond. What is of another location may have one of the
+    // same kind already.
+    let first = made & here == 0 && !fits(BLOCK);
+    if (bytes > BLOCK || first && made == 0) && !fits(bytes) {
         return Err(over());
     }
     let before = allocator.capacity();
+    let count = |more: u64| if counts { taken.fetch_add(more, Ordering::Relaxed) } else { 0 };
     let mut description = AllocationCreateDesc {
         name,
         requirements,
@@ -463,20 +479,27 @@ unsafe fn allocate(
         linear: true,
         allocation_scheme: AllocationScheme::GpuAllocatorManaged,
     };
-    let mut allocation = allocator.allocate(&description).map_err(failed)?;
-    let mut more = allocator.capacity().saturating_sub(before);
-    if counts && more > 0 && taken.saturating_add(more) > most {
+    if !(first && fits(bytes)) {
+        let allocation = allocator.allocate(&description).map_err(failed)?;
+        let more = allocator.capacity().saturating_sub(before);
+        if more == 0 || fits(more) {
+            count(more);
+            if bytes <= BLOCK {
+                blocks.store(made | here, Ordering::Relaxed);
+            }
+            return Ok(allocation);
+        }
         allocator.free(allocation).map_err(failed)?;
-        if taken.saturating_add(bytes) > most {
+        // What stays all the same, if anything.
+        count(allocator.capacity().saturating_sub(before));
+        if !fits(bytes) {
             return Err(over());
         }
-        description.allocation_scheme = AllocationScheme::DedicatedBuffer(handle);
-        allocation = allocator.allocate(&description).map_err(failed)?;
-        more = bytes;
     }
-    if counts {
-        context.0.budget.taken.fetch_add(more, Ordering::Relaxed);
-    }
+    description.allocation_scheme = AllocationScheme::DedicatedBuffer(handle);
+    let before = allocator.capacity();
+    let allocation = allocator.allocate(&description).map_err(failed)?;
+    count(allocator.capacity().saturating_sub(before));
     Ok(allocation)
 }
 

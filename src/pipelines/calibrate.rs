@@ -11,7 +11,7 @@ use super::{
     views::Views,
 };
 use crate::{
-    error::Result,
+    error::{Error, Result},
     gpu::{Context, GpuError},
     reference::{covering_scene, random_camera},
     scene::{Camera, Scene},
@@ -57,7 +57,7 @@ pub struct TileTimes {
 /// called after each measurement.
 ///
 /// # Errors
-/// What the device lacks for the load; [`GpuError`] where it has no timestamps.
+/// [`Error::Usage`] for a load of no Gaussians; what the device lacks for the load; [`GpuError`] where it has no timestamps.
 pub fn time_tiles(context: &Context, load: Load, mut measured: impl FnMut()) -> Result<Vec<TileTimes>> {
     let (model, views) = random_task(context, load, 1.0, 3)?;
     let lanes = context.info().subgroup_size;
@@ -104,9 +104,12 @@ pub fn best_tile(found: &[TileTimes]) -> Option<TileShape> {
 /// `overlap` times as often as 2,000 of the usual size do.
 ///
 /// # Errors
-/// What the device lacks for them.
+/// [`Error::Usage`] for a load of no Gaussians; what the device lacks for them.
 pub fn random_task(context: &Context, load: Load, overlap: f64, sh_degree: u32) -> Result<(Model, Views)> {
     let Load { width, height, gaussians } = load;
+    if gaussians == 0 {
+        return Err(Error::Usage("a load of no Gaussians".into()));
+    }
     let scene = covering_scene(gaussians, 0.0, overlap, sh_degree);
     let camera = random_camera(width, height);
     let cameras = [0.0, 0.05, 0.1, 0.15].map(|angle| {

@@ -3,6 +3,8 @@
 //! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
+use std::mem;
+
 use super::{
     plan::{Held, Plan, buffers},
     session::Policy,
@@ -14,7 +16,7 @@ use crate::{
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic,
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
-        constants::slots::SLOTS_PER_BLOCK,
+        constants::{slots::SLOTS_PER_BLOCK, status::NO_RESOURCE},
         dispatch_args, emit,
         status::Resource,
         tile_ranges,
@@ -496,6 +498,14 @@ impl Raster {
         grown
     }
 
+    /// The same of `needed` that fit, so that more will: gradients that are added up in a fixed order stay so, or it is an error.
+    pub fn grow_early(&mut self, needed: u32) -> Result<(), GpuError> {
+        let reduction = mem::replace(&mut self.options.policy.reduction, Reduction::Deterministic);
+        let grown = self.grow(needed);
+        self.options.policy.reduction = reduction;
+        grown
+    }
+
     /// Everything by intersection, buffer by buffer: never more than the old ones and one new one are held.
     fn remake(&mut self) -> Result<(), GpuError> {
         let (context, options) = (&self.context, &self.options);
@@ -763,16 +773,15 @@ impl Raster {
         items_per_group: u32,
         dispatch: u32,
     ) {
+        let resource_index = match count_index {
+            ISECTS => Resource::Intersections.index(),
+            // There is a place for each splat.
+            _ => NO_RESOURCE,
+        };
         self.dispatch_args.record(
             recorder,
             &dispatch_args::Buffers { count: &self.buffers.count, dispatch_args: &self.buffers.args, status },
-            &dispatch_args::Push {
-                count_index,
-                capacity,
-                items_per_group,
-                args_index: 3 * dispatch,
-                resource_index: Resource::Intersections.index(),
-            },
+            &dispatch_args::Push { count_index, capacity, items_per_group, args_index: 3 * dispatch, resource_index },
             1,
         );
     }

@@ -236,6 +236,10 @@ impl Looped for Round<'_> {
         Ok(self.screen.raster.grow(needed)?)
     }
 
+    fn grow_early(&mut self, needed: u32) -> Result<()> {
+        Ok(self.screen.raster.grow_early(needed)?)
+    }
+
     fn room(&self) -> u32 {
         self.screen.raster.capacity()
     }

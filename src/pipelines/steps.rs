@@ -27,7 +27,13 @@ pub trait Looped {
     /// Makes room where the device found too little; nothing is in flight.
     fn grow(&mut self, resource: Resource, needed: u32) -> Result<()>;
 
-    /// For how many intersections there is room, where [`Looped::grow`] can make more.
+    /// Makes room for more intersections than `needed`, which fit, so that more will; nothing is in flight. An error where that would
+    /// change more than the room, how gradients are added up above all.
+    fn grow_early(&mut self, needed: u32) -> Result<()> {
+        self.grow(Resource::Intersections, needed)
+    }
+
+    /// For how many intersections there is room, where [`Looped::grow_early`] can make more.
     fn room(&self) -> u32 {
         u32::MAX
     }
@@ -56,17 +62,17 @@ struct Run {
     timed: bool,
     /// Too little room is left: nothing is submitted until there is more.
     tight: bool,
-    /// There was no more to be had.
+    /// There was no more to be had before it is needed.
     full: bool,
     in_flight: VecDeque<(Submission, usize)>,
     report: StepReport,
 }
 
 impl Run {
-    /// Once room was made with nothing on its way, and `done` steps were.
-    fn go_on(&mut self, status: &Buffer<u32>, done: u32) -> Result<()> {
+    /// With nothing on its way, once `done` steps were and there is room or no more to be had; `grown`: more was made.
+    fn go_on(&mut self, status: &Buffer<u32>, done: u32, grown: bool) -> Result<()> {
         self.tight = false;
-        self.report.grown += 1;
+        self.report.grown += u32::from(grown);
         Ok(status.upload(0, &Status::of_steps(done).0)?)
     }
 }
@@ -177,15 +183,18 @@ impl Steps {
             // Only of these: steps after one that does not fit do a part of their work.
             run.report.stages.extend(stages);
             let room = work.room();
-            run.tight |= !run.full && asked > room - room / SPARE;
+            run.tight |= !run.full && run.next < run.total && asked > room - room / SPARE;
             if run.tight && run.in_flight.is_empty() {
                 tracing::debug!(step = found.steps(), asked, room, "making room in time");
-                // What fits goes on where there is no more room, as far as it does.
-                match work.grow(Resource::Intersections, asked) {
+                match work.grow_early(asked) {
+                    Ok(()) => {}
+                    // What fits goes on where there is no more room, as far as it does.
                     Err(_) if work.room() >= asked => run.full = true,
-                    other => other?,
+                    // Not even what there was came back.
+                    Err(_) => work.grow(Resource::Intersections, asked)?,
                 }
-                run.go_on(status, found.steps())?;
+                let grown = !run.full;
+                run.go_on(status, found.steps(), grown)?;
             }
         } else {
             // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
@@ -199,7 +208,7 @@ impl Steps {
                 tracing::debug!(step = found.steps(), %resource, needed, "making room");
                 work.grow(resource, needed)?;
             }
-            run.go_on(status, found.steps())?;
+            run.go_on(status, found.steps(), true)?;
         }
         Ok(Some(found.steps()))
     }

@@ -476,6 +476,10 @@ impl Looped for On<'_> {
         }
     }
 
+    fn grow_early(&mut self, needed: u32) -> Result<()> {
+        Ok(self.training.renderer.raster.grow_early(needed)?)
+    }
+
     fn room(&self) -> u32 {
         self.training.renderer.raster.capacity()
     }

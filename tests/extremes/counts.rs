@@ -3,13 +3,15 @@
 use glam::DVec3;
 use glint::{
     Error,
-    gpu::{Buffer, ContextOptions},
+    gpu::{Buffer, Context, ContextOptions, Recorder},
     pipelines::{
         exposure::IDENTITY,
         learn::Lesson,
         model::{Model, Segment},
+        raster::TileShape,
         render::{Needs, Renderer},
-        session::Session,
+        session::{Policy, Session},
+        steps::{Looped, Steps},
         train::{BaseOptions, Trainer, base_trainer},
         views::Views,
     },
@@ -21,7 +23,8 @@ use glint::{
     stages::{
         WORKGROUP,
         constants::slots::SLOTS_PER_BLOCK,
-        emit,
+        dispatch_args, emit,
+        status::Resource,
         types::{Frame, Splat},
     },
 };
@@ -401,6 +404,160 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
     on.resume(&model, &kept, false).unwrap();
     while on.advance(&model, &views).unwrap().is_some() {}
     assert!(model.download().unwrap() == want);
+}
+
+/// A training that nearly fills its room is given more before it fails; where there is no more to be had it goes on in what it has,
+/// with the same bits: nothing is added up by atomics for what may never come.
+#[test]
+fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
+    let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
+    let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
+    let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
+    let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    // Unseen ones make room for four intersections each.
+    let (unseen, behind) = (100_000, camera.unproject(256.0, 192.0, -1e4).as_vec3().to_array());
+    // Three submissions, the first and the last step of which take 97 % of the room.
+    let mut schedule = vec![1; 40];
+    (schedule[0], schedule[39]) = (0, 0);
+    let trainer = |gpu: &Gpu| {
+        let TileShape { width, height, .. } = TileShape::for_subgroup(gpu.info().subgroup_size);
+        let filling = 4 * unseen * 97 / 100 / (512usize.div_ceil(width as usize) * 384usize.div_ceil(height as usize));
+        let mut scene = cloud(&camera, filling, -2.0, |i| (256.0 + i as f64, 192.0, 3.0 + 0.1 * i as f64, 1000.0));
+        scene.base.means.extend(vec![behind; unseen]);
+        scene.base.log_scales.extend(vec![[-3.0; 3]; unseen]);
+        scene.base.quats.extend(vec![[1.0, 0.0, 0.0, 0.0]; unseen]);
+        scene.base.opacities.extend(vec![0.0; unseen]);
+        scene.base.sh.extend(vec![[0.0; 3]; unseen]);
+        let views = Views::upload(gpu, &[camera, far], &images).unwrap();
+        let model = Model::upload(gpu, &scene, 0).unwrap();
+        let session = Session { background: BACKGROUND, extent: 2.0, policy: Policy::default(), ..Session::new(gpu) };
+        let options = BaseOptions { iterations: 40, sh_degree: 0, ..Default::default() };
+        let plan = move |step| options.plan(2.0, step);
+        let lessons = [Lesson::new(Segment::Base)];
+        let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule.clone(), 1, plan).unwrap();
+        trainer.start(false).unwrap();
+        (trainer, model, views)
+    };
+    let run = |gpu: &Gpu| {
+        let (mut trainer, model, views) = trainer(gpu);
+        let before = gpu.memory().used;
+        while trainer.advance(&model, &views).unwrap().is_some() {}
+        let report = trainer.report();
+        (report.steps.grown, report.losses, model.download().unwrap(), before, gpu.memory().used)
+    };
+    let roomy = run(&Gpu::new());
+    let (before, after) = (roomy.3, roomy.4);
+    assert!(roomy.0 == 1 && after > before);
+    // The lists by intersection grow, the records do not.
+    let most = before + (after - before) * 4 / 5;
+    println!("{before} bytes before growth, {after} after, {most} to be had");
+    let tight = Gpu::with(ContextOptions { memory_budget: Some(most), ..ContextOptions::from_env() });
+    let tight = run(&tight);
+    assert_eq!(tight.0, 0);
+    // Records by Gaussian would take less.
+    assert!(tight.4 >= before, "{} bytes", tight.4);
+    assert!(tight.1 == roomy.1 && tight.2 == roomy.2);
+}
+
+/// Steps that ask for intersections and do nothing else.
+struct Asking {
+    asks: Buffer<u32>,
+    count: Buffer<u32>,
+    args: Buffer<u32>,
+    stage: dispatch_args::Stage,
+    room: u32,
+    /// For so many there can be room at most.
+    most: u32,
+    /// The steps that were recorded.
+    recorded: Vec<u32>,
+    /// What there was to be room for: early, how much.
+    grown: Vec<(bool, u32)>,
+}
+
+impl Asking {
+    fn new(context: &Context, asks: &[u32], most: u32) -> Self {
+        Asking {
+            asks: Buffer::from_slice(context, "asks", asks).unwrap(),
+            count: Buffer::zeroed(context, "count", 1).unwrap(),
+            args: Buffer::zeroed(context, "args", 3).unwrap(),
+            stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 }).unwrap(),
+            room: 100,
+            most,
+            recorded: Vec::new(),
+            grown: Vec::new(),
+        }
+    }
+
+    fn make_room(&mut self, early: bool, needed: u32) -> Result<(), Error> {
+        self.grown.push((early, needed));
+        let room = needed + needed / 4;
+        if room > self.most {
+            return Err(Error::Usage("no room".into()));
+        }
+        self.room = room;
+        Ok(())
+    }
+}
+
+impl Looped for Asking {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<(), Error> {
+        self.recorded.push(step);
+        recorder.copy(&self.asks, step as usize, &self.count, 0, 1);
+        let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status };
+        let push = dispatch_args::Push {
+            count_index: 0,
+            capacity: self.room,
+            items_per_group: 1,
+            args_index: 0,
+            resource_index: Resource::Intersections.index(),
+        };
+        self.stage.record(recorder, &buffers, &push, 1);
+        Ok(())
+    }
+
+    fn grow(&mut self, resource: Resource, needed: u32) -> Result<(), Error> {
+        assert_eq!(resource, Resource::Intersections);
+        self.make_room(false, needed)
+    }
+
+    fn grow_early(&mut self, needed: u32) -> Result<(), Error> {
+        self.make_room(true, needed)
+    }
+
+    fn room(&self) -> u32 {
+        self.room
+    }
+}
+
+#[test]
+fn room_is_made_before_a_step_fails_and_not_in_vain() {
+    let gpu = Gpu::new();
+    // 20 steps in submissions of two, two of which are on their way.
+    let run = |asks: [u32; 20], most, total| {
+        let mut work = Asking::new(&gpu, &asks, most);
+        let done = Steps::new(&gpu, 2).unwrap().run(total, false, &mut work, |_| ());
+        (work.grown, work.recorded, done.map(|report| report.grown).ok())
+    };
+    let each: Vec<u32> = (0..20).collect();
+    // 87 leave an eighth of the room; 88 do not, and nor do those that come.
+    assert_eq!(run([87; 20], 1000, 20), (vec![], each.clone(), Some(0)));
+    let mut asks = [88; 20];
+    assert_eq!(run(asks, 1000, 20), (vec![(true, 88)], each.clone(), Some(1)));
+    asks[9..].fill(96);
+    assert_eq!(run(asks, 1000, 20), (vec![(true, 88), (true, 96)], each.clone(), Some(2)));
+    // Nothing comes after what is on its way.
+    assert_eq!(run(asks, 1000, 4), (vec![], each[..4].to_vec(), Some(0)));
+    // What there is suffices, and is asked for once more than it has.
+    assert_eq!(run(asks, 100, 20), (vec![(true, 88)], each.clone(), Some(0)));
+    // It does not: the two submissions that step 12 stops are done again, and there is no room for them.
+    asks[12] = 120;
+    let (grown, recorded, done) = run(asks, 100, 20);
+    assert_eq!((grown, recorded, done), (vec![(true, 88), (false, 120)], each[..16].to_vec(), None));
+    // Without room made in time.
+    let mut asks = [50; 20];
+    asks[12] = 120;
+    let again: Vec<u32> = (0..16).chain(12..20).collect();
+    assert_eq!(run(asks, 1000, 20), (vec![(false, 120)], again, Some(1)));
 }
 
 /// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in

@@ -13,10 +13,10 @@ use crate::{
     stages::{
         WORKGROUP,
         blocks::items_per_group,
-        constants::{constants::NONE, screen},
+        constants::{constants::NONE, screen, status::NO_RESOURCE},
         dispatch_args, screen_backward, screen_draw, screen_project, screen_prune, screen_tiles,
         ssim::{TILE, tiles_per_frame},
-        status::{self, Resource},
+        status,
         types::{Frame, Quota, ScreenState, View},
     },
 };
@@ -243,7 +243,7 @@ impl Screen {
                 capacity: u32::MAX,
                 items_per_group: 1,
                 args_index: 3 * list,
-                resource_index: Resource::Intersections.index(),
+                resource_index: NO_RESOURCE,
             };
             self.dispatch_args.record(recorder, &buffers, &push, 1);
         }

@@ -4,6 +4,7 @@ use super::Outcome;
 use crate::{
     reference as twin,
     stages::{
+        constants::status::NO_RESOURCE,
         kernels,
         status::{Resource, Status},
     },
@@ -21,12 +22,14 @@ pub(super) fn dispatch_args(h: kernels::dispatch_args::Host<'_>) -> Outcome {
     let kernels::dispatch_args::Push { count_index, capacity, items_per_group, args_index, resource_index } = h.push;
     let count = &mut h.count[count_index as usize];
     let (kept, overflow, groups) = twin::dispatch_args::dispatch_args(*count, capacity, items_per_group);
-    let resource = Resource::ALL.get(resource_index as usize);
-    let resource = *resource.ok_or_else(|| format!("there is no resource {resource_index}"))?;
-    let mut status = Status::read(h.status);
-    status.ask(resource, *count);
-    overflow.into_iter().for_each(|needed| status.fail(resource, needed));
-    h.status[..status.0.len()].copy_from_slice(&status.0);
+    if resource_index != NO_RESOURCE {
+        let resource = Resource::ALL.get(resource_index as usize);
+        let resource = *resource.ok_or_else(|| format!("there is no resource {resource_index}"))?;
+        let mut status = Status::read(h.status);
+        status.ask(resource, *count);
+        overflow.into_iter().for_each(|needed| status.fail(resource, needed));
+        h.status[..status.0.len()].copy_from_slice(&status.0);
+    }
     *count = kept;
     h.dispatch_args[args_index as usize..][..3].copy_from_slice(&groups);
     Ok(())
