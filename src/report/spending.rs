@@ -109,7 +109,7 @@ mod tests {
         let said = text(&plan);
         for part in [
             "at most 10 Gaussians in 2000000 bytes may be added: 4 now",
-            "2 times more",
+            "the rest in 2 later placements",
             "0.250",
             "the same without lobes",
             "0.062",
