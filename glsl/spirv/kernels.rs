@@ -5342,6 +5342,7 @@ pub mod status {
 #[doc = "the base's capacity"] pub const BASE_GAUSSIANS: u32 = 1;
 #[doc = "the supplement's capacity"] pub const SUPPLEMENT_GAUSSIANS: u32 = 2;
 #[doc = ""] pub const RESOURCES: u32 = 3;
+#[doc = "for dispatch_args: of what always fits nothing is told"] pub const NO_RESOURCE: u32 = 0xFFFFFFFF;
 }
 pub mod subgroup {
 #[doc = ""] pub const LOOK: u32 = 8;
