@@ -67,13 +67,28 @@ fn calibrated_tiles_are_what_learns() {
     let mut kept: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
     let sides: Vec<u32> = other.as_str().unwrap().split('×').map(|side| side.parse().unwrap()).collect();
     kept["devices"][0]["sizes"][0]["tile"] = sides.into();
+    // A run that was killed before that goes on as it began.
+    fs::remove_file(&file).unwrap();
+    let long = "train data --iterations 400 --sh-degree 0 --deterministic";
+    work.killed(&format!("{long} -o resumed.ply"), "resumed.checkpoint.safetensors");
     fs::write(&file, kept.to_string()).unwrap();
+    let resumed = work.json(&format!("{long} -o resumed.ply --json"));
+    assert!(resumed["tile"] == usual && resumed["iterations_resumed"].as_u64() > Some(0), "{resumed}");
     assert_eq!(tile("other"), *other);
     // Another driver, version or device knows nothing of it.
     kept["devices"][0]["driver"] = "another".into();
     fs::write(&file, kept.to_string()).unwrap();
     assert_eq!(tile("foreign"), usual);
     assert!(fs::read(work.path("foreign.ply")).unwrap() == fs::read(work.path("usual.ply")).unwrap());
+
+    // What cannot be read stops nothing, and is no calibration.
+    fs::remove_file(&file).unwrap();
+    fs::create_dir(&file).unwrap();
+    let output = work.run(&format!("{train} -o unread.ply"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("note: tiles are of the usual shape"), "{said}");
+    assert!(fs::read(work.path("unread.ply")).unwrap() == fs::read(work.path("usual.ply")).unwrap());
+    fs::remove_dir(&file).unwrap();
 
     fs::write(&file, "{\"devices\": 3}").unwrap();
     work.refused("train data -o never.ply --iterations 2", &["calibration.json", "glint calibrate"]);

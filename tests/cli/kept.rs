@@ -17,7 +17,7 @@ const ENHANCE: &str =
 
 impl Work {
     /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.
-    fn killed(&self, arguments: &str, file: &str) {
+    pub(super) fn killed(&self, arguments: &str, file: &str) {
         let file = self.path(file);
         let written = |file: &Path| fs::metadata(file).and_then(|found| found.modified()).ok();
         let before = written(&file);
