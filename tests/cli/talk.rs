@@ -162,9 +162,13 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();
     assert!(page.contains("<h2>Plan of a.ply</h2>") && page.contains("Gaussians with lobes"));
     // What both took; the joint phase is some of a run's seconds.
-    for part in
-        ["<th>base.ply</th><th>a.ply</th>", "<td>training [s]", "<td>join [s]", "held on the device", "blend_backward"]
-    {
+    for part in [
+        "<th>base.ply</th><th>a.ply</th>",
+        "<td>training [s]",
+        "<td>joint phase [s]",
+        "held on the device",
+        "blend_backward",
+    ] {
         assert!(page.contains(part), "`{part}` is not on the page");
     }
     assert!(report["device_megabytes"].as_f64().unwrap() > 0.0 && !report["stages"].as_array().unwrap().is_empty());
