@@ -1,5 +1,7 @@
 //! How many there are, in which order, and in how large an image.
 
+use std::iter;
+
 use glam::DVec3;
 use glint::{
     Error,
@@ -443,8 +445,11 @@ fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
     let run = |left: Option<u64>| {
         let gpu = &Gpu::with(ContextOptions { memory_budget: Some(budget), ..ContextOptions::from_env() });
         let (mut trainer, model, views) = trainer(gpu);
-        let ballast = |left: u64| (budget - gpu.memory().used - left) as usize;
-        let _ballast = left.map(|left| Buffer::<u8>::new(gpu, "ballast", ballast(left), Location::Device).unwrap());
+        let piece = || Buffer::<u8>::new(gpu, "ballast", 1 << 16, Location::Device).ok();
+        let mut ballast: Vec<_> = left.map_or(Vec::new(), |_| iter::from_fn(piece).collect());
+        while left.is_some_and(|left| budget - gpu.memory().used < left) {
+            ballast.pop().unwrap();
+        }
         let before = gpu.memory().used;
         while trainer.advance(&model, &views).unwrap().is_some() {}
         let report = trainer.report();
