@@ -452,8 +452,9 @@ fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
         }
         let before = gpu.memory().used;
         while trainer.advance(&model, &views).unwrap().is_some() {}
-        let report = trainer.report();
-        (report.steps.grown, report.losses, model.download().unwrap(), before, gpu.memory().used)
+        let (after, report) = (gpu.memory().used, trainer.report());
+        drop(ballast);
+        (report.steps.grown, report.losses, model.download().unwrap(), before, after)
     };
     let roomy = run(None);
     let (before, after) = (roomy.3, roomy.4);
