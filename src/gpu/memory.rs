@@ -514,7 +514,9 @@ impl Drop for RawBuffer {
             let _ = allocator.free(allocation);
             if self.counts {
                 let less = before.saturating_sub(allocator.capacity());
-                self.context.0.budget.taken.fetch_sub(less, Ordering::Relaxed);
+                // What a buffer that does not count made may go with one that does, where both are of one kind of memory.
+                let left = |taken: u64| Some(taken.saturating_sub(less));
+                let _ = self.context.0.budget.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left);
             }
         }
     }
