@@ -26,7 +26,7 @@ pub(super) struct Deadline {
     end: Instant,
     /// Of the run that is planned now.
     pub(super) total: u32,
-    /// When the last plan was made, and the step at that time.
+    /// When the last plan was made, and the step at that time; later by what took time since and was no step.
     since: Instant,
     step: u32,
     guessed: bool,
@@ -88,13 +88,19 @@ impl Deadline {
         self.marks.find(|mark| step(mark) >= self.step + PILOT).map(step)
     }
 
-    /// Plans the run anew, of which `step` steps are done.
-    pub(super) fn plan(&mut self, step: u32) -> Plan {
+    /// So much time went into something else than steps.
+    pub(super) fn leave_out(&mut self, time: Duration) {
+        self.since += time;
+    }
+
+    /// Plans the run anew, of which `step` steps are done, and in whose rest something else than steps takes the time `reserved`.
+    pub(super) fn plan(&mut self, step: u32, reserved: Duration) -> Plan {
         let now = Instant::now();
-        let each = (now - self.since).as_secs_f64() / f64::from((step - self.step).max(1));
+        let each = now.saturating_duration_since(self.since).as_secs_f64() / f64::from((step - self.step).max(1));
         let part = |step: u32| f64::from(step) / f64::from(self.total.max(1));
         let each = each * mean(&self.cost, part(step), 1.0) / mean(&self.cost, part(self.step), part(step));
-        let plan = plan(step, self.total, each, self.end.saturating_duration_since(now).as_secs_f64());
+        let left = self.end.saturating_duration_since(now).saturating_sub(reserved);
+        let plan = plan(step, self.total, each, left.as_secs_f64());
         (self.total, self.step, self.since, self.guessed) = (plan.total, plan.done, now, false);
         plan
     }

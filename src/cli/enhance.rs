@@ -647,8 +647,12 @@ pub(super) fn run_with_progress(
     };
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut kept: Option<Kept> = None;
-    let (mut told, mut begun, mut clock) = (0, Instant::now(), None);
+    let (mut told, mut begun) = (0, Instant::now());
+    let mut clock: Option<(Deadline, Option<u32>)> = None;
+    // When the placement that is being made began, and how long the last one took.
+    let (mut placing, mut placed_in) = (None, Duration::ZERO);
     loop {
+        let before = Instant::now();
         let event = match (enhancer.next(views), &mut kept) {
             (Ok(Some(event)), _) => event,
             (Ok(None), _) => break,
@@ -674,7 +678,7 @@ pub(super) fn run_with_progress(
             Event::Weighed => {
                 if let Some(end) = end {
                     let (passed, left) = (begun.elapsed(), end.saturating_duration_since(Instant::now()));
-                    // A pass took that long; all placements together take less than two.
+                    // A pass took that long; all placements together are thought to take two, until one has been made.
                     let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
                     enhancer.take_steps((passes * views.cameras.len() as f64).min(MOST.into()) as u32);
                 }
@@ -685,7 +689,10 @@ pub(super) fn run_with_progress(
                     print(spending::text(plan))?;
                 }
             }
-            Event::Place(at) => show("placing", at.step.into(), at.steps.into(), None),
+            Event::Place(at) => {
+                placing.get_or_insert(before);
+                show("placing", at.step.into(), at.steps.into(), None);
+            }
             Event::Batch { views: range, .. } => {
                 let Some((work, _)) = work else { continue };
                 let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
@@ -714,6 +721,12 @@ pub(super) fn run_with_progress(
                     );
                 }
                 told = enhancer.placed().len();
+                if let Some(began) = placing.take() {
+                    placed_in = began.elapsed();
+                    if let Some((deadline, _)) = &mut clock {
+                        deadline.leave_out(placed_in);
+                    }
+                }
                 if let Some(end) = end {
                     let (deadline, mark) = clock.get_or_insert_with(|| {
                         let mut deadline = Deadline::of(end, steps);
@@ -722,7 +735,9 @@ pub(super) fn run_with_progress(
                     });
                     if mark.is_some_and(|mark| step >= mark) {
                         enhancer.replan(views, |step| {
-                            let plan = deadline.plan(step);
+                            // Those that are to come take as long as the last one did.
+                            let more = options.pursuit.placements.saturating_sub(told as u32);
+                            let plan = deadline.plan(step, placed_in * more);
                             [plan.total, plan.done]
                         })?;
                         *mark = deadline.next();

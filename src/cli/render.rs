@@ -48,7 +48,7 @@ splines, rotations along great circles), and frames are evenly spaced, frame-000
 Examples:
   glint render augmented.ply garden -o views
   glint render augmented.ply garden -o depth --what depth --format exr
-  glint render augmented.ply --path garden-path-1.json -o frames --frames 240";
+  glint render augmented.ply --path augmented-path-1.json -o frames --frames 240";
 
 /// What five digits count.
 const MAX_FRAMES: i64 = 99_999;

@@ -388,7 +388,7 @@ impl Args {
                     }
                     let Some(step) = stop.filter(|&step| step < iterations) else { break };
                     stop = if let Some(deadline) = &mut deadline {
-                        let Plan { total, done } = deadline.plan(step);
+                        let Plan { total, done } = deadline.plan(step, Duration::ZERO);
                         tracing::info!("a run of {total} steps, of which {done} count as done");
                         trainer.replan(&session, &views, &options(total), &density(total), done)?;
                         (iterations, begun) = (total, done);
