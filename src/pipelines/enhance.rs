@@ -74,7 +74,7 @@ impl EnhanceOptions {
             method: Method::Pursuit,
             join: JoinOptions {
                 everything: true,
-                pace: 3.0,
+                pace: 2.0,
                 decay: 0.1,
                 newton: NEWTON_PART,
                 ..JoinOptions::default()
