@@ -390,7 +390,7 @@ fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     );
     // A base that was as good as it could become alone: what it is beside lobes is worse without them, so it is kept as it was.
     let model = Model::upload(&gpu, &wall(), 0).unwrap();
-    let options = BaseOptions { iterations: 600, sh_degree: 0, ..Default::default() };
+    let options = BaseOptions { iterations: 1500, sh_degree: 0, ..Default::default() };
     train_base(&session(&gpu), &model, &views, &options, false, |_| ()).unwrap();
     let trained = model.download().unwrap();
     let (_, found) = run(&trained, Kinds::Lobes);
