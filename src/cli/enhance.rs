@@ -389,10 +389,11 @@ impl Args {
             };
             let found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
             write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
+            let asked = interrupt.asked();
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = found.steps;
-            let ended = found.join.is_some() && joint_steps < all_steps;
+            let ended = asked && found.join.is_some() && joint_steps < all_steps;
             if let (Some(work), false) = (&work, ended) {
                 work.remove_joint()?;
             }
@@ -648,7 +649,7 @@ pub(super) fn run_with_progress(
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut kept: Option<Kept> = None;
     let (mut told, mut begun) = (0, Instant::now());
-    let mut clock: Option<(Deadline, Option<u32>)> = None;
+    let mut clock: Option<Deadline> = None;
     // When the placement that is being made began, and how long the last one took.
     let (mut placing, mut placed_in) = (None, Duration::ZERO);
     loop {
@@ -723,24 +724,25 @@ pub(super) fn run_with_progress(
                 told = enhancer.placed().len();
                 if let Some(began) = placing.take() {
                     placed_in = began.elapsed();
-                    if let Some((deadline, _)) = &mut clock {
+                    if let Some(deadline) = &mut clock {
                         deadline.leave_out(placed_in);
                     }
                 }
                 if let Some(end) = end {
-                    let (deadline, mark) = clock.get_or_insert_with(|| {
-                        let mut deadline = Deadline::of(end, steps);
-                        let mark = deadline.next();
-                        (deadline, mark)
-                    });
-                    if mark.is_some_and(|mark| step >= mark) {
+                    let now = Instant::now();
+                    let deadline = clock.get_or_insert_with(|| Deadline::of(now, end, steps));
+                    if deadline.is_over(now) && step < steps {
+                        note(format!("the time was over after {step} of {steps} joint steps"));
+                        enhancer.stop(views)?;
+                        continue;
+                    }
+                    if deadline.is_due(step, now) {
                         enhancer.replan(views, |step| {
                             // Those that are to come take as long as the last one did.
                             let more = options.pursuit.placements.saturating_sub(told as u32);
-                            let plan = deadline.plan(step, placed_in * more);
+                            let plan = deadline.plan(step, Instant::now(), placed_in * more);
                             [plan.total, plan.done]
                         })?;
-                        *mark = deadline.next();
                     }
                 }
                 let lately = enhancer.lately(step, views);

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::{
     DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
-    deadline::{Deadline, MOST, Plan, duration},
+    deadline::{Deadline, FIRST, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, photos_json},
@@ -59,6 +59,10 @@ Examples:
 
 /// Where photos show by their transparency where a scene is, random points are one to begin with for so many Gaussians in the end.
 const CARVED_NTH: usize = 4;
+/// A submission takes no more of a run's time than one part in so many: two of them are on their way when it is to end.
+const SUBMISSIONS: u32 = 40;
+/// Bytes a second that a scene is written with at least, but for a slow disk.
+const WRITTEN_PER_SECOND: f64 = 2e8;
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -228,7 +232,7 @@ impl Args {
     pub(super) fn run(&self) -> Outcome {
         self.check_color()?;
         let sh_degree = self.degree();
-        let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
+        let began = Instant::now();
         let mut dataset = self.photos.open(&self.dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
         if let Some(init) = &self.init {
@@ -242,10 +246,6 @@ impl Args {
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
-        if let Some(deadline) = &mut deadline {
-            let whole = options(1);
-            deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings)));
-        }
         let density = |iterations| self.density([count, first.most], iterations);
         check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(sh_degree, false))?;
         check_sight(&dataset, &first.gaussians.means)?;
@@ -286,7 +286,7 @@ impl Args {
             if halvings > 0 {
                 tracing::info!("photos are seen with sides halved {} at first", times(halvings));
             }
-            let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
+            let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
             let control = density(iterations);
             let most = control.limit.max(count as u32);
             let packed = self.learn.precision == super::Precision::Half;
@@ -313,7 +313,7 @@ impl Args {
                 &control,
             )?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
-            let found = match &deadline {
+            let found = match self.time {
                 None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
                 Some(_) => None,
             };
@@ -321,6 +321,12 @@ impl Args {
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             if self.exposure {
                 trainer.correct_exposure(&session, &views)?;
+            }
+            let mut deadline = self.time.map(|time| self.deadline(time, began, control.limit)).transpose()?;
+            if let (Some(deadline), Some(time)) = (&mut deadline, self.time) {
+                let whole = options(1);
+                deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part)));
+                trainer.submit_at_most(time / SUBMISSIONS);
             }
             let mut history = test.map(|test| {
                 History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
@@ -344,37 +350,37 @@ impl Args {
             let interrupt = Interrupt::default();
             interrupt.listen()?;
             let (mut gaussians, mut evaluating) = (0, Duration::ZERO);
-            // Steps that this run did: with a deadline their numbers leap when it is planned anew.
-            let (mut ran, mut begun) = (0, resumed);
+            // Steps of the run that are done, and those that were taken: with --time the first leap when it is planned anew.
+            let (mut done, mut taken) = (resumed, resumed);
             let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
             let mut train = || -> Result<()> {
-                let mut look = |step: u32, trainer: &Trainer, scene: &Scene| -> Result<()> {
+                let mut look = |[done, taken]: [u32; 2], trainer: &Trainer, scene: &Scene| -> Result<()> {
                     let Some(history) = &mut history else { return Ok(()) };
                     let (seconds, began) = ((started.elapsed() - evaluating).as_secs_f64(), Instant::now());
-                    let losses = trainer.losses(step);
+                    let losses = trainer.losses(done);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
                     let bytes = scene.base.len() as u64 * gaussian_bytes(sh_degree, false);
                     let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
-                    history.add(scene, Moment { step, seconds, bytes, loss }, options)?;
+                    history.add(scene, Moment { step: taken, seconds, bytes, loss }, options)?;
                     evaluating += began.elapsed();
                     Ok(())
                 };
                 let evaluation = |after: u32| self.eval_every.map(|every| (after / every + 1).saturating_mul(every));
-                let mut stop = match &mut deadline {
-                    Some(deadline) => deadline.next(),
-                    None => evaluation(resumed),
-                };
+                let mut looks_at = evaluation(taken);
                 // A run that ended just when it was to be looked at is looked at now.
                 let due = |every| resumed > 0 && resumed < iterations && resumed.is_multiple_of(every);
                 if self.eval_every.is_some_and(due) && !looked {
-                    look(resumed, &trainer, &model.download()?)?;
+                    look([done, taken], &trainer, &model.download()?)?;
                 }
-                trainer.go_on_to(stop.unwrap_or(iterations));
                 while !interrupt.asked() {
-                    if let Some(done) = trainer.advance(&model, &views)? {
-                        look_at(&model, format_args!("step {done} of {iterations}"));
-                        (ran, begun) = (ran + done - begun, done);
-                        training.set_of(done.into(), iterations.into());
+                    let stop = looks_at.map_or(iterations, |at| iterations.min(done + (at - taken)));
+                    let in_time = deadline.as_ref().map_or(stop, |deadline| deadline.last(done, Instant::now()));
+                    trainer.go_on_to(stop.min(in_time));
+                    if let Some(now) = trainer.advance(&model, &views)? {
+                        (taken, done) = (taken + now - done, now);
+                        let all = taken + iterations.saturating_sub(done);
+                        look_at(&model, format_args!("step {taken} of {all}"));
+                        training.set_of(taken.into(), all.into());
                         let small = match halvings_at(options(iterations).part(done), halvings) {
                             0 => String::new(),
                             halvings => format!(", photos at 1/{}", 1 << halvings),
@@ -384,20 +390,22 @@ impl Args {
                         if deadline.is_none() {
                             kept.look(|| trainer.checkpoint(&model, &views))?;
                         }
-                        continue;
+                        if let Some(deadline) = &mut deadline
+                            && deadline.is_due(done, Instant::now())
+                        {
+                            let now = trainer.settle(&model, &views)?;
+                            taken += now - done;
+                            let Plan { total, done: of_them } = deadline.plan(now, Instant::now(), Duration::ZERO);
+                            tracing::info!("after {taken} steps: a run of {total}, of which {of_them} count as done");
+                            trainer.replan(&session, &views, &options(total), &density(total), of_them)?;
+                            (iterations, done) = (total, of_them);
+                        }
+                    } else if looks_at == Some(taken) && done < iterations {
+                        look([done, taken], &trainer, &model.download()?)?;
+                        looks_at = evaluation(taken);
+                    } else if done >= iterations || done >= in_time {
+                        break;
                     }
-                    let Some(step) = stop.filter(|&step| step < iterations) else { break };
-                    stop = if let Some(deadline) = &mut deadline {
-                        let Plan { total, done } = deadline.plan(step, Duration::ZERO);
-                        tracing::info!("a run of {total} steps, of which {done} count as done");
-                        trainer.replan(&session, &views, &options(total), &density(total), done)?;
-                        (iterations, begun) = (total, done);
-                        deadline.next()
-                    } else {
-                        look(step, &trainer, &model.download()?)?;
-                        evaluation(step)
-                    };
-                    trainer.go_on_to(stop.unwrap_or(iterations));
                 }
                 if interrupt.asked() && deadline.is_none() {
                     kept.keep(|| trainer.checkpoint(&model, &views))?;
@@ -405,7 +413,7 @@ impl Args {
                 let scene = model.download()?;
                 gaussians = scene.base.len();
                 write_scene(&self.output, &scene)?;
-                if interrupt.asked() { Ok(()) } else { look(iterations, &trainer, &scene) }
+                if interrupt.asked() { Ok(()) } else { look([done, taken], &trainer, &scene) }
             };
             if let Err(error) = train() {
                 drop(training);
@@ -417,14 +425,19 @@ impl Args {
             let trained = trainer.stop()?;
             let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
             let device_megabytes = context.memory().most_used as f64 / 1e6;
-            let steps = trained.losses.len() as u32;
+            // What was on its way when an end was asked for is done, too.
+            let last = trained.losses.len() as u32;
+            taken += last - done;
+            let ended = interrupt.asked() && last < iterations;
             let seconds = (started.elapsed() - evaluating).as_secs_f64();
             drop(training);
-            if steps == iterations && deadline.is_none() {
+            if !ended && deadline.is_none() {
                 kept.remove()?;
             }
             drop(interrupt);
-
+            if let (Some(_), false) = (self.time, ended) {
+                self.tell_of_time([last, iterations], taken, photos.len());
+            }
             for (pass, losses) in passes(&trained.losses, photos.len()) {
                 tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
             }
@@ -432,27 +445,27 @@ impl Args {
             for (name, milliseconds) in &stages {
                 tracing::info!("a step's {name}: {milliseconds:.3} ms");
             }
-            let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
+            let last_pass = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
                 photos: photos.len(),
                 gaussians,
                 sh_degree: Some(sh_degree).filter(|&degree| degree != BETAS),
-                iterations: if deadline.is_some() { ran } else { steps },
+                iterations: taken,
                 iterations_resumed: resumed,
                 seed,
                 halvings,
                 tile: session.policy.tile(context.info()).to_string(),
                 seconds,
-                steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
-                final_loss: pass_loss(last),
+                steps_per_second: f64::from(taken - resumed) / seconds,
+                final_loss: pass_loss(last_pass),
                 largest_exposure,
                 device_megabytes,
                 buffers_grown: trained.steps.grown,
                 stages: StageMean::all(&stages),
             };
-            let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
+            let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
             if let Some(largest) = largest_exposure {
                 note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
             }
@@ -465,17 +478,48 @@ impl Args {
                     counted(gaussians, "Gaussian"),
                     colour_name(sh_degree),
                     counted(photos, "photo"),
-                    counted(did as usize, "step"),
+                    counted(taken as usize, "step"),
                 ))?;
             }
-            if steps < iterations {
-                let goes_on = if deadline.is_some() { "" } else { ", and the same command with --force goes on" };
-                let what =
-                    format!("ended after {did} of {iterations} steps; {output} has what was learned in them{goes_on}");
+            if ended {
+                let (of, goes_on) = match self.time {
+                    Some(_) => (String::new(), ""),
+                    None => (format!(" of {iterations}"), ", and the same command with --force goes on"),
+                };
+                let what = format!("ended after {taken}{of} steps; {output} has what was learned in them{goes_on}");
                 return Err(Failure::Interrupted(what));
             }
             Ok(())
         })
+    }
+
+    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes.
+    fn deadline(&self, time: Duration, began: Instant, gaussians: u32) -> Result<Deadline> {
+        let bytes = u64::from(gaussians) * gaussian_bytes(self.degree(), false);
+        let writing = Duration::from_secs_f64(bytes as f64 / WRITTEN_PER_SECOND).min(time / 10);
+        let (now, end) = (Instant::now(), began + time - writing);
+        if now >= end {
+            let passed = (now - began).as_secs_f64();
+            let what = "expected more, as a scene takes hundreds of steps";
+            return Err(Error::Usage(format!(
+                "--time {time:?}: no time is left for a step, as {passed:.1} s were over before the first; {what}"
+            )));
+        }
+        Ok(Deadline::new(now, end))
+    }
+
+    /// What became of a run by --time that one would not expect: it was `done` steps of `total` in the end, and had taken `taken`.
+    fn tell_of_time(&self, [done, total]: [u32; 2], taken: u32, photos: usize) {
+        if done < total {
+            let part = 100.0 * f64::from(done) / f64::from(total);
+            note(format!("steps became slower than was thought: the time was over after {part:.0} % of the schedule"));
+        }
+        if (taken as usize) < photos {
+            let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
+            note(format!(
+                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
+            ));
+        }
     }
 
     /// What colours are: a degree of harmonics, or betas.
@@ -595,10 +639,11 @@ fn times(n: u32) -> &'static str {
     if n == 1 { "once" } else { "twice" }
 }
 
-/// How long a step takes on photos whose sides are halved so many times, as a share of one on photos in full: a quarter of it is by
-/// Gaussian. (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there.)
-fn step_cost(halvings: u32) -> f64 {
-    0.25 + 0.75 * 0.25f64.powi(halvings as i32)
+/// How long a step takes on photos whose sides are halved so many times, and by a share of the Gaussians, as a part of one on photos in
+/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there), and
+/// all of it grows with the root of the Gaussians, nearly (docs/results.md: by 0.47).
+fn step_cost(halvings: u32, gaussians: f64) -> f64 {
+    0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
 }
 
 /// What a run begins with.

@@ -3,6 +3,8 @@
 //! [`Trainer`] is the loop of both the base scene (method, section 2; their number is `density`'s to change) and the joint phase
 //! (section 5, `join`): they differ in which Gaussians learn what, and how fast.
 
+use std::time::Duration;
+
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
@@ -26,7 +28,7 @@ use crate::{
     stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
-/// Steps recorded into one command buffer: enough that submitting costs nothing, few enough that progress is seen and a
+/// Steps recorded into one command buffer at most: enough that submitting costs nothing, few enough that progress is seen and a
 /// replay after growth is short.
 const BATCH: u32 = 16;
 
@@ -190,7 +192,7 @@ impl Trainer {
 
     /// What was learned so far, and all that the steps to come need of it. Waits; the loop can go on.
     pub fn checkpoint(&mut self, model: &Model, views: &Views) -> Result<Checkpoint> {
-        let step = self.steps.settle(&mut On { training: &mut self.work, model, views })?;
+        let step = self.settle(model, views)?;
         let mut checkpoint = Checkpoint::new(step);
         let seen = (step * self.work.views_per_step) as usize;
         let losses = self.work.loss.losses.mapped();
@@ -245,6 +247,16 @@ impl Trainer {
     /// made for.
     pub fn advance(&mut self, model: &Model, views: &Views) -> Result<Option<u32>> {
         self.steps.advance(&mut On { training: &mut self.work, model, views })
+    }
+
+    /// Waits for all that is on its way: how many steps are done by then. The loop can go on.
+    pub fn settle(&mut self, model: &Model, views: &Views) -> Result<u32> {
+        self.steps.settle(&mut On { training: &mut self.work, model, views })
+    }
+
+    /// What is submitted to the device is to take no longer than this at once, as far as a step does not; half a second at most.
+    pub fn submit_at_most(&mut self, longest: Duration) {
+        self.steps.last_at_most(longest);
     }
 
     /// Losses of the views of the first `steps` steps, which are done.

@@ -8,6 +8,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use serde_json::Value;
+
 use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
@@ -61,6 +63,14 @@ fn sweep(folder: &Path) {
     }
 }
 
+/// What a checkpoint says of itself.
+fn about(path: &Path) -> Value {
+    let bytes = fs::read(path).unwrap();
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    serde_json::from_str(header["__metadata__"]["glint"].as_str().unwrap()).unwrap()
+}
+
 #[test]
 fn training_that_was_killed_goes_on_to_the_same_bits() {
     let work = Work::new();
@@ -79,7 +89,7 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     let report = work.json(&format!("{TRAIN} -o out.ply --json"));
     assert_eq!(report["iterations"], 400);
     let resumed = report["iterations_resumed"].as_u64().unwrap();
-    assert!((16..400).contains(&resumed), "{report}");
+    assert!((1..400).contains(&resumed), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(work.0.path()), ["data", "out.ply", "whole.ply"]);
 
@@ -111,14 +121,18 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
 #[test]
 fn an_evaluation_that_a_kill_took_is_made_up_for() {
     let work = Work::new();
-    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
-    // As many steps as a submission has, after which checkpoints are written.
-    let report = work.json(&format!("{TRAIN} -o out.ply --eval-every 16 --json"));
+    const SHORT: &str = "train data --iterations 60 --sh-degree 1 --deterministic -o out.ply";
+    work.killed(SHORT, CHECKPOINT);
+    // Just there it was to be looked at.
+    let every = about(&work.path(CHECKPOINT))["step"].as_u64().unwrap();
+    let report = work.json(&format!("{SHORT} --eval-every {every} --json"));
     let resumed = report["iterations_resumed"].as_u64().unwrap();
     let text = fs::read_to_string(work.path("out.history.jsonl")).unwrap();
-    let lines = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let steps: Vec<u64> = lines.map(|line| line["step"].as_u64().unwrap()).collect();
-    assert_eq!((resumed % 16, steps), (0, (resumed..=400).step_by(16).collect()));
+    let mut all: Vec<u64> = (resumed..60).step_by(every as usize).collect();
+    all.push(60);
+    assert_eq!((resumed, steps), (every, all));
 }
 
 #[test]
@@ -127,9 +141,9 @@ fn exposures_that_were_killed_go_on_to_the_same_bits() {
     let whole = work.json(&format!("{TRAIN} --exposure --halvings 2 -o whole.ply --json"));
     work.killed(&format!("{TRAIN} --exposure --halvings 2 -o out.ply"), CHECKPOINT);
     let report = work.json(&format!("{TRAIN} --exposure --halvings 2 -o out.ply --json"));
-    assert!((16..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
+    assert!((1..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
-    let told = |report: &serde_json::Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
+    let told = |report: &Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
     assert_eq!(told(&report), told(&whole));
 }
 
@@ -196,7 +210,7 @@ fn a_joint_stage_that_was_killed_goes_on_to_the_same_bits() {
     let output = work.run(&format!("{ENHANCE} -o out.ply --json"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("going on after step"), "{said}");
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["photos_resumed"], 7);
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(&work.path("kept")), listing);
