@@ -91,9 +91,9 @@ impl Deadline {
         }
     }
 
-    /// The same of a run that is thought to have `total` steps.
-    pub(super) fn of(begin: Instant, end: Instant, total: u32) -> Self {
-        Deadline { total, guessed: false, ..Deadline::new(begin, end) }
+    /// The same of a run that is thought to have `total` steps, of which `step` are done.
+    pub(super) fn of(begin: Instant, end: Instant, total: u32, step: u32) -> Self {
+        Deadline { total, step, guessed: false, ..Deadline::new(begin, end) }
     }
 
     /// Of a run whose steps take `cost` where a fraction of it is done, as multiples of one another.
@@ -313,7 +313,7 @@ mod tests {
     fn a_pause_moves_the_end_and_no_share() {
         let base = Instant::now();
         let at = |seconds: u64| base + Duration::from_secs(seconds);
-        let mut deadline = Deadline::of(base, at(100), 1000);
+        let mut deadline = Deadline::of(base, at(100), 1000, 0);
         assert!(!deadline.is_due(1, at(0)) && deadline.is_due(101, at(10)));
         assert_eq!(deadline.plan(101, at(10), Duration::ZERO), Plan { total: 1001, done: 101 });
         deadline.pause(Duration::from_secs(50));

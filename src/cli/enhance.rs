@@ -730,7 +730,7 @@ pub(super) fn run_with_progress(
                 }
                 if let Some(end) = end {
                     let now = Instant::now();
-                    let deadline = clock.get_or_insert_with(|| Deadline::of(now, end, steps));
+                    let deadline = clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
                     if deadline.is_over(now) && step < steps {
                         note(format!("the time was over after {step} of {steps} joint steps"));
                         enhancer.stop(views)?;

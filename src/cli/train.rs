@@ -1,4 +1,5 @@
 use std::{
+    cell::Cell,
     path::PathBuf,
     time::{Duration, Instant},
 };
@@ -21,6 +22,7 @@ use crate::{
     Error, Result,
     data::{Dataset, Photo, Split, gaussian_bytes, is_point_cloud, read_points, write_scene},
     pipelines::{
+        checkpoint::Clock,
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         learn::learning_bytes,
@@ -43,7 +45,7 @@ photos are not yet met there are more, up to --gaussians, and transparent ones g
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
 base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end. With --time \
-nothing is saved beside the output.
+it goes on for the time that was left.
 
 --eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
 and base.history/step-NNNNNN.png: the first test photo, its render and their error.
@@ -83,9 +85,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
     iterations: u32,
     /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
-    /// they take, and all schedules end with the last
-    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["iterations", "eval_every", "checkpoint_every"])]
-    #[serde(skip)]
+    /// they take, and all schedules end with the last. What --eval-every takes comes on top. Two runs differ
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "iterations")]
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
     time: Option<Duration>,
     /// Compare with the test photos after every N steps and at the end
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -189,6 +191,10 @@ enum ColorArg {
     Sh,
     /// Two spherical betas, as DBS; with --strategy mcmc or adc
     Sb,
+}
+
+fn in_seconds<S: serde::Serializer>(time: &Option<Duration>, to: S) -> Result<S::Ok, S::Error> {
+    time.map(|time| time.as_secs_f64()).serialize(to)
 }
 
 fn is_default(color: &ColorArg) -> bool {
@@ -313,16 +319,21 @@ impl Args {
                 &control,
             )?;
             let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
-            let found = match self.time {
-                None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
-                Some(_) => None,
-            };
+            let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
+            let clock = found.as_ref().and_then(|found| found.clock);
+            if let Some(Clock { total, .. }) = clock {
+                iterations = total;
+            }
             session.policy.tile = kept.tile(context)?;
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             if self.exposure {
                 trainer.correct_exposure(&session, &views)?;
             }
-            let mut deadline = self.time.map(|time| self.deadline(time, began, control.limit)).transpose()?;
+            let resumed = found.as_ref().map_or(0, |found| found.step);
+            let had = clock.map_or(resumed, |clock| clock.taken);
+            let goes_on = clock.map(|clock| (clock, resumed));
+            let deadline = self.time.map(|time| self.deadline(time, began, control.limit, goes_on));
+            let mut deadline = deadline.transpose()?;
             if let (Some(deadline), Some(time)) = (&mut deadline, self.time) {
                 let whole = options(1);
                 deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part)));
@@ -332,111 +343,110 @@ impl Args {
                 History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
             });
             if let Some(history) = &mut history {
-                history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
+                history.begin(found.as_ref().map(|_| had), &self.replace, &inputs)?;
             }
-            let looked = found.as_ref().zip(history.as_ref()).is_some_and(|(found, history)| history.has(found.step));
-            let resumed = match &found {
-                Some(checkpoint) => {
-                    trainer.resume(&model, checkpoint, timed)?;
-                    checkpoint.step
-                }
-                None => {
-                    trainer.start(timed)?;
-                    0
-                }
-            };
+            let looked = history.as_ref().is_some_and(|history| history.has(had));
+            match &found {
+                Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
+                None => trainer.start(timed)?,
+            }
             drop(found);
-            training.goes_on_from(resumed.into());
+            training.goes_on_from(had.into());
             let interrupt = Interrupt::default();
             interrupt.listen()?;
-            let (mut gaussians, mut evaluating) = (0, Duration::ZERO);
-            // Steps of the run that are done, and those that were taken: with --time the first leap when it is planned anew.
-            let (mut done, mut taken) = (resumed, resumed);
+            let (mut gaussians, evaluating) = (0, Cell::new(Duration::ZERO));
+            let mut at = At { done: resumed, total: iterations, taken: had };
             let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
+            let spent = clock.map_or(Duration::ZERO, |clock| Duration::from_millis(clock.milliseconds));
+            let keep = |trainer: &mut Trainer, at: At| {
+                let mut checkpoint = trainer.checkpoint(&model, &views)?;
+                let milliseconds = (spent + began.elapsed().saturating_sub(evaluating.get())).as_millis() as u64;
+                let At { total, taken, .. } = at.after(checkpoint.step);
+                checkpoint.clock = self.time.map(|_| Clock { total, taken, milliseconds });
+                Ok(checkpoint)
+            };
             let mut train = || -> Result<()> {
-                let mut look = |[done, taken]: [u32; 2], trainer: &Trainer, scene: &Scene| -> Result<()> {
-                    let Some(history) = &mut history else { return Ok(()) };
-                    let (seconds, began) = ((started.elapsed() - evaluating).as_secs_f64(), Instant::now());
-                    let losses = trainer.losses(done);
+                // How long it took.
+                let mut look = |at: At, trainer: &Trainer, scene: &Scene| -> Result<Duration> {
+                    let Some(history) = &mut history else { return Ok(Duration::ZERO) };
+                    let (seconds, began) = ((started.elapsed() - evaluating.get()).as_secs_f64(), Instant::now());
+                    let losses = trainer.losses(at.done);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
                     let bytes = scene.base.len() as u64 * gaussian_bytes(sh_degree, false);
                     let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
-                    history.add(scene, Moment { step: taken, seconds, bytes, loss }, options)?;
-                    evaluating += began.elapsed();
-                    Ok(())
+                    history.add(scene, Moment { step: at.taken, seconds, bytes, loss }, options)?;
+                    let took = began.elapsed();
+                    evaluating.set(evaluating.get() + took);
+                    Ok(took)
                 };
                 let evaluation = |after: u32| self.eval_every.map(|every| (after / every + 1).saturating_mul(every));
-                let mut looks_at = evaluation(taken);
+                let mut looks_at = evaluation(at.taken);
                 // A run that ended just when it was to be looked at is looked at now.
-                let due = |every| resumed > 0 && resumed < iterations && resumed.is_multiple_of(every);
+                let due = |every| had > 0 && at.is_going_on() && had.is_multiple_of(every);
                 if self.eval_every.is_some_and(due) && !looked {
-                    look([done, taken], &trainer, &model.download()?)?;
+                    look(at, &trainer, &model.download()?)?;
                 }
                 while !interrupt.asked() {
-                    let stop = looks_at.map_or(iterations, |at| iterations.min(done + (at - taken)));
-                    let in_time = deadline.as_ref().map_or(stop, |deadline| deadline.last(done, Instant::now()));
+                    let stop = looks_at.map_or(at.total, |next| at.total.min(at.done + (next - at.taken)));
+                    let in_time = deadline.as_ref().map_or(stop, |deadline| deadline.last(at.done, Instant::now()));
                     trainer.go_on_to(stop.min(in_time));
-                    if let Some(now) = trainer.advance(&model, &views)? {
-                        (taken, done) = (taken + now - done, now);
-                        let all = taken + iterations.saturating_sub(done);
+                    if let Some(done) = trainer.advance(&model, &views)? {
+                        at = at.after(done);
+                        let (taken, all) = (at.taken, at.taken + at.total.saturating_sub(at.done));
                         look_at(&model, format_args!("step {taken} of {all}"));
                         training.set_of(taken.into(), all.into());
-                        let small = match halvings_at(options(iterations).part(done), halvings) {
+                        let small = match halvings_at(options(at.total).part(done), halvings) {
                             0 => String::new(),
                             halvings => format!(", photos at 1/{}", 1 << halvings),
                         };
                         let said = learned(trainer.lately(done, photos.len()), trainer.gaussians(), context);
                         training.say(said + &small);
-                        if deadline.is_none() {
-                            kept.look(|| trainer.checkpoint(&model, &views))?;
-                        }
+                        kept.look(|| keep(&mut trainer, at))?;
                         if let Some(deadline) = &mut deadline
                             && deadline.is_due(done, Instant::now())
                         {
-                            let now = trainer.settle(&model, &views)?;
-                            taken += now - done;
-                            let Plan { total, done: of_them } = deadline.plan(now, Instant::now(), Duration::ZERO);
-                            tracing::info!("after {taken} steps: a run of {total}, of which {of_them} count as done");
-                            trainer.replan(&session, &views, &options(total), &density(total), of_them)?;
-                            (iterations, done) = (total, of_them);
+                            at = at.after(trainer.settle(&model, &views)?);
+                            let Plan { total, done } = deadline.plan(at.done, Instant::now(), Duration::ZERO);
+                            tracing::info!("after {} steps: a run of {total}, of which {done} count as done", at.taken);
+                            trainer.replan(&session, &views, &options(total), &density(total), done)?;
+                            at = At { done, total, ..at };
                         }
-                    } else if looks_at == Some(taken) && done < iterations {
-                        look([done, taken], &trainer, &model.download()?)?;
-                        looks_at = evaluation(taken);
-                    } else if done >= iterations || done >= in_time {
+                    } else if looks_at == Some(at.taken) && at.is_going_on() {
+                        let took = look(at, &trainer, &model.download()?)?;
+                        if let Some(deadline) = &mut deadline {
+                            deadline.pause(took);
+                        }
+                        looks_at = evaluation(at.taken);
+                    } else if !at.is_going_on() || at.done >= in_time {
                         break;
                     }
                 }
-                if interrupt.asked() && deadline.is_none() {
-                    kept.keep(|| trainer.checkpoint(&model, &views))?;
+                if interrupt.asked() {
+                    kept.keep(|| keep(&mut trainer, at))?;
                 }
                 let scene = model.download()?;
                 gaussians = scene.base.len();
                 write_scene(&self.output, &scene)?;
-                if interrupt.asked() { Ok(()) } else { look([done, taken], &trainer, &scene) }
+                if interrupt.asked() { Ok(()) } else { look(at, &trainer, &scene).map(drop) }
             };
             if let Err(error) = train() {
                 drop(training);
-                if deadline.is_some() {
-                    return Err(error.into());
-                }
-                return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
+                return Err(kept.keep_after(error, || keep(&mut trainer, at)).into());
             }
             let trained = trainer.stop()?;
             let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
             let device_megabytes = context.memory().most_used as f64 / 1e6;
             // What was on its way when an end was asked for is done, too.
-            let last = trained.losses.len() as u32;
-            taken += last - done;
-            let ended = interrupt.asked() && last < iterations;
-            let seconds = (started.elapsed() - evaluating).as_secs_f64();
+            let at = at.after(trained.losses.len() as u32);
+            let ended = interrupt.asked() && at.is_going_on();
+            let seconds = (started.elapsed() - evaluating.get()).as_secs_f64();
             drop(training);
-            if !ended && deadline.is_none() {
+            if !ended {
                 kept.remove()?;
             }
             drop(interrupt);
-            if let (Some(_), false) = (self.time, ended) {
-                self.tell_of_time([last, iterations], taken, photos.len());
+            if self.time.is_some() && !ended {
+                at.tell_of_time(photos.len());
             }
             for (pass, losses) in passes(&trained.losses, photos.len()) {
                 tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
@@ -452,13 +462,13 @@ impl Args {
                 photos: photos.len(),
                 gaussians,
                 sh_degree: Some(sh_degree).filter(|&degree| degree != BETAS),
-                iterations: taken,
-                iterations_resumed: resumed,
+                iterations: at.taken,
+                iterations_resumed: had,
                 seed,
                 halvings,
                 tile: session.policy.tile(context.info()).to_string(),
                 seconds,
-                steps_per_second: f64::from(taken - resumed) / seconds,
+                steps_per_second: f64::from(at.taken - had) / seconds,
                 final_loss: pass_loss(last_pass),
                 largest_exposure,
                 device_megabytes,
@@ -478,48 +488,45 @@ impl Args {
                     counted(gaussians, "Gaussian"),
                     colour_name(sh_degree),
                     counted(photos, "photo"),
-                    counted(taken as usize, "step"),
+                    counted(at.taken as usize, "step"),
                 ))?;
             }
             if ended {
-                let (of, goes_on) = match self.time {
-                    Some(_) => (String::new(), ""),
-                    None => (format!(" of {iterations}"), ", and the same command with --force goes on"),
-                };
-                let what = format!("ended after {taken}{of} steps; {output} has what was learned in them{goes_on}");
+                // With --time nobody knows how many there would have been.
+                let of = self.time.map_or(format!(" of {}", at.total), |_| String::new());
+                let goes_on = "the same command with --force goes on";
+                let what =
+                    format!("ended after {}{of} steps; {output} has what was learned in them, and {goes_on}", at.taken);
                 return Err(Failure::Interrupted(what));
             }
             Ok(())
         })
     }
 
-    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes.
-    fn deadline(&self, time: Duration, began: Instant, gaussians: u32) -> Result<Deadline> {
+    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes. One
+    /// that goes on has the time that was left, be it none.
+    fn deadline(
+        &self,
+        time: Duration,
+        began: Instant,
+        gaussians: u32,
+        goes_on: Option<(Clock, u32)>,
+    ) -> Result<Deadline> {
         let bytes = u64::from(gaussians) * gaussian_bytes(self.degree(), false);
         let writing = Duration::from_secs_f64(bytes as f64 / WRITTEN_PER_SECOND).min(time / 10);
-        let (now, end) = (Instant::now(), began + time - writing);
-        if now >= end {
+        let (now, left) = (Instant::now(), time - writing);
+        if let Some((Clock { total, milliseconds, .. }, step)) = goes_on {
+            let left = left.saturating_sub(Duration::from_millis(milliseconds));
+            return Ok(Deadline::of(now, began + left, total, step));
+        }
+        if now >= began + left {
             let passed = (now - began).as_secs_f64();
             let what = "expected more, as a scene takes hundreds of steps";
             return Err(Error::Usage(format!(
                 "--time {time:?}: no time is left for a step, as {passed:.1} s were over before the first; {what}"
             )));
         }
-        Ok(Deadline::new(now, end))
-    }
-
-    /// What became of a run by --time that one would not expect: it was `done` steps of `total` in the end, and had taken `taken`.
-    fn tell_of_time(&self, [done, total]: [u32; 2], taken: u32, photos: usize) {
-        if done < total {
-            let part = 100.0 * f64::from(done) / f64::from(total);
-            note(format!("steps became slower than was thought: the time was over after {part:.0} % of the schedule"));
-        }
-        if (taken as usize) < photos {
-            let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
-            note(format!(
-                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
-            ));
-        }
+        Ok(Deadline::new(now, began + left))
     }
 
     /// What colours are: a degree of harmonics, or betas.
@@ -644,6 +651,44 @@ fn times(n: u32) -> &'static str {
 /// all of it grows with the root of the Gaussians, nearly (docs/results.md: by 0.47).
 fn step_cost(halvings: u32, gaussians: f64) -> f64 {
     0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
+}
+
+/// Where a run is.
+#[derive(Clone, Copy)]
+struct At {
+    /// Steps that are done, of so many in all.
+    done: u32,
+    total: u32,
+    /// Steps that were taken: with --time the others leap when it is planned anew.
+    taken: u32,
+}
+
+impl At {
+    /// Once so many are done.
+    fn after(self, done: u32) -> At {
+        At { done, taken: self.taken + (done - self.done), ..self }
+    }
+
+    fn is_going_on(self) -> bool {
+        self.done < self.total
+    }
+
+    /// What became of a run by --time that one would not expect.
+    fn tell_of_time(self, photos: usize) {
+        let At { done, total, taken } = self;
+        if self.is_going_on() {
+            let part = 100.0 * f64::from(done) / f64::from(total);
+            note(format!(
+                "the time was over after {part:.0} % of the schedule: its last steps took longer than was thought"
+            ));
+        }
+        if (taken as usize) < photos {
+            let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
+            note(format!(
+                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
+            ));
+        }
+    }
 }
 
 /// What a run begins with.

@@ -117,6 +117,29 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
+/// It ends as if it had stood still meanwhile, and is another run with another time.
+#[test]
+fn a_run_by_time_that_was_killed_has_the_time_that_is_left() {
+    let work = Work::new();
+    let train = "train data --time 9s --points 200 --gaussians 300 -o out.ply";
+    work.killed_after(train, Duration::from_secs(5));
+    let kept = about(&work.path(CHECKPOINT));
+    let [taken, milliseconds] = ["taken", "milliseconds"].map(|key| kept["clock"][key].as_u64().unwrap());
+    assert!((2000..6000).contains(&milliseconds) && taken > 64, "{kept}");
+    work.refused(
+        "train data --time 10s -o out.ply --points 200 --gaussians 300",
+        &["`options.time` was 9.0 and is 10.0"],
+    );
+    let started = Instant::now();
+    let report = work.json(&format!("{train} --json"));
+    let seconds = started.elapsed().as_secs_f64();
+    let left = 9.0 - milliseconds as f64 / 1e3;
+    assert!((left - 1.5..left + 2.0).contains(&seconds), "{seconds} s of {left}: {report}");
+    assert_eq!((&report["iterations_resumed"], &report["gaussians"]), (&taken.into(), &300.into()));
+    assert!(report["iterations"].as_u64().unwrap() > taken, "{report}");
+    assert_eq!(files(work.0.path()), ["data", "out.ply"]);
+}
+
 /// A run that ended at a step at which it was to be looked at is looked at when it goes on.
 #[test]
 fn an_evaluation_that_a_kill_took_is_made_up_for() {
