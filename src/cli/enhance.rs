@@ -13,7 +13,7 @@ use super::{
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, photos_json},
+    kept::{KeepArgs, Kept, NOTHING, photos_json},
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
@@ -54,7 +54,8 @@ Examples:
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
-  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to resume";
+  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to go on with:
+  glint enhance garden --base base.ply -o augmented.ply --work kept --resume";
 
 /// How Gaussians are placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -329,7 +330,16 @@ impl Args {
         }
         let dataset = self.photos.open(&self.dataset)?;
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        self.replace.check_ply(&self.output, &inputs)?;
+        if self.keep.resume {
+            let Some(folder) = &self.work else {
+                return Err(Error::Usage("--resume goes on from what --work DIR has, which is not given".into()).into());
+            };
+            let settings = WorkDir::settings_of(folder);
+            if !settings.exists() {
+                return Err(Error::input(settings, NOTHING).into());
+            }
+        }
+        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         // Each view may round its share up.
         let options = self.options()?;
@@ -487,7 +497,7 @@ impl Args {
             }
             if ended {
                 let output = report.output;
-                let on = if work.is_some() { ", and the same command with --force goes on" } else { "" };
+                let on = if work.is_some() { ", and the same command with --resume goes on" } else { "" };
                 return Err(Ended::Interrupted(format!(
                     "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them{on}"
                 )));

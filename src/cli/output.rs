@@ -129,13 +129,26 @@ impl OutputArgs {
         names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
     }
 
-    /// Fails if the checkpoint of another run may not be replaced; `why` says what is another.
-    pub(super) fn check_foreign(&self, path: &Path, why: &str) -> Result<()> {
+    /// The same, and where `own` is set, that what is there is known to be of this very run, which may be replaced.
+    pub(super) fn or(&self, own: bool) -> OutputArgs {
+        OutputArgs { force: self.force || own }
+    }
+
+    /// Fails if the checkpoint of another run is in the way; `why` says what is another. With `--force` it is kept under another name.
+    pub(super) fn put_aside(&self, path: &Path, why: &str) -> Result<()> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let old = path.with_file_name(format!("{name}.old"));
         if self.force {
-            note(format!("{}: the checkpoint of another run is replaced: {why}", path.display()));
+            fs::rename(path, &old).map_err(|error| Error::io(path, error))?;
+            let [path, old] = [path, &old].map(Path::display);
+            note(format!("{path}: the checkpoint of another run ({why}) is now {old}"));
             return Ok(());
         }
-        let what = format!("this is the checkpoint of another run: {why}; --force begins anew");
+        let what = format!(
+            "this is the checkpoint of another run: {why}; with the options of before it is gone on from, --force begins anew and \
+             keeps it as {}",
+            old.display()
+        );
         Err(Error::input(path, what))
     }
 

@@ -13,7 +13,7 @@ use super::{
     deadline::{Deadline, FIRST, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, photos_json},
+    kept::{KeepArgs, Kept, NOTHING, photos_json},
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, learned, note},
@@ -44,8 +44,9 @@ Gaussians start at the dataset's sparse points, or at random points if there are
 photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end. With --time \
-it goes on for the time that was left.
+base.ply). The same command with --resume goes on from there, gives the same scene as an uninterrupted run, and removes it in the end. \
+With --time it goes on for the time that was left. Where there is no output yet it goes on without --resume as well. With other options \
+--force begins anew, and keeps the checkpoint as base.checkpoint.safetensors.old.
 
 --eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
 and base.history/step-NNNNNN.png: the first test photo, its render and their error.
@@ -53,6 +54,7 @@ and base.history/step-NNNNNN.png: the first test photo, its render and their err
 Examples:
   glint train garden -o base.ply
   glint train garden -o base.ply --time 5m --gaussians 300000
+  glint train garden -o base.ply --resume               # after Ctrl-C or a kill
   glint train garden -o base.ply --eval-every 1000
   glint train garden -o base.ply --exposure
   glint train garden -o better.ply --init base.ply --iterations 7000
@@ -244,7 +246,12 @@ impl Args {
         if let Some(init) = &self.init {
             inputs = inputs.scene(init);
         }
-        self.replace.check_ply(&self.output, &inputs)?;
+        let checkpoint = self.output.with_extension(CHECKPOINT);
+        if self.keep.resume && !checkpoint.exists() {
+            return Err(Error::input(checkpoint, NOTHING).into());
+        }
+        // What stands beside its checkpoint is this run's.
+        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
         let first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
@@ -318,8 +325,8 @@ impl Args {
                 &options(iterations),
                 &control,
             )?;
-            let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
-            let found = kept.find(|path, why| self.replace.check_foreign(path, why))?;
+            let mut kept = Kept::new(checkpoint, settings, self.keep.every()).demanded(self.keep.resume);
+            let found = kept.find(|path, why| self.replace.put_aside(path, why))?;
             let clock = found.as_ref().and_then(|found| found.clock);
             if let Some(Clock { total, .. }) = clock {
                 iterations = total;
@@ -494,7 +501,7 @@ impl Args {
             if ended {
                 // With --time nobody knows how many there would have been.
                 let of = self.time.map_or(format!(" of {}", at.total), |_| String::new());
-                let goes_on = "the same command with --force goes on";
+                let goes_on = "the same command with --resume goes on";
                 let what =
                     format!("ended after {}{of} steps; {output} has what was learned in them, and {goes_on}", at.taken);
                 return Err(Failure::Interrupted(what));

@@ -214,8 +214,37 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
     work.refused(&train(400, ""), &[CHECKPOINT, "--force"]);
 
+    // What was begun stays, whoever begins anew.
+    let somebodys = fs::read(work.path(CHECKPOINT)).unwrap();
+    let old = format!("{CHECKPOINT}.old");
     let said = work.said(&train(32, "--force"));
-    assert!(said.contains("is replaced") && !work.path(CHECKPOINT).exists(), "{said}");
+    assert!(said.contains("the checkpoint of another run") && said.contains(&old), "{said}");
+    assert!(fs::read(work.path(&old)).unwrap() == somebodys && !work.path(CHECKPOINT).exists());
+}
+
+#[test]
+fn resuming_wants_a_checkpoint_of_the_same_run_and_replaces_its_output_only() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    let resume = format!("{TRAIN} -o out.ply --resume");
+    work.refused(&resume, &[CHECKPOINT, "is not there", "--resume"]);
+    // An output stands beside it, as Ctrl-C leaves it.
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    fs::write(work.path("out.ply"), "what was learned until then").unwrap();
+    work.refused(&format!("{TRAIN} -o out.ply"), &["out.ply", "--force"]);
+    work.refused(&format!("{resume} --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
+    work.refused(&format!("{resume} --force --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
+    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
+    fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
+    work.refused(&resume, &[CHECKPOINT]);
+    fs::write(work.path(CHECKPOINT), kept).unwrap();
+    let said = work.said(&resume);
+    assert!(said.contains("going on after step"), "{said}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+    assert!(!work.path(CHECKPOINT).exists());
+    // The same of an augmentation.
+    work.refused("enhance data --base whole.ply -o more.ply --resume", &["--work"]);
+    work.refused("enhance data --base whole.ply -o more.ply --work kept --resume", &["settings.json", "is not there"]);
 }
 
 #[test]
@@ -272,11 +301,11 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let output = run::finish(child);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{said}");
-    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--force goes on"), "{said}");
+    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
     let ended = glint::data::read_scene(work.path("out.ply")).unwrap();
     let whole = glint::data::read_scene(work.path("whole.ply")).unwrap();
     assert_eq!(ended.supplement.unwrap().gaussians.len(), whole.supplement.unwrap().gaussians.len());
-    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
+    let said = work.said(&format!("{ENHANCE} -o out.ply --resume"));
     assert!(said.contains("going on after step"), "{said}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
     assert!(!work.path("kept/joint.safetensors").exists());
