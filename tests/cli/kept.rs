@@ -311,6 +311,40 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     assert!(!work.path("kept/joint.safetensors").exists());
 }
 
+/// The terminal was closed. Under nohup that is nothing to it, and only a second signal, of another kind, ends it.
+#[cfg(target_os = "linux")]
+#[test]
+fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    for (disposition, signals) in [("--default-signal=HUP", &["-HUP"][..]), ("--ignore-signal=HUP", &["-HUP", "-TERM"])]
+    {
+        let glint = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+        let mut child = Command::new("env");
+        child.arg(disposition).arg(glint.get_program()).args(glint.get_args()).current_dir(work.0.path());
+        let mut child = child.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let step = || work.path(CHECKPOINT).exists().then(|| about(&work.path(CHECKPOINT))["step"].as_u64().unwrap());
+        let mut until = 0;
+        for signal in signals {
+            let started = Instant::now();
+            while step().is_none_or(|step| step <= until) {
+                assert!(child.try_wait().unwrap().is_none() && started.elapsed() < Duration::from_secs(200));
+                thread::sleep(Duration::from_millis(2));
+            }
+            assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
+            // Of the second: some steps after the first.
+            until = step().unwrap() + 20;
+        }
+        let output = run::finish(child);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(130), "{said}");
+        assert!(said.contains("out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
+        work.ok(&format!("{TRAIN} -o out.ply --resume"));
+        assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+        fs::remove_file(work.path("out.ply")).unwrap();
+    }
+}
+
 #[test]
 fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     let work = Work::new();
