@@ -347,7 +347,7 @@ impl Args {
         let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
-        check_room(&self.output, base + added)?;
+        check_room(&self.output, base + added, 0)?;
         check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {

@@ -175,18 +175,31 @@ fn clear(folder: &Path) {
     }
 }
 
-/// Fails if `bytes` do not fit onto the disk of `path`. Where that cannot be known it is left to the writing.
-pub(super) fn check_room(path: &Path, bytes: u64) -> Result<()> {
+/// Fails if `bytes` do not fit onto the disk of `path`, and says so where they do and what is kept `beside` them meanwhile does not. Where
+/// that cannot be known it is left to the writing.
+pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match fs4::available_space(folder) {
-        Ok(free) if free < bytes => {
-            let megabytes = |bytes: u64| bytes as f64 / 1e6;
-            let (need, have) = (megabytes(bytes), megabytes(free));
-            let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
-            Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)))
-        }
-        _ => Ok(()),
+        Ok(free) => judge_room(path, free, [bytes, beside]).map(|said| said.into_iter().for_each(note)),
+        Err(_) => Ok(()),
     }
+}
+
+/// What there is to say of a disk on which so many bytes are free.
+fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Option<String>> {
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    let (need, more, have) = (megabytes(bytes), megabytes(beside), megabytes(free));
+    if free < bytes {
+        let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
+        return Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)));
+    }
+    Ok((free < bytes.saturating_add(beside)).then(|| {
+        format!(
+            "{}: its disk has {have:.1} MB left, enough for the scene's {need:.1}, but not for {more:.1} MB of checkpoints and pictures \
+             meanwhile: what is learned may not be kept before the end",
+            path.display()
+        )
+    }))
 }
 
 #[cfg(test)]
@@ -226,10 +239,18 @@ mod tests {
     fn what_does_not_fit_the_disk_is_said_before_it_is_made() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.ply");
-        check_room(&path, 1).unwrap();
-        let full = check_room(&path, u64::MAX).unwrap_err();
+        check_room(&path, 1, 1).unwrap();
+        let full = check_room(&path, u64::MAX, 0).unwrap_err();
         assert!(full.to_string().contains("out.ply") && full.to_string().contains("MB left"), "{full}");
         assert_eq!(full.exit_code(), 1);
-        check_room(Path::new("nowhere/out.ply"), u64::MAX).unwrap();
+        check_room(Path::new("nowhere/out.ply"), u64::MAX, 0).unwrap();
+        let judge = |free| judge_room(&path, free, [2_000_000, 6_000_000]).map_err(|error| error.to_string());
+        let said = judge(7_900_000).unwrap().unwrap();
+        assert!(
+            said.contains("7.9 MB left") && said.contains("2.0") && said.contains("6.0 MB of checkpoints"),
+            "{said}"
+        );
+        assert_eq!(judge(8_000_000), Ok(None));
+        assert!(judge(1_900_000).unwrap_err().contains("takes 2.0 MB"));
     }
 }

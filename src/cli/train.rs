@@ -37,6 +37,7 @@ use crate::{
         Gaussians, Scene, from_points,
         layout::{self, BETAS, colour_name},
     },
+    stages::constants::density::SCORES,
 };
 
 const EXAMPLES: &str = "\
@@ -67,6 +68,8 @@ const CARVED_NTH: usize = 4;
 const SUBMISSIONS: u32 = 40;
 /// Bytes a second that a scene is written with at least, but for a slow disk.
 const WRITTEN_PER_SECOND: f64 = 2e8;
+/// Of a Gaussian's scores in a checkpoint.
+const SCORE_BYTES: u64 = 4 * SCORES as u64;
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -260,7 +263,9 @@ impl Args {
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
         let density = |iterations| self.density([count, first.most], iterations);
-        check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(sh_degree, false))?;
+        let control = density(self.iterations);
+        let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
+        check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
         check_sight(&dataset, &first.gaussians.means)?;
         first.notes.into_iter().for_each(note);
         if sh_degree < 3 {
@@ -621,6 +626,21 @@ impl Args {
     fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
         let limit = self.gaussians.unwrap_or(most as u32);
         DensityOptions { strategy: self.strategy.into(), limit, first: first as u32, iterations }
+    }
+
+    /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the
+    /// first of these photos, as far as it is known how many there will be.
+    fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
+        let packed = self.learn.precision == super::Precision::Half;
+        let gaussian = learning_bytes(self.degree(), packed, control.strategy.is_newton()) + SCORE_BYTES;
+        let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);
+        let pictures = match (self.eval_every, test.first(), self.time) {
+            (Some(every), Some(photo), None) => {
+                u64::from(self.iterations.div_ceil(every)) * 3 * 3 * u64::from(photo.camera.pixels())
+            }
+            _ => 0,
+        };
+        2 * checkpoint + pictures
     }
 
     /// Everything that training depends on.

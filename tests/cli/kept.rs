@@ -3,7 +3,7 @@
 use std::{
     fs,
     path::Path,
-    process::{Command, Stdio},
+    process::{Command, Output, Stdio},
     thread,
     time::{Duration, Instant},
 };
@@ -44,6 +44,16 @@ impl Work {
         child.kill().unwrap();
         run::finish(child);
         sweep(self.0.path());
+    }
+
+    /// Runs a command whose files may have so many blocks of 512 bytes.
+    #[cfg(unix)]
+    fn run_with_files_below(&self, blocks: u32, arguments: &str) -> Output {
+        let mut command = Command::new("sh");
+        // A signal that is ignored stays so in the program that follows.
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
+        command.current_dir(self.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", self.path("config"));
+        run::run(&mut command)
     }
 
     /// Runs a command that must succeed; what it says on stderr.
@@ -439,13 +449,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     // A run that found room for a checkpoint.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
-    let full = |arguments: &str| {
-        let mut command = Command::new("sh");
-        // Blocks of 512 bytes. A signal that is ignored stays so in the program that follows.
-        let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
-        command.current_dir(work.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", work.path("config"));
-        run::run(&mut command)
-    };
+    let full = |arguments: &str| work.run_with_files_below(16, arguments);
     let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -471,6 +475,21 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     work.ok("enhance data --base base.ply --method augs --preset quick -o y.ply --deterministic");
     work.ok("enhance data --base base.ply --method augs --preset quick -o x.ply --work full --deterministic");
     assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
+}
+
+/// A scene of 20 Gaussians is smaller than a picture.
+#[cfg(unix)]
+#[test]
+fn a_disk_without_room_for_a_picture_does_not_end_a_run() {
+    let work = Work::new();
+    let train = "train data -o out.ply --points 20 --sh-degree 0 --strategy fixed --iterations 40 --eval-every 10";
+    let output = work.run_with_files_below(6, train);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.matches("cannot be kept").count() == 1 && said.contains("step-000010.png"), "{said}");
+    // The lines had room.
+    assert_eq!(fs::read_to_string(work.path("out.history.jsonl")).unwrap().lines().count(), 4);
+    assert!(work.path("out.ply").exists() && files(&work.path("out.history")).is_empty());
 }
 
 #[test]
