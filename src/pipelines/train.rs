@@ -111,7 +111,9 @@ impl Trainer {
         }
         model.check_origin(views)?;
         let context = &session.context;
-        let render = RenderOptions { backward: true, policy: session.policy, ..Default::default() };
+        // What the model has room for may never be there.
+        let render =
+            RenderOptions { backward: true, first: Some(model.count()), policy: session.policy, ..Default::default() };
         let needs = Needs::at(model, 0..=model.sh_degree);
         let tiles_per_frame = tiles_per_frame(&views.frame_list);
         let loss = LossOptions {
