@@ -14,6 +14,7 @@ use super::{
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, NOTHING, photos_json},
+    lock::Lock,
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
@@ -357,9 +358,13 @@ impl Args {
             ));
         }
         let background = dataset.background;
-        if let Some(folder) = &self.work {
-            self.replace.make_folder(folder, &inputs)?;
-        }
+        let _ours = match &self.work {
+            Some(folder) => {
+                self.replace.make_folder(folder, &inputs)?;
+                Some(Lock::take(folder)?)
+            }
+            None => None,
+        };
         let run = Watched {
             device: &self.device,
             dataset: &dataset,

@@ -15,6 +15,7 @@ mod history;
 mod info;
 mod interrupt;
 mod kept;
+mod lock;
 mod names;
 mod output;
 mod pages;

@@ -14,6 +14,7 @@ use super::{
     history::{History, Moment},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, NOTHING, photos_json},
+    lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, learned, note},
@@ -255,6 +256,7 @@ impl Args {
         }
         // What stands beside its checkpoint is this run's.
         self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
+        let _ours = Lock::take(&self.output)?;
         let first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;

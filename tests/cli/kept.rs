@@ -127,6 +127,36 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
+/// They would take each other's checkpoints.
+#[test]
+fn a_second_run_to_one_place_is_refused() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    for (arguments, file, place) in [
+        (format!("{TRAIN} -o out.ply"), CHECKPOINT, "out.ply"),
+        (format!("{ENHANCE} -o out.ply"), "kept/joint.safetensors", "kept"),
+    ] {
+        let mut command = work.command(&format!("{arguments} --checkpoint-every 0"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        while !work.path(file).exists() {
+            assert!(child.try_wait().unwrap().is_none());
+            thread::sleep(Duration::from_millis(2));
+        }
+        for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --resume")] {
+            let said = String::from_utf8(work.run(&second).stderr).unwrap();
+            assert!(
+                said.contains("error: ") && said.contains(place) && said.contains("another run that is going on"),
+                "{said}"
+            );
+        }
+        child.kill().unwrap();
+        run::finish(child);
+        // A killed one holds nobody up.
+        work.ok(&format!("{arguments} --resume"));
+        fs::remove_file(work.path("out.ply")).unwrap();
+    }
+}
+
 /// It ends as if it had stood still meanwhile, and is another run with another time.
 #[test]
 fn a_run_by_time_that_was_killed_has_the_time_that_is_left() {
