@@ -6,12 +6,15 @@
 
 use std::{collections::BTreeMap, io, path::Path};
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::{
     data::{
-        Kind, read_tensors_about,
+        Kind,
+        kept::{ORIGIN, checksum, origin_words},
+        read_tensors_about,
         tensors::{Tensor, Values, ValuesRef},
         write_tensors_about,
     },
@@ -60,6 +63,12 @@ impl Checkpoint {
         Checkpoint { step, clock: None, tensors: BTreeMap::new() }
     }
 
+    /// Where the coordinates of the scene in it begin.
+    pub(super) fn put_origin(&mut self, origin: DVec3) {
+        let values = Values::U32(origin_words(origin).to_vec());
+        self.tensors.insert(ORIGIN.into(), Tensor { shape: vec![3, 2], values });
+    }
+
     pub(super) fn put(&mut self, name: String, shape: [usize; 2], values: Vec<f32>) {
         self.tensors.insert(name, Tensor { shape: shape.to_vec(), values: Values::F32(values) });
     }
@@ -79,28 +88,10 @@ impl Checkpoint {
         }
     }
 
-    fn checksum(&self) -> u32 {
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(&self.step.to_le_bytes());
-        if let Some(Clock { total, taken, milliseconds }) = self.clock {
-            hasher.update(format!("{total} {taken} {milliseconds}").as_bytes());
-        }
-        for (name, Tensor { shape, values }) in &self.tensors {
-            hasher.update(format!("{name} {shape:?}").as_bytes());
-            match values {
-                Values::F32(values) => hasher.update(bytemuck::cast_slice(values)),
-                Values::U32(values) => hasher.update(bytemuck::cast_slice(values)),
-            }
-        }
-        hasher.finalize()
-    }
-
     /// Writes it whole or not at all. `settings` is everything that the run depends on.
     pub fn write(&self, path: &Path, settings: &Value) -> Result<()> {
-        let mut about = json!({"step": self.step, "crc32": self.checksum(), "settings": settings});
-        if let Some(clock) = self.clock {
-            about["clock"] = json!(clock);
-        }
+        let mut about = json!({"step": self.step, "clock": self.clock, "settings": settings});
+        about["crc32"] = checksum(&about, &self.tensors).into();
         let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], Borrowed(t))).collect();
         write_tensors_about(path, &list, Some(&about.to_string()))
     }
@@ -140,12 +131,11 @@ impl Checkpoint {
                 _ => return damaged("does not say how much of its time was spent"),
             },
         };
-        let checkpoint = Checkpoint { step, clock, tensors };
         // guard: bits of a checkpoint
-        if about["crc32"].as_u64() != Some(checkpoint.checksum().into()) {
+        if about["crc32"].as_u64() != Some(checksum(&about, &tensors).into()) {
             return damaged("is damaged: its checksum is another");
         }
-        Ok(Found::Sound(checkpoint))
+        Ok(Found::Sound(Checkpoint { step, clock, tensors }))
     }
 }
 

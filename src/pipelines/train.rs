@@ -22,6 +22,7 @@ use super::{
     views::Views,
 };
 use crate::{
+    data::kept::{BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
     error::{Error, Result},
     gpu::{Buffer, Recorder},
     scene::layout::BETAS,
@@ -196,6 +197,7 @@ impl Trainer {
     pub fn checkpoint(&mut self, model: &Model, views: &Views) -> Result<Checkpoint> {
         let step = self.settle(model, views)?;
         let mut checkpoint = Checkpoint::new(step);
+        checkpoint.put_origin(model.origin);
         let seen = (step * self.work.views_per_step) as usize;
         let losses = self.work.loss.losses.mapped();
         checkpoint.put(LOSSES.into(), [1, seen], losses[..seen].iter().map(|l| l.total).collect());
@@ -373,11 +375,11 @@ impl Training {
     fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
         let part = model.part(learner.lesson.segment);
         let segment = match learner.lesson.segment {
-            Segment::Base => "base",
-            Segment::Supplement => "supplement",
+            Segment::Base => BASE,
+            Segment::Supplement => SUPPLEMENT,
         };
         let [geometry, sh, lobes] = learner.moments.all();
-        let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
+        let all = [(GEOMETRY, &part.geometry, geometry), (SH, &part.sh, sh), (LOBES, &part.lobes, lobes)];
         // What has no moments is frozen.
         let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
         let named = moving.flat_map(|(what, planes, moments)| {

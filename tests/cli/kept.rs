@@ -127,6 +127,41 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
+/// What was learned can be looked at and begun with, without the run's command.
+#[cfg(unix)]
+#[test]
+fn a_checkpoint_is_a_scene() {
+    let work = Work::new();
+    let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while !work.path(CHECKPOINT).exists() {
+        assert!(child.try_wait().unwrap().is_none());
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(run::finish(child).status.code(), Some(130));
+    // The scene and the checkpoint of a run that was ended are of one step.
+    work.ok(&format!("convert {CHECKPOINT} copy.ply"));
+    assert!(fs::read(work.path("copy.ply")).unwrap() == fs::read(work.path("out.ply")).unwrap());
+    assert_eq!(work.json(&format!("info {CHECKPOINT} --json")), work.json("info out.ply --json"));
+    let said = work.said(&format!("train data --init {CHECKPOINT} -o on.ply --iterations 2"));
+    assert!(!said.contains("note: "), "{said}");
+    // An augmentation keeps its base and what was placed.
+    let enhance = "enhance data --base copy.ply -o more.ply --ratio 0.2 --work kept";
+    work.killed(enhance, "kept/joint.safetensors");
+    let info = work.json("info kept/joint.safetensors --json");
+    assert!(info["base"]["count"].as_u64().unwrap() >= 300 && info["supplement"].is_object(), "{info}");
+
+    let mut bytes = fs::read(work.path(CHECKPOINT)).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(work.path("broken.safetensors"), bytes).unwrap();
+    for command in ["convert broken.safetensors x.ply", "train data --init broken.safetensors -o x.ply"] {
+        work.refused(command, &["broken.safetensors", "damaged checkpoint"]);
+    }
+    glint::data::write_tensors(work.path("other.safetensors"), &[("a", &[1], &[1.0f32][..])]).unwrap();
+    work.refused("info other.safetensors", &["other.safetensors", "expected a checkpoint of train or enhance"]);
+}
+
 /// They would take each other's checkpoints.
 #[test]
 fn a_second_run_to_one_place_is_refused() {
