@@ -4,6 +4,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use first::checksum;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -21,7 +22,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, gaussian_bytes, is_point_cloud, read_points, write_scene},
+    data::{Photo, Split, gaussian_bytes, write_scene},
     pipelines::{
         checkpoint::Clock,
         density::{DensityOptions, Strategy},
@@ -30,16 +31,18 @@ use crate::{
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Reduction, Session},
-        start::{first_points, halvings_for, photos_of, upload_photos},
-        train::{BaseOptions, HALVED_UNTIL, LEARNED, Trainer, dense_trainer, halvings_at},
+        start::{halvings_for, photos_of, upload_photos},
+        train::{BaseOptions, HALVED_UNTIL, Trainer, dense_trainer, halvings_at},
     },
     report::runs::StageMean,
     scene::{
-        Gaussians, Scene, from_points,
+        Scene,
         layout::{self, BETAS, colour_name},
     },
     stages::constants::density::SCORES,
 };
+
+mod first;
 
 const EXAMPLES: &str = "\
 Gaussians start at the dataset's sparse points, or at random points if there are none. --strategy says how they go on: where \
@@ -63,8 +66,6 @@ Examples:
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
-/// Where photos show by their transparency where a scene is, random points are one to begin with for so many Gaussians in the end.
-const CARVED_NTH: usize = 4;
 /// A submission takes no more of a run's time than one part in so many: two of them are on their way when it is to end.
 const SUBMISSIONS: u32 = 40;
 /// Bytes a second that a scene is written with at least, but for a slow disk.
@@ -106,20 +107,22 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t)]
     #[serde(skip_serializing_if = "is_default")]
     color: ColorArg,
-    /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or as many random ones as --gaussians or 4 for each pixel of the
-    /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
+    /// Number of Gaussians at the start: a random subset if there are more sparse points, random points if there are no
+    /// sparse ones. Fewer are faster [default: all sparse points, or random ones: a quarter of --gaussians, or one for each pixel of the
+    /// largest photo, at most 25000; four times as many where the strategy is not budget]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene,
-    /// which then learn on
+    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene or
+    /// checkpoint, which then learn on
     #[arg(long, value_name = "FILE")]
     #[serde(skip)]
     init: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
     lenient: SceneArgs,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start, before a quarter of them is taken]
+    /// Gaussians at most, at the start too; the default strategy ends with as many [default: four times those of the start, but one for 16
+    /// pixels of the training photos at most and one for 256 at least, and no more than find room in memory; with --strategy fixed and of a
+    /// scene that --init names as many as there are]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
@@ -257,19 +260,18 @@ impl Args {
         // What stands beside its checkpoint is this run's.
         self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
-        let first = self.first(&mut dataset)?;
+        let mut first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let (count, begins) = (first.gaussians.len(), first.begins);
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
-        let density = |iterations| self.density([count, first.most], iterations);
-        let control = density(self.iterations);
+        let control = self.density([count, first.most], self.iterations);
         let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
         check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
         check_sight(&dataset, &first.gaussians.means)?;
-        first.notes.into_iter().for_each(note);
+        first.notes.drain(..).for_each(note);
         if sh_degree < 3 {
             let bands: Vec<String> = (sh_degree + 1..=3).map(|band| band.to_string()).collect();
             note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
@@ -307,10 +309,13 @@ impl Args {
                 tracing::info!("photos are seen with sides halved {} at first", times(halvings));
             }
             let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
+            let packed = self.learn.precision == super::Precision::Half;
+            let bytes = learning_bytes(sh_degree, packed, control.strategy.is_newton());
+            first.fit(context, bytes, pixels).into_iter().for_each(note);
+            let density = |iterations| self.density([count, first.most], iterations);
             let control = density(iterations);
             let most = control.limit.max(count as u32);
-            let packed = self.learn.precision == super::Precision::Half;
-            let scene = u64::from(most) * learning_bytes(sh_degree, packed, control.strategy.is_newton());
+            let scene = u64::from(most) * bytes;
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);
@@ -561,73 +566,9 @@ impl Args {
         Ok(())
     }
 
-    /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
-    fn first(&self, dataset: &mut Dataset) -> Result<First> {
-        let limit = self.gaussians.map(|n| n as usize);
-        let points = match &self.init {
-            Some(file) if !file.is_dir() && is_point_cloud(file)? => {
-                let cloud = read_points(file)?;
-                if cloud.positions.is_empty() {
-                    return Err(Error::input(file, "has no points to begin with"));
-                }
-                dataset.points = Some(cloud);
-                "points in the file"
-            }
-            Some(file) => {
-                let Scene { base, supplement } = self.lenient.open(file)?;
-                if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
-                    let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
-                    return Err(Error::input(file, what));
-                }
-                if self.points.is_some() {
-                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
-                }
-                if base.is_empty() {
-                    return Err(Error::input(file, "has no Gaussians to begin with"));
-                }
-                let mut notes = Vec::new();
-                if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
-                    let left = left.gaussians.len();
-                    notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
-                }
-                if base.sh_degree != 0 && (base.sh_degree == BETAS) != (self.degree() == BETAS) {
-                    let (had, has) = (colour_name(base.sh_degree), colour_name(self.degree()));
-                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
-                }
-                let gaussians = base.with_degree(self.degree());
-                return Ok(First { most: gaussians.len(), gaussians, begins: LEARNED, notes });
-            }
-            None => "sparse points",
-        };
-        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
-        let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
-        let most = first.cloud.positions.len();
-        let mut place = "";
-        // The other strategies' papers begin with as many points as they say, anywhere.
-        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
-            let few = self.points.map_or((most / CARVED_NTH).max(1), |_| most);
-            if let Some(cloud) = dataset.carved_points(few, self.seed)? {
-                first.cloud = cloud;
-                place = " where no photo is transparent";
-            }
-        }
-        let count = first.cloud.positions.len();
-        let said = match (first.sparse, self.points) {
-            (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
-            (Some(n), Some(wanted)) if n < wanted as usize => {
-                Some(format!("there are {n} {points}, fewer than the {wanted} that --points allows"))
-            }
-            (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
-            _ => None,
-        };
-        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
-        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
-    }
-
     /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.
     fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
-        let limit = self.gaussians.unwrap_or(most as u32);
-        DensityOptions { strategy: self.strategy.into(), limit, first: first as u32, iterations }
+        DensityOptions { strategy: self.strategy.into(), limit: most as u32, first: first as u32, iterations }
     }
 
     /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the
@@ -718,30 +659,6 @@ impl At {
             ));
         }
     }
-}
-
-/// What a run begins with.
-struct First {
-    gaussians: Gaussians,
-    /// As many as it may come to where nothing else is asked for.
-    most: usize,
-    /// Of [`BaseOptions`].
-    begins: f64,
-    /// What the user would not expect of it.
-    notes: Vec<String>,
-}
-
-/// Of all numbers of these Gaussians.
-fn checksum(of: &Gaussians) -> u32 {
-    let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
-    let mut all = crc32fast::Hasher::new();
-    all.update(&sh_degree.to_le_bytes());
-    for part in [means, log_scales, sh] {
-        all.update(bytemuck::cast_slice(part));
-    }
-    all.update(bytemuck::cast_slice(quats));
-    all.update(bytemuck::cast_slice(opacities));
-    all.finalize()
 }
 
 /// The largest difference of an entry of these maps from the identity's.

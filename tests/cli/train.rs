@@ -6,7 +6,7 @@ use glint::report::history::read_history;
 
 use super::{Work, files, shared::shared};
 
-const TRAIN: &str = "train data --iterations 64 --sh-degree 1 --deterministic";
+const TRAIN: &str = "train data --iterations 64 --gaussians 300 --sh-degree 1 --deterministic";
 
 /// Random points of a room that cameras stand in: where they begin opaque, those before the cameras stay a fog (21.25 dB with a first
 /// opacity of 0.4; 0.1, that of 3DGS, has 23.18).
@@ -79,7 +79,7 @@ fn exposure_is_corrected_in_training_alone() {
 #[test]
 fn spherical_betas_are_learned_and_kept() {
     let work = Work::new();
-    let sb = "train data --color sb --iterations 64 --deterministic";
+    let sb = "train data --color sb --iterations 64 --gaussians 300 --deterministic";
     work.refused(&format!("{sb} -o out.ply"), &["--strategy mcmc or adc"]);
     work.refused(&format!("{sb} -o out.ply --strategy adc --sh-degree 2"), &["--sh-degree is for --color sh"]);
     for strategy in ["adc", "mcmc"] {
@@ -91,7 +91,7 @@ fn spherical_betas_are_learned_and_kept() {
     assert!(work.json("info out.ply --json")["sh_degree"].is_null());
     assert!(work.ok("info out.ply --plan").contains("spherical betas: 64 bytes a Gaussian"));
     let psnr = |scene: &str| work.json(&format!("eval {scene} data --json"))["base"]["psnr"].as_f64().unwrap();
-    work.ok("train data -o constant.ply --iterations 64 --deterministic --strategy mcmc --sh-degree 0");
+    work.ok("train data -o constant.ply --iterations 64 --gaussians 300 --deterministic --strategy mcmc --sh-degree 0");
     assert!(psnr("out.ply") > psnr("constant.ply"), "{} and {}", psnr("out.ply"), psnr("constant.ply"));
     work.ok("render out.ply data -o frames --what specular");
     work.ok("convert out.ply copy.ply");
@@ -142,7 +142,7 @@ fn a_run_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
     fs::remove_file(work.path("data/sparse/0/points3D.txt")).unwrap();
     let started = Instant::now();
-    let report = work.json("train data -o out.ply --time 5s --gaussians 100000 --json");
+    let report = work.json("train data -o out.ply --time 5s --points 100000 --gaussians 100000 --json");
     let seconds = started.elapsed().as_secs_f64();
     assert!(seconds < 8.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
 }
@@ -181,7 +181,7 @@ fn training_begins_with_what_a_file_holds() {
     // Half of the steps more: the rates go on where they were half way.
     assert!(psnr("more.ply") > psnr("first.ply"), "{} and {}", psnr("more.ply"), psnr("first.ply"));
     // A fresh start of as many steps comes to less.
-    work.ok("train data -o fresh.ply --iterations 32 --deterministic");
+    work.ok("train data -o fresh.ply --iterations 32 --gaussians 300 --deterministic");
     assert!(psnr("more.ply") > psnr("fresh.ply") + 1.0);
     work.ok(&format!("{more} -o grown.ply --gaussians 350"));
     assert_eq!(work.json("info grown.ply --json")["base"]["count"], 350);
@@ -211,6 +211,24 @@ fn training_begins_with_what_a_file_holds() {
     work.refused(&format!("{more} -o x.ply --gaussians 5"), &["first.ply", "300 Gaussians", "--gaussians 5"]);
     work.refused("train data --init nowhere.ply -o x.ply", &["nowhere.ply"]);
     work.refused("train data --init first.ply -o first.ply --force", &["first.ply", "this command reads"]);
+}
+
+/// Seven photos of 32 × 24 have a Gaussian for 16 pixels at most, which is less than four times the 300 points.
+#[test]
+fn a_run_without_a_limit_grows_by_its_points_and_photos() {
+    let work = Work::new();
+    let count = |options: &str| {
+        let train = format!("train data -o out.ply --force --iterations 32 --sh-degree 0 {options} --json");
+        work.json(&train)["gaussians"].as_u64().unwrap()
+    };
+    assert_eq!([count(""), count("--points 20"), count("--strategy fixed")], [336, 80, 300]);
+    // What a scene has is its maker's choice, and a limit the user's.
+    fs::rename(work.path("out.ply"), work.path("first.ply")).unwrap();
+    assert_eq!([count("--init first.ply"), count("--gaussians 500"), count("--gaussians 30")], [300, 500, 30]);
+    // Of random points a quarter comes first.
+    fs::remove_file(work.path("data/sparse/0/points3D.txt")).unwrap();
+    let notes = work.notes("train data -o out.ply --force --iterations 2 --gaussians 200");
+    assert!(notes.contains("starting from 50 random ones"), "{notes}");
 }
 
 #[test]
