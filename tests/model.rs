@@ -219,7 +219,7 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
 fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
     let gpu = Gpu::new();
     let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
-    let held = |splats: u32, isects: u32, backward: bool, reduction: Reduction| {
+    let held = |splats: u32, isects: u32, backward: bool, packed: bool, reduction: Reduction| {
         let options = RasterOptions {
             splats,
             pixels: 1,
@@ -230,7 +230,8 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
             median: false,
             occluded: false,
             backward,
-            policy: Policy { reduction, ..Policy::default() },
+            scores: false,
+            policy: Policy { reduction, packed, ..Policy::default() },
         };
         Raster::plan(&options).bytes()
     };
@@ -239,9 +240,15 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
     // Float atomics keep a gradient record for each Gaussian, not for each intersection; a renderer keeps none, and sorts Gaussians
     // instead of slots.
     let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
-    for (backward, reduction, splat, isect) in [(true, fixed, 68, 40), (true, atomic, 104, 16), (false, fixed, 68, 16)]
-    {
-        let held = |splats, isects| held(splats, isects, backward, reduction) as usize;
+    // Packed, a record takes 16 bytes in place of 36.
+    for (backward, packed, reduction, splat, isect) in [
+        (true, false, fixed, 68, 40),
+        (true, true, fixed, 68, 20),
+        (true, false, atomic, 104, 16),
+        (true, true, atomic, 104, 16),
+        (false, false, fixed, 68, 16),
+    ] {
+        let held = |splats, isects| held(splats, isects, backward, packed, reduction) as usize;
         let each = |splats, isects| (held(splats, isects) - held(1, 1)) / many as usize;
         assert!((splat..splat + 2).contains(&each(many, 1)), "{} bytes of the raster for a Gaussian", each(many, 1));
         assert!((isect..isect + 2).contains(&each(1, many)), "{} bytes for an intersection", each(1, many));

@@ -43,6 +43,7 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
         median: false,
         occluded: false,
         backward: true,
+        scores: false,
         policy: Policy { reduction, ..Default::default() },
     }
 }

@@ -657,6 +657,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub pulls: bool,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -678,6 +679,8 @@ pub struct Buffers<'a> {
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
     pub scores: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -702,12 +705,14 @@ pub struct Host<'a> {
     pub record_colours: &'a [[f32; 3]],
     /// ReadWrite
     pub scores: &'a mut [[f32; 4]],
+    /// ReadOnly
+    pub record_words: &'a [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, pulls: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, pulls: call.constant(1) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -726,19 +731,21 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"pulls", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
-    const SUBGROUPS: bool = false;
+    const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
-    const FEATURES: &'static [crate::gpu::Feature] = &[];
+    const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.pulls as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.pulls as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.splats.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.scores.raw()])
+        with(&[b.population.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.splats.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.scores.raw(), b.record_words.raw()])
     }
 }
 }
@@ -2249,6 +2256,7 @@ pub struct Spec {
     pub packed: bool,
     pub newton: bool,
     pub sh_degree: u32,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -2282,6 +2290,8 @@ pub struct Buffers<'a> {
     pub sh_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
     pub lobe_moments: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2318,12 +2328,14 @@ pub struct Host<'a> {
     pub sh_moments: &'a mut [[f32; 4]],
     /// ReadWrite
     pub lobe_moments: &'a mut [[f32; 4]],
+    /// ReadOnly
+    pub record_words: &'a [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, newton: call.constant(7) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, newton: call.constant(7) != 0, sh_degree: call.constant(10) as u32, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2348,6 +2360,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2359,15 +2372,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 6, name: c"packed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 7, name: c"newton", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (7, spec.newton as u32), (10, spec.sh_degree as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (7, spec.newton as u32), (10, spec.sh_degree as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
+        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.record_words.raw()])
     }
 }
 }
@@ -3463,6 +3477,8 @@ pub struct Spec {
     pub tile_height: u32,
     pub pixels: u32,
     pub unrolled: bool,
+    pub scores: bool,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3492,6 +3508,8 @@ pub struct Buffers<'a> {
     pub record_shapes: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
+    /// WriteOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3524,12 +3542,14 @@ pub struct Host<'a> {
     pub record_shapes: &'a mut [[f32; 3]],
     /// WriteOnly
     pub record_colours: &'a mut [[f32; 3]],
+    /// WriteOnly
+    pub record_words: &'a mut [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3552,6 +3572,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3559,15 +3580,17 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
     }
 }
 }
@@ -3589,6 +3612,7 @@ pub struct Spec {
     pub tile_height: u32,
     pub pixels: u32,
     pub unrolled: bool,
+    pub scores: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3653,7 +3677,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3685,13 +3709,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::ShaderBufferFloat32AtomicAdd, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
@@ -5346,6 +5371,10 @@ pub mod status {
 }
 pub mod subgroup {
 #[doc = ""] pub const LOOK: u32 = 8;
+}
+pub mod sums {
+#[doc = "guard: sum of many slots by the whole subgroup"] pub const MANY: u32 = 256;
+#[doc = "guard: sum: several slots an iteration"] pub const UNROLL: u32 = 4;
 }
 pub mod unit {
 #[doc = "smallest that is not denormal: devices may flush what is below"] pub const FLOAT_MIN: f32 = 1.17549435e-38;

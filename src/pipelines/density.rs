@@ -292,7 +292,11 @@ impl Density {
             image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
             score: density_score::Stage::new(
                 context,
-                &density_score::Spec { workgroup_size, pulls: options.strategy == Strategy::Adc },
+                &density_score::Spec {
+                    workgroup_size,
+                    pulls: options.strategy == Strategy::Adc,
+                    packed_records: packed,
+                },
             )?,
             weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
             scan: Scan::new(context, false)?,
@@ -343,7 +347,7 @@ impl Density {
                 &density_image::Push { frame: view },
                 camera.pixels(),
             );
-            raster.record_blend_backward(recorder, grid, &views.frames, &model.population, 0);
+            raster.record_scores(recorder, grid, &views.frames, &model.population);
         }
         for (k, dispatch, page) in model.pages(Segment::Base) {
             self.score.record_indirect(
@@ -357,6 +361,7 @@ impl Density {
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
                     record_colours: &raster.records.record_colours,
+                    record_words: &raster.records.record_words,
                     scores: self.scores.page(k),
                 },
                 &density_score::Push {

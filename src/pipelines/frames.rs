@@ -158,6 +158,7 @@ impl Limits {
             median: self.depth_out,
             occluded: self.depth_in,
             backward: false,
+            scores: false,
             policy: self.policy,
         }
     }

@@ -30,7 +30,7 @@ pub enum Reduction {
     /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
     #[default]
     Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, some of which sorting uses before.
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, or 16 packed, some of which sorting uses before.
     Deterministic,
     /// By float atomics in any order. Takes 36 bytes for each Gaussian.
     Atomic,
@@ -138,7 +138,9 @@ pub struct RasterOptions {
     pub occluded: bool,
     /// Gradients will be asked for.
     pub backward: bool,
-    /// Which variants run; of it, the reduction and the tile.
+    /// And sums by blend weight, see [`Raster::record_scores`].
+    pub scores: bool,
+    /// Which variants run; of it, the reduction, whether records are packed, and the tile.
     pub policy: Policy,
 }
 
@@ -152,9 +154,14 @@ impl RasterOptions {
         if what { elements } else { 1 }
     }
 
-    /// Elements of each buffer of gradient records.
-    fn records(&self, by_gaussian: bool) -> u32 {
-        self.only_if(self.backward, if by_gaussian { self.splats } else { self.room() })
+    /// Gradient records of intersections are packed: of all but batches, whose reader knows them as floats only.
+    fn packed(&self) -> bool {
+        self.policy.packed && !self.batch
+    }
+
+    /// Elements of each buffer of gradient records by intersection.
+    fn records(&self, packed: bool) -> u32 {
+        self.only_if(self.backward && self.packed() == packed, self.room())
     }
 
     /// As many as the intersections, rounded up so that lists that share memory begin where a device lets buffers begin.
@@ -237,8 +244,11 @@ impl Sorting {
     /// In the memory of records by intersection, which are written when all is sorted.
     fn over(context: &Context, options: &RasterOptions, records: &Records) -> Result<Self, GpuError> {
         let list = |name, place: u64| {
-            let first = place * 4 * u64::from(options.room());
-            Buffer::over(context, name, &records.record_shapes, first, options.isects as usize)
+            let (first, len) = (place * 4 * u64::from(options.room()), options.isects as usize);
+            match options.packed() {
+                true => Buffer::over(context, name, &records.record_words, first, len),
+                false => Buffer::over(context, name, &records.record_shapes, first, len),
+            }
         };
         Ok(Sorting {
             isect_tiles: list("isect_tiles", 0)?,
@@ -262,43 +272,48 @@ buffers! {
         pub record_shapes: [f32; 3] = o.records(false),
         /// ∂loss/∂rgb.
         pub record_colours: [f32; 3] = o.records(false),
+        /// All of these in four words, where they are packed (`glsl/shared/packed_record.glsl`).
+        pub record_words: [u32; 4] = o.records(true),
+    }
+}
+
+impl Records {
+    /// How many of either kind there are.
+    fn len(&self) -> usize {
+        self.record_centres.len().max(self.record_words.len())
     }
 }
 
 buffers! {
     /// Gradient records added up by Gaussian.
     struct GaussianRecords(o: RasterOptions) {
-        record_centres: [f32; 3] = o.records(true),
-        record_shapes: [f32; 3] = o.records(true),
-        record_colours: [f32; 3] = o.records(true),
+        record_centres: [f32; 3] = o.only_if(o.backward, o.splats),
+        record_shapes: [f32; 3] = o.only_if(o.backward, o.splats),
+        record_colours: [f32; 3] = o.only_if(o.backward, o.splats),
     }
 }
 
-/// The blend's backward pass.
+/// The blend's backward pass: of gradients, and of scores where these are asked for.
 enum Backward {
     /// Records by intersection slot.
-    Deterministic(blend_backward::Stage),
+    Deterministic(blend_backward::Stage, Option<blend_backward::Stage>),
     /// Records by Gaussian.
-    Atomic(blend_backward_atomic::Stage),
+    Atomic(blend_backward_atomic::Stage, Option<blend_backward_atomic::Stage>),
 }
 
 impl Backward {
     /// With the records' buffers.
     fn new(context: &Context, options: &RasterOptions, tile: TileShape) -> Result<(Self, Records), GpuError> {
-        let workgroup_size = WORKGROUP;
-        let TileShape { width: tile_width, height: tile_height, pixels } = tile;
-        let unrolled = unrolled(context.info());
         let deterministic = || {
-            let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
             let records = Records::new(context, options)?;
-            Ok((Backward::Deterministic(blend_backward::Stage::new(context, &spec)?), records))
+            Ok((Self::stages(context, options, tile, false)?, records))
         };
         let atomic = || {
             let GaussianRecords { record_centres, record_shapes, record_colours } =
                 GaussianRecords::new(context, options)?;
-            let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
-            let records = Records { record_centres, record_shapes, record_colours };
-            Ok((Backward::Atomic(blend_backward_atomic::Stage::new(context, &spec)?), records))
+            let record_words = Unused::new(context)?.of();
+            let records = Records { record_centres, record_shapes, record_colours, record_words };
+            Ok((Self::stages(context, options, tile, true)?, records))
         };
         match options.policy.reduction {
             // guard: deterministic or nothing
@@ -320,6 +335,33 @@ impl Backward {
                 error => Err(error),
             }),
         }
+    }
+
+    fn stages(context: &Context, options: &RasterOptions, tile: TileShape, atomic: bool) -> Result<Self, GpuError> {
+        let (workgroup_size, unrolled, packed_records) = (WORKGROUP, unrolled(context.info()), options.packed());
+        let TileShape { width: tile_width, height: tile_height, pixels } = tile;
+        Ok(if atomic {
+            let stage = |scores| {
+                let spec =
+                    blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled, scores };
+                blend_backward_atomic::Stage::new(context, &spec)
+            };
+            Backward::Atomic(stage(false)?, options.scores.then(|| stage(true)).transpose()?)
+        } else {
+            let stage = |scores| {
+                let spec = blend_backward::Spec {
+                    workgroup_size,
+                    tile_width,
+                    tile_height,
+                    pixels,
+                    unrolled,
+                    scores,
+                    packed_records,
+                };
+                blend_backward::Stage::new(context, &spec)
+            };
+            Backward::Deterministic(stage(false)?, options.scores.then(|| stage(true)).transpose()?)
+        })
     }
 }
 
@@ -392,7 +434,7 @@ impl Raster {
             false => (None, Records::new(context, &options)?),
         };
         let sorting = match backward {
-            Some(Backward::Deterministic(_)) => Sorting::over(context, &options, &records)?,
+            Some(Backward::Deterministic(..)) => Sorting::over(context, &options, &records)?,
             _ => Sorting::new(context, &options)?,
         };
         Ok(Raster {
@@ -466,14 +508,28 @@ impl Raster {
     /// The stage that makes gradient records, if there is one.
     pub fn backward_stage(&self) -> Option<&'static str> {
         self.backward.as_ref().map(|backward| match backward {
-            Backward::Deterministic(_) => blend_backward::Kernel::NAME,
-            Backward::Atomic(_) => blend_backward_atomic::Kernel::NAME,
+            Backward::Deterministic(..) => blend_backward::Kernel::NAME,
+            Backward::Atomic(..) => blend_backward_atomic::Kernel::NAME,
         })
     }
 
     /// Records are by Gaussian, added up by atomics.
     pub fn by_gaussian(&self) -> bool {
-        matches!(self.backward, Some(Backward::Atomic(_)))
+        matches!(self.backward, Some(Backward::Atomic(..)))
+    }
+
+    /// Records are by intersection and packed.
+    pub fn packs_records(&self) -> bool {
+        self.options.packed() && matches!(self.backward, Some(Backward::Deterministic(..)))
+    }
+
+    /// From now on [`Raster::record_scores`] does something.
+    pub fn make_scores(&mut self) -> Result<(), GpuError> {
+        self.options.scores = true;
+        let Some(backward) = &self.backward else { return Ok(()) };
+        let atomic = matches!(backward, Backward::Atomic(..));
+        self.backward = Some(Backward::stages(&self.context, &self.options, self.tile, atomic)?);
+        Ok(())
     }
 
     /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
@@ -486,8 +542,8 @@ impl Raster {
         if grown.is_err() {
             // Lists that are new have at least the old room; records made way and come back, or nothing fits from now on.
             self.options.isects = before;
-            let made_way = self.records.record_centres.len() < before as usize;
-            if let (Some(Backward::Deterministic(_)), true) = (&self.backward, made_way) {
+            let made_way = self.records.len() < before as usize;
+            if let (Some(Backward::Deterministic(..)), true) = (&self.backward, made_way) {
                 let again = Records::new(&self.context, &self.options);
                 match again.and_then(|r| Sorting::over(&self.context, &self.options, &r).map(|sorting| (r, sorting))) {
                     Ok((records, sorting)) => (self.records, self.sorting) = (records, sorting),
@@ -510,14 +566,14 @@ impl Raster {
     fn remake(&mut self) -> Result<(), GpuError> {
         let (context, options) = (&self.context, &self.options);
         self.isects.remake(context, options)?;
-        let Some(Backward::Deterministic(_)) = self.backward else { return self.sorting.remake(context, options) };
+        let Some(Backward::Deterministic(..)) = self.backward else { return self.sorting.remake(context, options) };
         // What there was makes room for what comes.
         self.sorting = Sorting::none(&self.unused);
         self.records = Records::new(context, &RasterOptions { backward: false, ..*options })?;
         let (stage, records) = Backward::new(context, options, self.tile)?;
         self.sorting = match stage {
-            Backward::Deterministic(_) => Sorting::over(context, options, &records)?,
-            Backward::Atomic(_) => Sorting::new(context, options)?,
+            Backward::Deterministic(..) => Sorting::over(context, options, &records)?,
+            Backward::Atomic(..) => Sorting::new(context, options)?,
         };
         (self.backward, self.records) = (Some(stage), records);
         Ok(())
@@ -686,22 +742,52 @@ impl Raster {
         population: &Buffer<u32>,
         frozen: u32,
     ) {
+        self.record_backward(recorder, grid, frames, population, frozen, false);
+    }
+
+    /// Sums the first two parts of `image_grad` by blend weight, as `density_image` makes them, into the records' colours. Once
+    /// [`Raster::make_scores`] was called.
+    pub fn record_scores(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        population: &Buffer<u32>,
+    ) {
+        self.record_backward(recorder, grid, frames, population, 0, true);
+    }
+
+    fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        population: &Buffer<u32>,
+        frozen: u32,
+        scores: bool,
+    ) {
         let Some(backward) = &self.backward else { return };
         let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
         let Isects { isect_slots, rank_blocks, .. } = &self.isects;
         let RasterBuffers { tile_ranges, splats, splat_colours, image, image_grad, .. } = f;
-        let Records { record_centres, record_shapes, record_colours } = &self.records;
+        let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
-        // guard: sums begin at 0 (3 lines)
-        recorder.fill(record_centres, 0);
-        recorder.fill(record_shapes, 0);
-        recorder.fill(record_colours, 0);
+        // guard: sums begin at 0 (10 lines)
+        if self.packs_records() {
+            recorder.fill(record_words, 0);
+        } else {
+            recorder.fill(record_colours, 0);
+            if !scores {
+                recorder.fill(record_centres, 0);
+                recorder.fill(record_shapes, 0);
+            }
+        }
         match backward {
-            Backward::Deterministic(stage) => stage.record(
-                recorder,
-                &blend_backward::Buffers {
+            Backward::Deterministic(all, of_scores) => {
+                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
+                let buffers = blend_backward::Buffers {
                     frames,
                     tile_ranges,
                     isect_slots,
@@ -715,13 +801,14 @@ impl Raster {
                     record_centres,
                     record_shapes,
                     record_colours,
-                },
-                &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
-                tile_count,
-            ),
-            Backward::Atomic(stage) => stage.record(
-                recorder,
-                &blend_backward_atomic::Buffers {
+                    record_words,
+                };
+                let push = blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
+                stage.record(recorder, &buffers, &push, tile_count);
+            }
+            Backward::Atomic(all, of_scores) => {
+                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
+                let buffers = blend_backward_atomic::Buffers {
                     frames,
                     tile_ranges,
                     isect_slots,
@@ -735,10 +822,10 @@ impl Raster {
                     record_centres,
                     record_shapes,
                     record_colours,
-                },
-                &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
-                tile_count,
-            ),
+                };
+                let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
+                stage.record(recorder, &buffers, &push, tile_count);
+            }
         }
     }
 

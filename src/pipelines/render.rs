@@ -307,6 +307,7 @@ impl Renderer {
             median: options.depth,
             occluded: false,
             backward: options.backward,
+            scores: false,
             policy: options.policy,
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };

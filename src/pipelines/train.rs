@@ -587,6 +587,9 @@ pub fn dense_trainer(
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
         trainer.work.density = Some(Density::new(session, model, density)?);
+        if density.strategy == Strategy::Budget {
+            trainer.work.renderer.raster.make_scores()?;
+        }
         trainer.let_counts_vary();
     }
     Ok(trainer)

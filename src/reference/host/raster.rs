@@ -7,6 +7,7 @@ use crate::{
         blend_backward::Record,
         emit::{Emitted, claim, globals},
         median_depth::DepthAt,
+        packed_record::pack_record,
         tiles::Tiling,
     },
     scene::layout,
@@ -252,11 +253,23 @@ fn parts(record: &Record) -> [[f32; 3]; 3] {
 pub(super) fn blend_backward(h: kernels::blend_backward::Host<'_>) -> Outcome {
     let backward = backward!(h);
     backward.for_each_record(|slot, global, record| {
-        let [centre, shape, colour] = parts(&record);
-        h.record_centres[slot] = centre;
-        if global >= backward.all_first {
-            h.record_shapes[slot] = shape;
-            h.record_colours[slot] = colour;
+        let [centre, shape, mut colour] = parts(&record);
+        let all = global >= backward.all_first;
+        if h.spec.scores {
+            // The third is nobody's.
+            colour[2] = 0.0;
+        }
+        match (h.spec.packed_records, h.spec.scores) {
+            (true, true) => h.record_words[slot] = [colour[0].to_bits(), colour[1].to_bits(), 0, 0],
+            (true, false) => h.record_words[slot] = pack_record(&record, !all),
+            (false, true) => h.record_colours[slot] = colour,
+            (false, false) => {
+                h.record_centres[slot] = centre;
+                if all {
+                    h.record_shapes[slot] = shape;
+                    h.record_colours[slot] = colour;
+                }
+            }
         }
     });
     Ok(())
@@ -270,6 +283,12 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
         isects.global_from_slot.push(global);
         records.push(record);
     });
+    if h.spec.scores {
+        // Of the colours' three sums two are wanted, and nothing else.
+        records
+            .iter_mut()
+            .for_each(|record| *record = std::array::from_fn(|k| if [6, 7].contains(&k) { record[k] } else { 0.0 }));
+    }
     let sums = twin::blend_backward_atomic::blend_backward_atomic(&isects, &records, h.splats.len());
     for (global, sum) in sums.iter().enumerate().filter(|(_, sum)| **sum != [0.0; 9]) {
         let to = [&mut h.record_centres[global], &mut h.record_shapes[global], &mut h.record_colours[global]];
