@@ -76,7 +76,7 @@ struct Args {
     first_seed: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
-    /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, least, opacity,
+    /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, doubt, least, opacity,
     /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps). Of the paper's method: shared, smallest, weights, bias (1: the
     /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
@@ -160,6 +160,7 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
         (Method::Pursuit, "first") => options.pursuit.first_size = value,
         (Method::Pursuit, "ratio") => options.pursuit.size_ratio = value,
         (Method::Pursuit, "rounds") => options.pursuit.rounds = value as u32,
+        (Method::Pursuit, "doubt") => options.pursuit.doubt = value,
         (Method::Pursuit, "caution") => options.pursuit.caution = value,
         (Method::Pursuit, "least") => options.pursuit.least_gain = value,
         (Method::Pursuit, "opacity") => options.pursuit.least_opacity = value,

@@ -2815,6 +2815,7 @@ pub struct Push {
     pub plain_worth: f32,
     pub lobe_price: u32,
     pub plain_price: u32,
+    pub doubt: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -2887,7 +2888,9 @@ pub struct Push {
     pub view_first: u32,
     pub view_end: u32,
     pub begin: u32,
+    pub last: u32,
     pub caution: f32,
+    pub doubt: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -2913,6 +2916,8 @@ pub struct Buffers<'a> {
     pub gain_keys: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
     pub gains: &'a crate::gpu::Buffer<f32>,
+    /// ReadWrite
+    pub gain_squares: &'a crate::gpu::Buffer<f32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2937,12 +2942,14 @@ pub struct Host<'a> {
     pub gain_keys: &'a [u32],
     /// ReadWrite
     pub gains: &'a mut [f32],
+    /// ReadWrite
+    pub gain_squares: &'a mut [f32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, views: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), gains: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, views: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), gains: crate::gpu::next_binding(&mut bindings), gain_squares: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2961,6 +2968,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
         crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"gain_squares", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2972,7 +2980,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.explained.raw(), b.fits.raw(), b.gain_keys.raw(), b.gains.raw()])
+        with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.explained.raw(), b.fits.raw(), b.gain_keys.raw(), b.gains.raw(), b.gain_squares.raw()])
     }
 }
 }
@@ -5312,7 +5320,7 @@ pub mod pursuit {
 #[doc = "px, standard deviation"] pub const FIRST_BLUR: f32 = 0.7;
 #[doc = "texels of the level below, so that variances add up to the double deviation: sqrt(3) * 0.7"] pub const NEXT_BLUR: f32 = 1.2124;
 #[doc = "of lobes that are tried; the last stands for none"] pub const WIDTHS: u32 = 6;
-#[doc = "of a size and a width, see pursuit_score"] pub const SUMS: u32 = 9;
+#[doc = "of a size and a width, see pursuit_score"] pub const SUMS: u32 = 10;
 #[doc = "pixels"] pub const ERROR_BLOCK: u32 = 256;
 #[doc = "px"] pub const CELL: u32 = 2;
 #[doc = "standard deviations within which a choice changes what is left"] pub const REACH: f32 = 2.5;
