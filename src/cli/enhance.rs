@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, write_augmented},
+    data::{Dataset, Photo, Split, write_augmented, write_scene},
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
         join::JoinOptions,
@@ -290,9 +290,22 @@ struct Report<'a> {
     /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
+    /// What was placed, each time.
+    placements: Vec<Placement>,
+    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was.
+    discarded: bool,
     /// On the test views; null where there are none.
     gain: Option<Gain>,
 }
+
+#[derive(Serialize)]
+struct Placement {
+    lobes: u32,
+    plain: u32,
+}
+
+/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: what seeds move it by.
+const WORSE_DB: f64 = 0.02;
 
 /// What the test views, which nothing was learned from, say of an augmentation.
 #[derive(Serialize)]
@@ -387,8 +400,12 @@ impl Args {
                 end,
                 silent: self.json,
             };
-            let found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
-            write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
+            let mut found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
+            let write = |found: &Enhanced| {
+                write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)
+            };
+            // Before anything else can fail: what was learned is kept.
+            write(&found)?;
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = found.steps;
@@ -398,7 +415,7 @@ impl Args {
             }
             // Whoever ends it early waits for nothing more.
             let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset) };
-            let gain = match judged {
+            let mut gain = match judged {
                 // What was made is made, whether or not it can be judged.
                 Err(error @ Error::Input { .. }) => {
                     note(format!("what was gained on the test photos is not known: {error}"));
@@ -406,6 +423,24 @@ impl Args {
                 }
                 judged => judged?,
             };
+            let mut discarded = false;
+            if let Some(gain) = gain.as_mut().filter(|_| found.join.is_some()) {
+                let change = gain.after.psnr - gain.before.psnr;
+                discarded = self.asks_for_nothing() && change < -WORSE_DB;
+                if discarded {
+                    note(format!(
+                        "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
+                         budget (--ratio, --bytes, --time) is spent whatever they say",
+                        -change
+                    ));
+                    write_scene(&self.output, &scene)?;
+                } else if found.original.is_none() && gain.base_alone.psnr < gain.before.psnr {
+                    // The training photos did not tell.
+                    found.original = Some(scene.base.clone());
+                    gain.base_alone = gain.before;
+                    write(&found)?;
+                }
+            }
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
             let cap = (options.ratio * scene.base.len() as f64).ceil();
             let budget = match options.method {
@@ -461,6 +496,8 @@ impl Args {
                 stages: joint_stages(&found),
                 joint_loss_first: pass_loss(&found, photos.len(), false),
                 joint_loss_last: pass_loss(&found, photos.len(), true),
+                placements: found.placed.iter().map(|p| Placement { lobes: p.lobes, plain: p.plain }).collect(),
+                discarded,
                 gain,
             };
             if self.json {
@@ -476,8 +513,9 @@ impl Args {
                     0 => String::new(),
                     faded => format!(", without {faded} that faded"),
                 };
+                let discarded = if discarded { " were made and discarded: it is the base as it was" } else { "" };
                 print(format_args!(
-                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}\n\
+                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
                      base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
                     seconds.base,
                     seconds.join,
@@ -493,6 +531,11 @@ impl Args {
             }
             Ok(())
         })
+    }
+
+    /// Whether the way and the budget are left to glint.
+    fn asks_for_nothing(&self) -> bool {
+        self.method == Way::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
     }
 
     /// What is to be done within the budget that was given.
