@@ -409,25 +409,57 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
     let projected = project(&params, &view, &options);
     let isects = Intersections::new(&projected, Tiling::new(53, 41, &options));
     let twin = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |_| f64::INFINITY);
-    let want = median_depth(&params, &view, &twin.median, DepthAt::MaximumResponse);
-    let (mut seen, mut nothing) = (0, 0);
-    for (pixel, (&got, z)) in got.iter().zip(want).enumerate() {
-        let got = f64::from(f32::from_bits(got));
-        let (margin, id) = (&twin.margins[pixel], twin.median[pixel]);
-        if margin.image().min(margin.median) <= NEAR {
-            continue;
+    let want = median_depth(&params, &view, &twin.median, DepthAt::MaximumResponse, 1.0);
+    let check = |got: &[u32], ids: &[u32], scale: f64| {
+        let (mut seen, mut nothing) = (0, 0);
+        for (pixel, (&got, z)) in got.iter().zip(&want).enumerate() {
+            let got = f64::from(f32::from_bits(got));
+            let (margin, id) = (&twin.margins[pixel], twin.median[pixel]);
+            if margin.image().min(margin.median) <= NEAR {
+                continue;
+            }
+            assert_eq!(ids[pixel], id, "pixel {pixel}");
+            if id == u32::MAX {
+                nothing += 1;
+                assert_eq!(got, 0.0);
+            } else {
+                seen += 1;
+                // As for depths in `verify`: a flat Gaussian's ray has few digits.
+                let want = 0.2 / z;
+                assert!((got - want).abs() < 1e-3 * got, "scale {scale}, pixel {pixel}: {got} {want}");
+            }
         }
-        assert_eq!(ids[pixel], id, "pixel {pixel}");
-        if id == u32::MAX {
-            nothing += 1;
-            assert_eq!(got, 0.0);
-        } else {
-            seen += 1;
-            // As for depths in `verify`: a flat Gaussian's ray has few digits.
-            assert!((got - 0.2 / z).abs() < 1e-3 * got, "{got} {}", 0.2 / z);
-        }
+        assert!(seen > 500 && nothing > 100, "{seen} {nothing}");
+    };
+    check(&got, &ids, 1.0);
+    // Where the scene stands turned, moved and scaled, and the camera with it, the same is seen as many times as far away.
+    for scale in [0.6, 1.7] {
+        let transform = Transform {
+            rotation: DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 1.1),
+            scale,
+            translation: DVec3::new(0.4, -0.3, 0.2),
+        };
+        let [depth, ids] = [0, 1].map(|_| Buffer::<u32>::zeroed(&gpu, "words", camera.pixels() as usize).unwrap());
+        let to = |buffer: &Buffer<u32>| Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 });
+        let view = FrameView {
+            near: 0.2 * scale,
+            depth_form: DepthForm::reversed_infinite(0.2 * scale),
+            depth_out: Some(to(&depth)),
+            ids: Some(to(&ids)),
+            ..FrameView::new(gone_with(&camera, &transform))
+        };
+        let instances = [Instance { transform, ..Instance::of(&model) }];
+        let frame = Frame { slot: 0, instances: &instances, views: &[view] };
+        engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+        check(&depth.download().unwrap(), &ids.download().unwrap(), scale);
     }
-    assert!(seen > 500 && nothing > 100, "{seen} {nothing}");
+}
+
+/// A camera of the world that sees a model which stands in it as `camera` sees the model alone.
+fn gone_with(camera: &Camera, transform: &Transform) -> Camera {
+    let rotation = camera.rotation * DMat3::from_quat(transform.rotation).transpose();
+    let translation = transform.scale * camera.translation - rotation * transform.translation;
+    Camera { rotation, translation, ..*camera }
 }
 
 /// Moves all Gaussians of a scene of degree 0: rotating harmonics is more than a test should do.
@@ -487,13 +519,7 @@ fn two_halves_of_a_scene_that_stand_where_it_stands_are_the_scene() {
         translation: DVec3::new(0.4, -0.3, 0.2),
     };
     // The camera goes with it, so that the same is seen.
-    let r = DMat3::from_quat(transform.rotation);
-    let rotation = camera.rotation * r.transpose();
-    let moved_camera = Camera {
-        rotation,
-        translation: transform.scale * camera.translation - rotation * transform.translation,
-        ..camera
-    };
+    let moved_camera = gone_with(&camera, &transform);
     let mut world = Params::from_scene(&scene).unwrap();
     move_all(&mut world, &transform);
     let near = 0.2 * transform.scale;

@@ -3824,6 +3824,7 @@ pub struct Push {
     pub view: u32,
     pub depth_first: u32,
     pub splat_first: u32,
+    pub scale: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {

@@ -689,8 +689,9 @@ impl Frames {
         // guard: what other instances left
         recorder.fill(&raster.buffers.depth_keys, NONE);
         let place = |i: usize, splat_first: u32| {
-            let Instance { model, upto, degree, .. } = instances[i];
-            Placed { model, splat_first, views: &b.views, view: v * self.limits.instances + i as u32, upto, degree }
+            let Instance { model, transform, upto, degree } = instances[i];
+            let (view, scale) = (v * self.limits.instances + i as u32, transform.scale as f32);
+            Placed { model, splat_first, views: &b.views, view, upto, degree, scale }
         };
         let mut splat_first = 0;
         for (i, instance) in instances.iter().enumerate() {

@@ -139,6 +139,8 @@ pub(super) struct Placed<'a> {
     pub upto: Segment,
     /// Bands of harmonics.
     pub degree: u32,
+    /// Of the model in the world of the view.
+    pub scale: f32,
 }
 
 impl ModelStages {
@@ -193,7 +195,7 @@ impl ModelStages {
 
     /// Splats, colours, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
-        let Placed { model, splat_first, views, view, upto, degree } = *placed;
+        let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
             let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
@@ -236,10 +238,8 @@ impl ModelStages {
         placed: &Placed<'_>,
         pixels: u32,
     ) {
-        let (Some(median_depth), Placed { model, splat_first, views, view, upto, .. }) = (&self.median_depth, *placed)
-        else {
-            return;
-        };
+        let Placed { model, splat_first, views, view, upto, scale, .. } = *placed;
+        let Some(median_depth) = &self.median_depth else { return };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             for (k, _, page) in model.pages(segment) {
                 median_depth.record(
@@ -258,6 +258,7 @@ impl ModelStages {
                         view,
                         depth_first: 0,
                         splat_first,
+                        scale,
                     },
                     pixels,
                 );
@@ -454,5 +455,5 @@ impl Renderer {
 
 /// A model by itself.
 fn placed<'a>(model: &'a Model, views: &'a Views, view: u32, show: &Show) -> Placed<'a> {
-    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree }
+    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree, scale: 1.0 }
 }

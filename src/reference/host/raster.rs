@@ -281,7 +281,7 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
 }
 
 pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
-    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first } =
+    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first, scale } =
         h.push;
     let view = view(&h.views[view_index as usize]);
     let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
@@ -292,7 +292,7 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
     let params = params([h.geometry, &[], &[]], count, stride, false, 0);
     let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
-    let depths = twin::median_depth::median_depth(&params, &view, &median, at);
+    let depths = twin::median_depth::median_depth(&params, &view, &median, at, scale.into());
     let to = &mut h.depths[depth_first as usize..][..pixels];
     for (pixel, depth) in depths.into_iter().enumerate() {
         let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0 && splat_first == 0;
