@@ -22,8 +22,8 @@ use glam::DVec3;
 use glint::{
     Error,
     gpu::{
-        BorrowedDevice, Buffer, BufferRange, Context, FeatureChain, GpuError, Kept, Location, Pixels, QueueLock,
-        Recorder,
+        BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, FeatureChain, GpuError, Kept, Location, Pixels,
+        QueueLock, Recorder,
     },
     pipelines::{
         enhance::{EnhanceOptions, Enhancer, Event},
@@ -59,11 +59,17 @@ impl Application {
 
     /// With these extensions, whatever is asked for.
     fn with(extensions: &[&CStr]) -> Self {
+        Self::of(vk::API_VERSION_1_2, extensions)
+    }
+
+    /// Of an older Vulkan without the layers: features of 1.2 are no part of it.
+    fn of(version: u32, extensions: &[&CStr]) -> Self {
         let turn = Turn::alone();
         unsafe {
             let entry = ash::Entry::load().unwrap();
-            let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
-            let layers: &[_] = match env::var("GLINT_VALIDATION").is_ok_and(|value| !value.is_empty()) {
+            let app = vk::ApplicationInfo::default().api_version(version);
+            let layers = env::var("GLINT_VALIDATION").is_ok_and(|value| !value.is_empty());
+            let layers: &[_] = match layers && version >= vk::API_VERSION_1_2 {
                 true => &[c"VK_LAYER_KHRONOS_validation".as_ptr()],
                 false => &[],
             };
@@ -526,6 +532,59 @@ fn a_device_without_push_descriptors_is_refused() {
     drop(application);
     let application = Application::new();
     drop(unsafe { Context::borrow(application.borrowed()) }.unwrap());
+}
+
+/// ash ends the program where a function is called that the instance's Vulkan does not have: all of them are asked for before.
+#[test]
+fn an_instance_of_an_older_vulkan_is_refused() {
+    // Of 1.0 the loader asks a driver for no features of later versions, and none are there.
+    let refused =
+        [(vk::API_VERSION_1_0, "lacks"), (vk::API_VERSION_1_1, "vkResetQueryPool: the instance must be of Vulkan 1.2")];
+    for (version, words) in refused {
+        let application = Application::of(version, &Context::requirements().extensions);
+        for labels in [false, true] {
+            let borrowed = BorrowedDevice { labels, ..application.borrowed() };
+            let said = unsafe { Context::borrow(borrowed) }.err().unwrap().to_string();
+            assert!(said.contains(words), "{said}");
+        }
+        let Application { entry, instance, physical_device, .. } = &application;
+        let chosen = Context::choose(entry, instance, &ContextOptions::default()).map(drop);
+        let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
+        assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
+    }
+    // Labels are functions of an extension of the instance's, which may not be there.
+    let application = Application::new();
+    let unlabelled = {
+        let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
+        let info = vk::InstanceCreateInfo::default().application_info(&app);
+        unsafe { application.entry.create_instance(&info, None) }.unwrap()
+    };
+    unsafe {
+        let physical_device = unlabelled.enumerate_physical_devices().unwrap()[0];
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let extensions: Vec<_> = Context::requirements().extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut chain = FeatureChain::new(Context::requirements().features);
+        let mut features = chain.link();
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut features);
+        let device = unlabelled.create_device(physical_device, &info, None).unwrap();
+        let lent = |labels| BorrowedDevice {
+            instance: unlabelled.clone(),
+            physical_device,
+            queue: device.get_device_queue(0, 0),
+            queue_family: 0,
+            device: device.clone(),
+            labels,
+            ..application.borrowed()
+        };
+        let said = Context::borrow(lent(true)).err().unwrap().to_string();
+        assert!(said.contains("VK_EXT_debug_utils"), "{said}");
+        drop(Context::borrow(lent(false)).unwrap());
+        device.destroy_device(None);
+        unlabelled.destroy_instance(None);
+    }
 }
 
 #[test]

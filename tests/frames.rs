@@ -887,6 +887,7 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
 #[test]
 fn plans_made_before_there_is_a_model_say_what_is_held() {
     let gpu = Gpu::new();
+    let entry = unsafe { ash::Entry::load() }.unwrap();
     for (supplement, degree, half) in [(0, 0, false), (700, 3, false), (700, 2, true)] {
         let scene = random_scene(9, 9000, supplement, degree);
         let room = model::Room { half, ..Default::default() };
@@ -912,7 +913,7 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         assert_eq!(needs, Needs::of(&model));
         let limits = Limits::for_needs(needs, 320, 200);
         // Nor need there be a device: what is known of a physical one says the same.
-        let physical = unsafe { Context::describe(gpu.instance(), gpu.physical_device()) }.unwrap();
+        let physical = unsafe { Context::describe(&entry, gpu.instance(), gpu.physical_device()) }.unwrap();
         assert_eq!(Model::plan(&physical, &scene, room), Model::plan(gpu.info(), &scene, room));
         assert_eq!(limits.plan(&physical), limits.plan(gpu.info()));
         let before = gpu.memory().used;

@@ -252,12 +252,13 @@ pub unsafe extern "C" fn glint_device_choose(
     guarded(|| {
         // SAFETY: by the contract above.
         unsafe {
-            let (_entry, instance) = instance_of(get_instance_proc_addr, instance)?;
+            let (entry, instance) = instance_of(get_instance_proc_addr, instance)?;
             let device = match wanted.is_null() {
                 true => None,
                 false => Some(CStr::from_ptr(wanted).to_string_lossy().into_owned()),
             };
-            let (found, offered) = Context::choose(&instance, &ContextOptions { device, ..Default::default() })?;
+            let (found, offered) =
+                Context::choose(&entry, &instance, &ContextOptions { device, ..Default::default() })?;
             let (Some(physical), Some(bits)) = (physical.as_mut(), bits.as_mut()) else {
                 return Err(null("where the device goes"));
             };

@@ -4,6 +4,7 @@
 mod context;
 mod device;
 mod features;
+mod functions;
 mod images;
 mod instance;
 mod memory;
