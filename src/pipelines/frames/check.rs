@@ -1,0 +1,119 @@
+//! What is refused before anything of a frame is recorded.
+
+use ash::vk;
+
+use super::{
+    Frames,
+    view::{Blend, Frame, Instance, Texel},
+};
+use crate::{
+    error::{Error, Result},
+    gpu::{BufferRange, Pixels},
+    scene::Camera,
+};
+
+/// Of images with depths: 32-bit floats, as copies take texels as they are. Depths of 16 or 24 bits go through a buffer of the caller's.
+pub const DEPTH_FORMATS: [vk::Format; 3] =
+    [vk::Format::D32_SFLOAT, vk::Format::D32_SFLOAT_S8_UINT, vk::Format::R32_SFLOAT];
+
+/// Of images with numbers of Gaussians.
+pub const ID_FORMATS: [vk::Format; 1] = [vk::Format::R32_UINT];
+
+impl Frames {
+    pub(super) fn check(&self, frame: &Frame<'_>) -> Result<()> {
+        let limits = &self.limits;
+        let within = |what: &str, has: u64, most: u64| match has <= most {
+            true => Ok(()),
+            false => Err(Error::Usage(format!("a frame of {has} {what}, made for {most}"))),
+        };
+        within("slots", u64::from(frame.slot) + 1, limits.in_flight.into())?;
+        within("instances", frame.instances.len() as u64, limits.instances.into())?;
+        within("views", frame.views.len() as u64, limits.views.into())?;
+        within(
+            "Gaussians",
+            frame.instances.iter().map(|i| u64::from(i.model.capacity())).sum(),
+            limits.gaussians.into(),
+        )?;
+        for instance in frame.instances {
+            let Instance { model, transform: t, upto, degree } = *instance;
+            self.stages.check(model, upto, degree)?;
+            if !model.context().is_same(&self.context) {
+                return Err(Error::Usage("a model of another context".into()));
+            }
+            if degree > model.sh_degree {
+                return Err(Error::Usage(format!("harmonics of degree {degree} of a model of {}", model.sh_degree)));
+            }
+            let finite = t.rotation.is_finite() && t.translation.is_finite() && t.scale.is_finite();
+            // Numbers of float32 are within 1e-6 of a unit quaternion's.
+            if !(finite && t.scale > 0.0 && (t.rotation.length() - 1.0).abs() < 1e-5) {
+                return Err(Error::Usage(format!(
+                    "a transform of {t:?}, expected finite numbers, a scale above 0 and a rotation of unit length"
+                )));
+            }
+        }
+        for view in frame.views {
+            let Camera { width, height, fx, fy, cx, cy, rotation, translation } = view.camera;
+            within("pixels in a row", width.into(), limits.width.into())?;
+            within("rows", height.into(), limits.height.into())?;
+            let numbers = [fx, fy, cx, cy, view.near, view.depth_form.a, view.depth_form.b];
+            let finite = numbers.iter().all(|v| v.is_finite()) && rotation.is_finite() && translation.is_finite();
+            if !(finite && width > 0 && height > 0 && fx > 0.0 && fy > 0.0 && view.near > 0.0) {
+                return Err(Error::Usage(format!(
+                    "a view of {:?}, near plane {}, depths {:?}: expected finite numbers, and sizes, focal lengths and near plane above 0",
+                    view.camera, view.near, view.depth_form
+                )));
+            }
+            if let Some(target) = view.color {
+                within("words for a texel", target.texel.words().into(), limits.texel.words().into())?;
+                if !(target.exposure >= 0.0 && target.exposure.is_finite()) {
+                    return Err(Error::Usage(format!("an exposure of {}, expected 0 or more", target.exposure)));
+                }
+                if let Blend::Opaque(colour) = target.blend
+                    && !colour.iter().all(|channel| channel.is_finite())
+                {
+                    return Err(Error::Usage(format!("a background of {colour:?}, expected finite numbers")));
+                }
+            }
+            if view.depth_in.is_some() && !limits.depth_in {
+                return Err(Error::Usage("depths hide Gaussians in a view, frames were made without depth_in".into()));
+            }
+            if (view.depth_out.is_some() || view.ids.is_some()) && !limits.depth_out {
+                return Err(Error::Usage("a view asks for depths or ids, frames were made without depth_out".into()));
+            }
+            let format = |pixels: Option<Pixels>| match pixels {
+                Some(Pixels::Image(region)) => Some(region.format),
+                _ => None,
+            };
+            if let (Some(target), Some(has)) = (view.color, format(view.color.map(|c| c.pixels)))
+                && Texel::of(has) != Some(target.texel)
+            {
+                return Err(Error::Usage(format!(
+                    "a target of format {has:?}, whose texels are not {:?}",
+                    target.texel
+                )));
+            }
+            let depths = [("depths that hide Gaussians", view.depth_in), ("depths of Gaussians", view.depth_out)];
+            let depths = depths.map(|(what, pixels)| (what, pixels, &DEPTH_FORMATS[..]));
+            for (what, pixels, formats) in
+                depths.into_iter().chain([("numbers of Gaussians", view.ids, &ID_FORMATS[..])])
+            {
+                if let Some(has) = format(pixels).filter(|has| !formats.contains(has)) {
+                    return Err(Error::Usage(format!(
+                        "an image of format {has:?} for {what}, expected one of {formats:?}"
+                    )));
+                }
+            }
+            let ranges = [view.color.map(|c| c.pixels), view.depth_in, view.depth_out, view.ids];
+            for range in ranges.into_iter().flatten() {
+                if let Pixels::Buffer(BufferRange { offset, .. }) = range
+                    && offset % 4 != 0
+                {
+                    return Err(Error::Usage(format!(
+                        "a buffer's part begins at byte {offset}, expected a multiple of 4"
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+}

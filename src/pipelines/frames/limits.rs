@@ -1,0 +1,145 @@
+//! What frames are made for, and what that holds.
+
+use super::{
+    super::{
+        model::Model,
+        plan::{Plan, buffers},
+        raster::{Grid, Raster, RasterOptions},
+        render::Needs,
+        session::Policy,
+    },
+    view::Texel,
+};
+use crate::{
+    gpu::DeviceInfo,
+    stages::{
+        status,
+        types::{self, View},
+    },
+};
+
+/// Room for intersections of Gaussians and tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Room {
+    /// Four for each Gaussian and three for each pixel: enough for most views of most scenes.
+    Usual,
+    /// So many.
+    Intersections(u32),
+    /// As many as take so many bytes.
+    Bytes(u64),
+}
+
+/// Bytes of an intersection in the lists that are sorted.
+const INTERSECTION_BYTES: u64 = 16;
+
+/// What frames are made for.
+#[derive(Debug, Clone)]
+pub struct Limits {
+    /// Pixels of the largest view.
+    pub width: u32,
+    /// Pixels of the largest view.
+    pub height: u32,
+    /// Gaussians of all instances of a frame together: the sum of their models' [`Model::capacity`].
+    pub gaussians: u32,
+    /// Instances of a frame.
+    pub instances: u32,
+    /// Views of a frame: eyes, faces of a cube.
+    pub views: u32,
+    /// Slots.
+    pub in_flight: u32,
+    /// Beyond them a view shows what is near only.
+    pub intersections: Room,
+    /// The widest texels of any target.
+    pub texel: Texel,
+    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3, or [`BETAS`](crate::scene::layout::BETAS).
+    pub degrees: Vec<u32>,
+    /// The same of supplements; empty where no model has one.
+    pub lobe_degrees: Vec<u32>,
+    /// Models have harmonics of half width, see [`model::Room::half`](super::super::model::Room::half).
+    pub half: bool,
+    /// Views have depths that hide Gaussians.
+    pub depth_in: bool,
+    /// Depths and numbers of Gaussians will be asked for.
+    pub depth_out: bool,
+    /// Every stage has timestamps, see [`Frames::times`].
+    pub timings: bool,
+    /// Which variants of the stages run; sums of gradients are none of a frame's affair.
+    pub policy: Policy,
+}
+
+impl Limits {
+    /// One view, one instance and two slots, for all of `model`.
+    pub fn of(model: &Model, width: u32, height: u32) -> Self {
+        Limits::for_needs(Needs::of(model), width, height)
+    }
+
+    /// The same, before there is a model.
+    pub fn for_needs(needs: Needs, width: u32, height: u32) -> Self {
+        let Needs { gaussians, degrees, lobe_degrees, half } = needs;
+        Limits {
+            width,
+            height,
+            gaussians,
+            instances: 1,
+            views: 1,
+            in_flight: 2,
+            intersections: Room::Usual,
+            texel: Texel::Rgba16F,
+            degrees,
+            lobe_degrees,
+            half,
+            depth_in: false,
+            depth_out: false,
+            timings: false,
+            policy: Policy::default(),
+        }
+    }
+
+    fn pixels(&self) -> u32 {
+        self.width.saturating_mul(self.height)
+    }
+
+    fn isects(&self) -> u32 {
+        match self.intersections {
+            Room::Usual => self.gaussians.saturating_mul(4).saturating_add(self.pixels().saturating_mul(3)),
+            Room::Intersections(count) => count,
+            Room::Bytes(bytes) => (bytes / INTERSECTION_BYTES).min(u32::MAX.into()) as u32,
+        }
+        .max(1)
+    }
+
+    pub(super) fn raster(&self, device: &DeviceInfo) -> RasterOptions {
+        let tile = self.policy.tile(device);
+        RasterOptions {
+            splats: self.gaussians.max(1),
+            pixels: self.pixels(),
+            tiles: Grid::new(tile, 0, 1, self.width, self.height).tiles(),
+            isects: self.isects(),
+            batch: false,
+            background_image: false,
+            median: self.depth_out,
+            occluded: self.depth_in,
+            backward: false,
+            policy: self.policy,
+        }
+    }
+
+    /// What frames of these limits hold on a device, beside the models.
+    pub fn plan(&self, device: &DeviceInfo) -> Plan {
+        Raster::plan(&self.raster(device)).and(FrameBuffers::plan(self))
+    }
+}
+
+buffers! {
+    /// What is beside the raster.
+    pub(super) struct FrameBuffers(l: Limits) {
+        pub(super) views: View = l.views * l.instances.max(1),
+        pub(super) frames: types::Frame = l.views,
+        pub(super) splat_total: u32 = 1,
+        pub(super) splat_args: u32 = 3,
+        pub(super) status: u32 = status::WORDS,
+        pub(super) target: u32 = l.texel.words() * l.pixels(),
+        pub(super) depths: f32 = if l.depth_out { l.pixels() } else { 1 },
+        pub(super) depth_target: f32 = if l.depth_out { l.pixels() } else { 1 },
+    }
+}
