@@ -43,7 +43,7 @@ use glint::{
         median_depth::{DepthAt, median_depth},
         project::project,
         random_camera, random_scene,
-        resolve::To,
+        resolve::{To, depth},
         tiles::{Tiling, for_each_tile},
     },
     scene::{
@@ -298,6 +298,17 @@ fn twin_of(params: &Params, view: &View, farthest: impl Fn(usize) -> f64 + Sync)
 /// differences of coordinates take away two or three digits.
 const NEAR: f64 = 1e-4;
 
+/// The far plane of projections that have one: nearer than a third of the Gaussians.
+const FAR: f64 = 7.0;
+
+/// Every kind of projection, of a near plane at 0.2.
+const FORMS: [(DepthForm, &str); 4] = [
+    (DepthForm { a: 0.0, b: 0.2 }, "reversed, infinite"),
+    (DepthForm { a: -0.2 / (FAR - 0.2), b: 0.2 * FAR / (FAR - 0.2) }, "reversed"),
+    (DepthForm { a: 1.0, b: -0.2 }, "infinite"),
+    (DepthForm { a: FAR / (FAR - 0.2), b: -0.2 * FAR / (FAR - 0.2) }, "standard"),
+];
+
 #[test]
 fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
     let gpu = Gpu::new();
@@ -314,12 +325,12 @@ fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
         true => Some(1.0 + 5.0 * (pixel / 53) as f64 / 41.0),
         false => None,
     };
-    for (form, projection) in [
-        (DepthForm::reversed_infinite(0.2), "reversed, infinite"),
-        (DepthForm::standard(0.2, 100.0), "standard"),
-        (DepthForm { a: -0.002, b: 0.2004 }, "reversed, finite"),
-    ] {
-        let depth = |pixel: usize| (form.a + quad(pixel).map_or(0.0, |z| form.b / z)) as f32;
+    // Gaussians beyond the far plane are drawn, where nothing is before them.
+    let beyond = twin(&scene, &view, |_| FAR);
+    let all = twin(&scene, &view, |_| f64::INFINITY);
+    assert!(all.iter().zip(&beyond).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > 100);
+    for (form, projection) in FORMS {
+        let depth = |pixel: usize| quad(pixel).map_or(form.empty(), |z| (form.a + form.b / z) as f32);
         let depths: Vec<u32> = (0..pixels).map(|p| depth(p).to_bits()).collect();
         // What float32 leaves of the quad.
         let farthest = |pixel: usize| match quad(pixel) {
@@ -361,7 +372,7 @@ fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
         }
     }
     // The quad hides something, or all this would show nothing.
-    let (all, some) = (twin(&scene, &view, |_| f64::INFINITY), twin(&scene, &view, |p| quad(p).unwrap_or(1e9)));
+    let some = twin(&scene, &view, |p| quad(p).unwrap_or(1e9));
     assert!(all.iter().zip(&some).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > pixels / 4);
     // Made for depths, and none are there: as if nothing hid anything.
     let seen = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
@@ -410,48 +421,67 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
     let isects = Intersections::new(&projected, Tiling::new(53, 41, &options));
     let twin = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |_| f64::INFINITY);
     let want = median_depth(&params, &view, &twin.median, DepthAt::MaximumResponse, 1.0);
-    let check = |got: &[u32], ids: &[u32], scale: f64| {
-        let (mut seen, mut nothing) = (0, 0);
+    let check = |got: &[u32], ids: &[u32], form: DepthForm, scale: f64, what: &str| {
+        let (mut seen, mut nothing, mut beyond) = (0, 0, [0, 0]);
         for (pixel, (&got, z)) in got.iter().zip(&want).enumerate() {
             let got = f64::from(f32::from_bits(got));
+            assert!((0.0..=1.0).contains(&got), "{what}, pixel {pixel}: {got}");
             let (margin, id) = (&twin.margins[pixel], twin.median[pixel]);
             if margin.image().min(margin.median) <= NEAR {
                 continue;
             }
-            assert_eq!(ids[pixel], id, "pixel {pixel}");
+            assert_eq!(ids[pixel], id, "{what}, pixel {pixel}");
             if id == u32::MAX {
                 nothing += 1;
-                assert_eq!(got, 0.0);
+                assert_eq!(got, f64::from(form.empty()), "{what}, pixel {pixel}");
             } else {
                 seen += 1;
                 // As for depths in `verify`: a flat Gaussian's ray has few digits.
-                let want = 0.2 / z;
-                assert!((got - want).abs() < 1e-3 * got, "scale {scale}, pixel {pixel}: {got} {want}");
+                let (want, off) = (depth(scale * z, [form.a, form.b]), 1e-3 * (form.b / (scale * z)).abs());
+                assert!((got - want).abs() < off, "{what}, scale {scale}, pixel {pixel}: {got} {want}");
+                [f64::from(form.empty()), 1.0 - f64::from(form.empty())].iter().zip(&mut beyond).for_each(
+                    |(end, count)| {
+                        *count += usize::from(got == *end);
+                    },
+                );
             }
         }
         assert!(seen > 500 && nothing > 100, "{seen} {nothing}");
+        beyond
     };
-    check(&got, &ids, 1.0);
+    check(&got, &ids, form, 1.0, "images");
     // Where the scene stands turned, moved and scaled, and the camera with it, the same is seen as many times as far away.
-    for scale in [0.6, 1.7] {
+    let [depth_to, ids_to] = [0, 1].map(|_| Buffer::<u32>::zeroed(&gpu, "words", camera.pixels() as usize).unwrap());
+    let mut drawn = |form: DepthForm, scale: f64, what: &str| {
         let transform = Transform {
             rotation: DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 1.1),
             scale,
             translation: DVec3::new(0.4, -0.3, 0.2),
         };
-        let [depth, ids] = [0, 1].map(|_| Buffer::<u32>::zeroed(&gpu, "words", camera.pixels() as usize).unwrap());
         let to = |buffer: &Buffer<u32>| Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 });
         let view = FrameView {
             near: 0.2 * scale,
-            depth_form: DepthForm::reversed_infinite(0.2 * scale),
-            depth_out: Some(to(&depth)),
-            ids: Some(to(&ids)),
+            depth_form: form,
+            depth_out: Some(to(&depth_to)),
+            ids: Some(to(&ids_to)),
             ..FrameView::new(gone_with(&camera, &transform))
         };
         let instances = [Instance { transform, ..Instance::of(&model) }];
         let frame = Frame { slot: 0, instances: &instances, views: &[view] };
         engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
-        check(&depth.download().unwrap(), &ids.download().unwrap(), scale);
+        check(&depth_to.download().unwrap(), &ids_to.download().unwrap(), form, scale, what)
+    };
+    for (form, projection) in FORMS {
+        for scale in [0.6, 1.0, 1.7] {
+            drawn(form, scale, projection);
+        }
+    }
+    // A buffer holds no depth beyond its ends: Gaussians beyond the far plane have that plane's, and those before the near plane, where
+    // glint's own is nearer, have the near one's.
+    let (near, far) = (1.0, 3.0);
+    for form in [DepthForm::standard(near, far), DepthForm { a: -near / (far - near), b: near * far / (far - near) }] {
+        let beyond = drawn(form, 1.0, "a near far plane");
+        assert!(beyond.iter().all(|&count| count > 20), "{beyond:?}");
     }
 }
 

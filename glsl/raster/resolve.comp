@@ -3,6 +3,7 @@
 //
 // One thread takes one pixel.
 // image, depths, target (what the caller's image holds, for OVER) -> target, depth_target
+// Depths are what a depth buffer can hold, 0 to 1, and where there is no Gaussian what it is cleared to: that of the far plane.
 // Gaussians are trained and blended in sRGB-encoded values (Kerbl 2023); what is over something is put over it there, and only then
 // made linear, as a linear target asks for. sRGB: IEC 61966-2-1, its curve going on above 1.
 #extension GL_GOOGLE_include_directive : require
@@ -59,8 +60,9 @@ void main() {
     uint pixel = thread_index();
     if (pixel >= push.pixels) return;
     if (push.depth != 0) {
-        float z = depths[pixel];
-        depth_target[pixel] = push.depth_form.x + (z > 0.0 ? push.depth_form.y / z : 0.0);
+        float z = depths[pixel], empty = push.depth_form.y < 0.0 ? 1.0 : 0.0;
+        // guard: depths that a buffer can hold
+        depth_target[pixel] = z > 0.0 ? clamp(push.depth_form.x + push.depth_form.y / z, 0.0, 1.0) : empty;
     }
     vec4 rendered = image[pixel]; // rgb over the background, which is black unless OPAQUE; transmittance
     float T = rendered.a, alpha = push.blend == OPAQUE ? 1.0 : 1.0 - T;

@@ -197,8 +197,8 @@ typedef struct glint_view {
     double projection[16]; /* view to Vulkan's clip space, columns first: perspective, any depth, reversed or infinite */
     double near_plane;     /* Gaussians whose centre is not beyond are left out */
     glint_pixels color;
-    glint_pixels depth_in;  /* float32 depths of the projection: what lies behind is hidden */
-    glint_pixels depth_out; /* the same of the Gaussians, where transmittance falls below one half */
+    glint_pixels depth_in;  /* float32 depths of the projection: what lies behind is hidden; 1, or 0 where they are reversed, hides nothing */
+    glint_pixels depth_out; /* the same of the Gaussians, where transmittance falls below one half, at most the far plane's, as where there is none */
     glint_pixels ids;       /* uint32, numbers of those Gaussians through all instances; 0xFFFFFFFF: none */
     uint32_t linear;        /* 1: color holds linear light, 0: sRGB-encoded values */
     uint32_t blend;         /* glint_blend */

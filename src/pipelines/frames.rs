@@ -255,7 +255,7 @@ impl Frames {
             match view.depth_in {
                 // SAFETY: by the contract above.
                 Some(from) => unsafe { recorder.bring(&from, scene_depths, size, 1) },
-                None => recorder.fill(scene_depths, depth_form[0].to_bits()),
+                None => recorder.fill(scene_depths, view.depth_form.empty().to_bits()),
             }
         }
         let background = match view.color.map(|c| c.blend) {

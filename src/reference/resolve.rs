@@ -43,15 +43,21 @@ impl To {
     }
 }
 
-/// The depth a + b / z of camera z; of no Gaussian, 0, that of the farthest point.
+/// What a depth buffer is cleared to: the depth of the far plane.
+pub fn empty([_, b]: [f64; 2]) -> f64 {
+    if b < 0.0 { 1.0 } else { 0.0 }
+}
+
+/// The depth a + b / z of camera z, as far as a depth buffer can hold it; of no Gaussian, 0, that of the far plane.
 pub fn depth(z: f64, [a, b]: [f64; 2]) -> f64 {
-    if z > 0.0 { a + b / z } else { a }
+    if z > 0.0 { (a + b / z).clamp(0.0, 1.0) } else { empty([a, b]) }
 }
 
 /// The camera z of a depth; ∞ where it is that of nothing.
 pub fn camera_z(depth: f64, [a, b]: [f64; 2]) -> f64 {
     let z = b / (depth - a);
-    if z > 0.0 { z } else { f64::INFINITY }
+    let something = if b < 0.0 { depth < 1.0 } else { depth > 0.0 };
+    if something && z > 0.0 { z } else { f64::INFINITY }
 }
 
 /// Words of a texel.
@@ -147,7 +153,12 @@ mod tests {
                 assert!((camera_z(depth(z, form), form) / z - 1.0).abs() < 1e-9, "{form:?} {z}");
             }
         }
-        // Nothing there: the far end of a reversed depth that goes on for ever.
-        assert_eq!((depth(0.0, [0.0, near]), camera_z(0.0, [0.0, near])), (0.0, f64::INFINITY));
+        // Nothing there: what a depth buffer is cleared to, also where the far plane is near.
+        for (form, cleared) in forms.into_iter().zip([1.0, 0.0, 1.0]) {
+            assert_eq!((depth(0.0, form), camera_z(cleared, form)), (cleared, f64::INFINITY));
+            // What is beyond the far plane, or before the near one, is as far as depths go.
+            let beyond = [0.5 * near, 2.0 * far].map(|z| depth(z, form));
+            assert!(beyond[0] == 1.0 - cleared && (0.0..=1.0).contains(&beyond[1]), "{form:?}: {beyond:?}");
+        }
     }
 }

@@ -57,9 +57,10 @@ impl Frames {
             within("rows", height.into(), limits.height.into())?;
             let numbers = [fx, fy, cx, cy, view.near, view.depth_form.a, view.depth_form.b];
             let finite = numbers.iter().all(|v| v.is_finite()) && rotation.is_finite() && translation.is_finite();
-            if !(finite && width > 0 && height > 0 && fx > 0.0 && fy > 0.0 && view.near > 0.0) {
+            let depths = view.depth_form.b != 0.0;
+            if !(finite && width > 0 && height > 0 && fx > 0.0 && fy > 0.0 && view.near > 0.0 && depths) {
                 return Err(Error::Usage(format!(
-                    "a view of {:?}, near plane {}, depths {:?}: expected finite numbers, and sizes, focal lengths and near plane above 0",
+                    "a view of {:?}, near plane {}, depths {:?}: expected finite numbers, sizes, focal lengths and near plane above 0, and depths that differ",
                     view.camera, view.near, view.depth_form
                 )));
             }

@@ -96,11 +96,15 @@ impl Target {
 
 /// How camera z and a depth buffer's numbers belong together: depth = a + b / z. All perspective projections are of this form,
 /// reversed or not, with a far plane or without.
+///
+/// Of the planes only depths know. What lies beyond the far plane is drawn, and its depth, like that of no Gaussian, is the far plane's:
+/// exactly 1, of reversed projections 0. Such a depth, which a cleared buffer holds, hides nothing. A point of a Gaussian before the near
+/// plane has that plane's depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthForm {
     /// The depth at infinity.
     pub a: f64,
-    /// Scene units.
+    /// Scene units. Below 0 depths rise with the distance, above 0 they fall; never 0.
     pub b: f64,
 }
 
@@ -113,6 +117,11 @@ impl DepthForm {
     /// 0 at the near plane, 1 at the far plane.
     pub fn standard(near: f64, far: f64) -> Self {
         DepthForm { a: far / (far - near), b: -far * near / (far - near) }
+    }
+
+    /// The depth of what is beyond the far plane, which a depth buffer is cleared to: 1, of reversed projections 0.
+    pub fn empty(self) -> f32 {
+        if self.b < 0.0 { 1.0 } else { 0.0 }
     }
 
     pub(super) fn array(self) -> [f32; 2] {
@@ -131,13 +140,14 @@ pub struct FrameView {
     pub depth_form: DepthForm,
     /// Where colours go, if they are wanted.
     pub color: Option<Target>,
-    /// Float32 depths of what is there already: what lies behind is hidden. An image is of [`DEPTH_FORMATS`].
+    /// Float32 depths of what is there already: what lies behind is hidden, but [`DepthForm::empty`] hides nothing. An image is of
+    /// [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
     pub depth_in: Option<Pixels>,
-    /// Float32 depths of the Gaussians: of each pixel where transmittance falls below one half, else `depth_form.a`. An image is of
-    /// [`DEPTH_FORMATS`].
+    /// Float32 depths of the Gaussians, 0 to 1: of each pixel where transmittance falls below one half, else [`DepthForm::empty`]. An
+    /// image is of [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
     pub depth_out: Option<Pixels>,
     /// Numbers of the same Gaussians (u32), counted through the capacities of all instances; `u32::MAX` where there is none. An image is
-    /// of [`ID_FORMATS`].
+    /// of [`ID_FORMATS`](super::ID_FORMATS).
     pub ids: Option<Pixels>,
 }
 
