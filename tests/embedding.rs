@@ -552,39 +552,6 @@ fn an_instance_of_an_older_vulkan_is_refused() {
         let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
         assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
     }
-    // Labels are functions of an extension of the instance's, which may not be there.
-    let application = Application::new();
-    let unlabelled = {
-        let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
-        let info = vk::InstanceCreateInfo::default().application_info(&app);
-        unsafe { application.entry.create_instance(&info, None) }.unwrap()
-    };
-    unsafe {
-        let physical_device = unlabelled.enumerate_physical_devices().unwrap()[0];
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let extensions: Vec<_> = Context::requirements().extensions.iter().map(|name| name.as_ptr()).collect();
-        let mut chain = FeatureChain::new(Context::requirements().features);
-        let mut features = chain.link();
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&extensions)
-            .push_next(&mut features);
-        let device = unlabelled.create_device(physical_device, &info, None).unwrap();
-        let lent = |labels| BorrowedDevice {
-            instance: unlabelled.clone(),
-            physical_device,
-            queue: device.get_device_queue(0, 0),
-            queue_family: 0,
-            device: device.clone(),
-            labels,
-            ..application.borrowed()
-        };
-        let said = Context::borrow(lent(true)).err().unwrap().to_string();
-        assert!(said.contains("VK_EXT_debug_utils"), "{said}");
-        drop(Context::borrow(lent(false)).unwrap());
-        device.destroy_device(None);
-        unlabelled.destroy_instance(None);
-    }
 }
 
 #[test]

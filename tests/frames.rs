@@ -235,7 +235,7 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[own], FrameView { ids: pixels, ..view }, "without depth_out");
     let small = Target { texel: Texel::Rgba8, exposure: f32::NAN, ..target };
     refused(0, &[own], FrameView { color: Some(small), ..view }, "exposure");
-    for channel in [f32::NAN, f32::INFINITY] {
+    for channel in [f32::NAN, f32::INFINITY, -0.1] {
         let blend = Blend::Opaque([0.5, channel, 0.5]);
         let color = Some(Target { blend, exposure: 1.0, ..small });
         refused(0, &[own], FrameView { color, ..view }, "a background of");
@@ -633,9 +633,7 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
     let engine = Engine::new(&gpu, 1);
     let float = Float::new(&gpu, camera.pixels());
     let below = |p: usize| [0.1 + 0.0005 * p as f32, 0.9 - 0.0005 * p as f32, 1.5, 0.5];
-    for (blend, number) in
-        [(Blend::Opaque([0.0; 3]), OPAQUE), (Blend::Premultiplied, PREMULTIPLIED), (Blend::Over, OVER)]
-    {
+    for (blend, number) in [(Blend::Opaque(GREY), OPAQUE), (Blend::Premultiplied, PREMULTIPLIED), (Blend::Over, OVER)] {
         for linear in [false, true] {
             for exposure in [1.0, 2.5] {
                 let words: Vec<u32> = (0..1200).flat_map(|p| below(p).map(f32::to_bits)).collect();
@@ -645,10 +643,13 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
                 let view = FrameView { color, ..FrameView::new(camera) };
                 let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
                 engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
-                let to = To { blend: number, linear, exposure: exposure.into() };
+                let to = To { blend: number, linear, exposure: exposure.into(), background: GREY.map(f64::from) };
                 for (p, got) in float.pixels().iter().enumerate() {
-                    let c = &plain.color[3 * p..3 * p + 3];
-                    let rendered = [c[0], c[1], c[2], plain.transmittance[p]].map(f64::from);
+                    // Over black; an opaque target's own background does not become brighter.
+                    let t = f64::from(plain.transmittance[p]);
+                    let behind = |c: usize| if to.whole() { t * f64::from(GREY[c]) } else { 0.0 };
+                    let colour = [0, 1, 2].map(|c| f64::from(plain.color[3 * p + c]) + behind(c));
+                    let rendered = [colour[0], colour[1], colour[2], t];
                     let want = to.resolve(rendered, below(p).map(f64::from));
                     for k in 0..4 {
                         // A power in float32 is good to 1e-5 of its value, which exposure and light make up to 6.

@@ -4017,6 +4017,7 @@ pub struct Push {
     pub depth: u32,
     pub exposure: f32,
     pub depth_form: [f32; 2],
+    pub background: [f32; 3],
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {

@@ -258,8 +258,9 @@ impl Frames {
                 None => recorder.fill(scene_depths, view.depth_form.empty().to_bits()),
             }
         }
-        let background = match view.color.map(|c| c.blend) {
-            Some(Blend::Opaque(colour)) => colour,
+        // Where Gaussians are exposed, what lies behind comes after.
+        let background = match view.color {
+            Some(Target { blend: Blend::Opaque(colour), exposure: 1.0, .. }) => colour,
             _ => [0.0; 3],
         };
         raster.record_blend_occluded(recorder, &grid, &b.frames, background, MEDIAN_THRESHOLD, depth_form);
@@ -315,6 +316,7 @@ impl Frames {
             depth: u32::from(view.depth_out.is_some()),
             exposure: target.exposure,
             depth_form: view.depth_form.array(),
+            background: if let Blend::Opaque(colour) = target.blend { colour } else { [0.0; 3] },
         };
         let buffers = resolve::Buffers {
             image: &self.raster.buffers.image,

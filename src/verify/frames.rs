@@ -58,8 +58,10 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     let (image_there, depths_there) =
         (Buffer::from_slice(context, "image", &image)?, Buffer::from_slice(context, "depths", &depths)?);
     let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
+    let background = [0.2, 0.5, 0.9f32];
     let cases = [
         (RGBA32F, OPAQUE, false, 1.0, "opaque"),
+        (RGBA32F, OPAQUE, true, 1.7, "opaque, linear, exposed"),
         (RGBA32F, PREMULTIPLIED, true, 2.5, "premultiplied, linear, exposed"),
         (RGBA32F, OVER, false, 0.5, "over, exposed"),
         (RGBA32F, OVER, true, 1.0, "over, linear"),
@@ -81,6 +83,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
             depth: 1,
             exposure,
             depth_form: form,
+            background,
         };
         let buffers = resolve::Buffers {
             image: &image_there,
@@ -93,7 +96,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
             |recorder| stage.record(recorder, &buffers, &push, push.pixels),
         )?;
         let (got, depths_got) = (target.download()?, depth_target.download()?);
-        let to = To { blend, linear, exposure: exposure.into() };
+        let to = To { blend, linear, exposure: exposure.into(), background: background.map(f64::from) };
         let mut row = bench.row("resolve", name);
         row.chosen = format == RGBA8;
         row.time = times.of("resolve");

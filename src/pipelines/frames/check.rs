@@ -70,9 +70,9 @@ impl Frames {
                     return Err(Error::Usage(format!("an exposure of {}, expected 0 or more", target.exposure)));
                 }
                 if let Blend::Opaque(colour) = target.blend
-                    && !colour.iter().all(|channel| channel.is_finite())
+                    && !colour.iter().all(|channel| (0.0..f32::INFINITY).contains(channel))
                 {
-                    return Err(Error::Usage(format!("a background of {colour:?}, expected finite numbers")));
+                    return Err(Error::Usage(format!("a background of {colour:?}, expected finite numbers from 0 on")));
                 }
             }
             if view.depth_in.is_some() && !limits.depth_in {

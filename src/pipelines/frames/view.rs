@@ -64,7 +64,7 @@ pub enum Light {
 /// What becomes of that which Gaussians do not cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blend {
-    /// This colour, sRGB-encoded, 0 to 1; alpha is 1.
+    /// This colour, sRGB-encoded, 0 or more in each channel; alpha is 1.
     Opaque([f32; 3]),
     /// Nothing: colours are weighed by alpha.
     Premultiplied,
@@ -83,7 +83,7 @@ pub struct Target {
     pub light: Light,
     /// What becomes of that which lies behind.
     pub blend: Blend,
-    /// Factor of the Gaussians' linear light; 1 leaves them as they are.
+    /// Factor of the Gaussians' linear light; 1 leaves them as they are. What lies behind them is not exposed, a background neither.
     pub exposure: f32,
 }
 

@@ -304,9 +304,10 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
 }
 
 pub(super) fn resolve(h: kernels::resolve::Host<'_>) -> Outcome {
-    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form } = h.push;
+    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form, background } = h.push;
     let form = depth_form.map(f64::from);
-    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into() };
+    let background = background.map(f64::from);
+    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into(), background };
     let words = twin::resolve::words(format);
     for pixel in 0..h.workgroups.threads().min(pixels as usize) {
         if depth != 0 {
