@@ -203,11 +203,11 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     let mut kept = Kept::default();
     run(&application, |commands| {
         let mut recorder = unsafe { Recorder::borrow(&context, commands, Kept::default()) };
-        upload.record(&mut recorder);
+        upload.record(&mut recorder).unwrap();
         kept = recorder.finish();
     });
     drop(kept);
-    let model = upload.finish();
+    let model = upload.finish().unwrap();
     let limits = Limits { timings: true, depth_out: true, texel: Texel::Rgba32F, ..Limits::of(&model, 61, 47) };
     let mut frames = Frames::new(&context, limits).unwrap();
     let target = Buffer::<u32>::new(&context, "the engine's target", 4 * 61 * 47, Location::Device).unwrap();

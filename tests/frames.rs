@@ -1050,12 +1050,12 @@ fn a_scene_loads_in_the_callers_commands_and_submits_nothing() {
     let mut kept = Kept::default();
     engine.run(|commands| {
         let mut recorder = unsafe { Recorder::borrow(&gpu, commands, Kept::default()) };
-        upload.record(&mut recorder);
+        upload.record(&mut recorder).unwrap();
         kept = recorder.finish();
     });
     assert!(!kept.is_empty());
     assert_eq!(gpu.counters().submissions, before);
-    let model = upload.finish();
+    let model = upload.finish().unwrap();
     let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
     let float = Float::new(&gpu, camera.pixels());
     let view = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
@@ -1064,6 +1064,26 @@ fn a_scene_loads_in_the_callers_commands_and_submits_nothing() {
     assert!(float.pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
     let back = model.download().unwrap();
     assert_eq!((back.base.means, back.base.sh), (scene.base.means, scene.base.sh));
+}
+
+/// Its counts and dispatches would be what the memory holds: a frame could take for ever.
+#[test]
+fn an_upload_that_was_not_recorded_is_no_model() {
+    let (gpu, other) = (Gpu::new(), Gpu::new());
+    let prepare = || Upload::prepare(&gpu, DVec3::ZERO, &random_scene(7, 60, 20, 1), model::Room::default()).unwrap();
+    let refused = |result: Result<(), Error>, words: &str| match result {
+        Err(Error::Usage(message)) => assert!(message.contains(words), "{message}"),
+        other => panic!("{other:?}"),
+    };
+    refused(prepare().finish().map(drop), "not recorded");
+    // Nor is it recorded where the recorder is of another device.
+    let upload = prepare();
+    refused(upload.record(&mut other.recorder("elsewhere").unwrap()), "another context");
+    assert!(!upload.is_recorded());
+    let mut recorder = gpu.recorder("here").unwrap();
+    upload.record(&mut recorder).unwrap();
+    recorder.submit().unwrap().wait().unwrap();
+    assert_eq!(upload.finish().unwrap().counts().unwrap(), [60, 20]);
 }
 
 /// One thread draws without a pause while another loads, three scenes one after the other: each is prepared, recorded, run and finished
@@ -1099,10 +1119,10 @@ fn scenes_load_in_one_thread_while_another_draws() {
                 let mut kept = Kept::default();
                 engine.run(|commands| {
                     let mut recorder = unsafe { Recorder::borrow(&gpu, commands, Kept::default()) };
-                    upload.record(&mut recorder);
+                    upload.record(&mut recorder).unwrap();
                     kept = recorder.finish();
                 });
-                send.send(upload.finish()).unwrap();
+                send.send(upload.finish().unwrap()).unwrap();
                 during.push(drawn.load(Relaxed) - before);
             }
             drop(send);

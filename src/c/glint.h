@@ -12,8 +12,8 @@
  *      A slot may be recorded again when its commands have run; then glint_frames_report says how they went.
  *
  * Every function that returns int32_t gives 0, or 1 for what the machine could not do, 2 for what it was given; glint_last_error says
- * what, for the calling thread. A function that fails records nothing and leaves its handles as they were, but for
- * glint_upload_finish. Handles may be used from any thread, glint_frames and glint_upload by one at a time.
+ * what, for the calling thread. A function that fails records nothing and leaves its handles as they were. Handles may be used from any
+ * thread, glint_frames and glint_upload by one at a time.
  *
  * A structure that begins with `size` may have more members in a later version. Set it to the sizeof of the structure before the call,
  * also where the library fills the rest; another header's is refused. Set what you do not use, and `reserved`, to 0. Structures without
@@ -133,7 +133,7 @@ uint64_t glint_upload_bytes(const glint_context *context, const glint_scene *sce
 int32_t glint_upload_create(const glint_context *context, const glint_scene *scene, const double *origin, uint32_t half,
                             glint_upload **upload);
 int32_t glint_upload_record(glint_upload *upload, VkCommandBuffer commands);
-/* When the commands have run; the upload is gone. */
+/* When the commands have run; the upload is gone then. What was not recorded is refused. */
 int32_t glint_upload_finish(glint_upload *upload, glint_model **model);
 void glint_upload_destroy(glint_upload *upload);
 void glint_model_destroy(glint_model *model);

@@ -462,7 +462,7 @@ pub unsafe extern "C" fn glint_upload_record(upload: *mut glint_upload, commands
             let u = upload.as_mut().ok_or_else(|| null("upload"))?;
             let commands = vk::CommandBuffer::from_raw(commands as u64);
             let mut recorder = Recorder::borrow(&u.context, commands, std::mem::take(&mut u.kept));
-            u.upload.record(&mut recorder);
+            u.upload.record(&mut recorder)?;
             u.kept = recorder.finish();
         }
         Ok(())
@@ -470,15 +470,20 @@ pub unsafe extern "C" fn glint_upload_record(upload: *mut glint_upload, commands
 }
 
 /// # Safety
-/// A live handle, which is gone after this, also where it fails.
+/// A live handle, which is gone after this unless it fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_upload_finish(upload: *mut glint_upload, out: *mut *mut glint_model) -> i32 {
     guarded(|| {
-        if upload.is_null() {
-            return Err(null("upload"));
-        }
         // SAFETY: by the contract above.
-        unsafe { put(out, glint_model(Box::from_raw(upload).upload.finish())) }
+        unsafe {
+            if !of(upload, "upload")?.upload.is_recorded() {
+                return Err(Error::Usage("the upload was not recorded".into()));
+            }
+            if out.is_null() {
+                return Err(null("where the model goes"));
+            }
+            put(out, glint_model(Box::from_raw(upload).upload.finish()?))
+        }
     })
 }
 

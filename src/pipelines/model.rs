@@ -1,5 +1,7 @@
 //! A scene on the device: base and supplement as segments of pages, and how many Gaussians each has.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::DVec3;
 
 use super::{
@@ -595,6 +597,8 @@ pub struct Upload {
     /// Host memory, and what it goes to.
     staged: Vec<(Quads, Quads)>,
     status: Buffer<u32>,
+    /// Until then there is nothing on the device, nor a number of Gaussians.
+    recorded: AtomicBool,
 }
 
 impl Upload {
@@ -615,11 +619,17 @@ impl Upload {
             }
         }
         let status = Buffer::new(context, "recount status", status::WORDS, Location::Device)?;
-        Ok(Upload { model, staged, status })
+        Ok(Upload { model, staged, status, recorded: AtomicBool::new(false) })
     }
 
     /// Records the copies, and the kernel that makes dispatches of the counts. The command buffer's queue takes compute.
-    pub fn record(&self, recorder: &mut Recorder) {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the recorder is of another context; nothing is recorded then.
+    pub fn record(&self, recorder: &mut Recorder) -> Result<()> {
+        if !recorder.context().is_same(&self.model.context) {
+            return Err(Error::Usage("a recorder of another context than the upload's".into()));
+        }
         for (staging, planes) in &self.staged {
             recorder.copy(staging, 0, planes, 0, staging.len());
         }
@@ -630,12 +640,25 @@ impl Upload {
         self.model.record_recount(recorder, None, &self.status);
         // Whatever comes next on the queue may read it.
         recorder.barrier();
+        self.recorded.store(true, Ordering::Release);
+        Ok(())
     }
 
-    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. The host
-    /// memory is freed here, so not before the commands have run.
-    pub fn finish(self) -> Model {
-        self.model
+    /// Whether [`Upload::record`] has recorded it.
+    pub fn is_recorded(&self) -> bool {
+        self.recorded.load(Ordering::Acquire)
+    }
+
+    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. What was
+    /// recorded keeps the host memory until then (see [`Kept`](crate::gpu::Kept)).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where it was not recorded: what a frame then drew would be whatever the memory holds, in whatever number.
+    pub fn finish(self) -> Result<Model> {
+        match self.is_recorded() {
+            true => Ok(self.model),
+            false => Err(Error::Usage("an upload that was not recorded has nothing on the device".into())),
+        }
     }
 }
 

@@ -184,10 +184,11 @@ int main(int argc, char **argv) {
     GLINT(glint_context_memory(context, &before));
     glint_upload *upload;
     GLINT(glint_upload_create(context, scene, NULL, 0, &upload));
+    glint_model *model;
+    if (glint_upload_finish(upload, &model) != 2 || !strstr(glint_last_error(), "not recorded")) FAIL("an upload that was not recorded");
     VkCommandBuffer commands = begin(device, pool);
     GLINT(glint_upload_record(upload, commands));
     run(queue, commands);
-    glint_model *model;
     GLINT(glint_upload_finish(upload, &model));
 
     GLINT(glint_context_memory(context, &memory_used));
