@@ -1202,7 +1202,19 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
         assert!(((clip.x / clip.w + 1.0) * w / 2.0 - a.0).abs() < 1e-9);
         assert!(((clip.y / clip.w + 1.0) * h / 2.0 - a.1).abs() < 1e-9);
         assert!((clip.z / clip.w - (seen.depth_form.a + seen.depth_form.b / a.2)).abs() < 1e-12);
-        assert_eq!(seen.depth_form, DepthForm::reversed_infinite(near));
+        assert_eq!((seen.depth_form, seen.near), (DepthForm::reversed_infinite(near), near));
+        // The near plane is the projection's own, of whatever form.
+        for (form, name) in FORMS {
+            let column = DVec4::new(0.0, 0.0, form.b, 0.0);
+            let z_axis = DVec4::new(projection.z_axis.x, projection.z_axis.y, flip * form.a, flip);
+            let seen =
+                FrameView::from_matrices(view, DMat4 { z_axis, w_axis: column, ..projection }, 640, 480).unwrap();
+            assert!((seen.near - 0.2).abs() < 1e-12 && seen.depth_form == form, "{name}: {seen:?}");
+        }
+        for nowhere in [DVec4::ZERO, DVec4::new(0.0, 0.0, -near, 0.0)] {
+            let said = FrameView::from_matrices(view, DMat4 { w_axis: nowhere, ..projection }, 640, 480).unwrap_err();
+            assert!(said.to_string().contains("near plane ahead"), "{said}");
+        }
         let skewed = DMat4 { y_axis: DVec4::new(0.1, projection.y_axis.y, 0.0, 0.0), ..projection };
         assert!(FrameView::from_matrices(view, skewed, 640, 480).is_err());
         assert!(FrameView::from_matrices(2.0 * view, projection, 640, 480).is_err());

@@ -195,7 +195,7 @@ typedef struct glint_view {
     uint32_t texel;        /* glint_texel of color; images with a format of the _SRGB kind hold encoded values */
     double view[16];       /* world to view, columns first: rotation and translation */
     double projection[16]; /* view to Vulkan's clip space, columns first: perspective, any depth, reversed or infinite */
-    double near_plane;     /* Gaussians whose centre is not beyond are left out */
+    double near_plane;     /* Gaussians whose centre is not beyond are left out; 0: the projection's own */
     glint_pixels color;
     glint_pixels depth_in;  /* float32 depths of the projection: what lies behind is hidden; 1, or 0 where they are reversed, hides nothing */
     glint_pixels depth_out; /* the same of the Gaussians, where transmittance falls below one half, at most the far plane's, as where there is none */

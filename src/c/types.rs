@@ -294,7 +294,7 @@ pub struct glint_view {
     pub view: [f64; 16],
     /// View to Vulkan's clip space, columns first.
     pub projection: [f64; 16],
-    /// Distance along the view's axis, scene units of the world.
+    /// Distance along the view's axis, scene units of the world; 0 for the projection's own.
     pub near: f64,
     /// Where colours go.
     pub color: glint_pixels,
@@ -330,7 +330,7 @@ impl TryFrom<&glint_view> for FrameView {
         let texel = texel(v.texel)?;
         let target = |pixels| Target { pixels, texel, light, blend, exposure: v.exposure };
         Ok(FrameView {
-            near: v.near,
+            near: if v.near == 0.0 { seen.near } else { v.near },
             color: v.color.pixels().map(target),
             depth_in: v.depth_in.pixels(),
             depth_out: v.depth_out.pixels(),

@@ -214,7 +214,7 @@ int main(int argc, char **argv) {
     memcpy(view.projection, numbers + 18, sizeof view.projection);
     view.width = width;
     view.height = height;
-    view.near_plane = 0.2;
+    view.near_plane = 0; /* the projection's */
     view.color.buffer = buffer;
     view.texel = GLINT_RGBA32F;
     view.exposure = 1.0f;

@@ -119,6 +119,12 @@ impl DepthForm {
         DepthForm { a: far / (far - near), b: -far * near / (far - near) }
     }
 
+    /// Camera z of the near plane: where the depth is 0, of reversed projections 1. Of numbers that are no projection's it may be
+    /// anything.
+    pub fn near(self) -> f64 {
+        if self.b < 0.0 { -self.b / self.a } else { self.b / (1.0 - self.a) }
+    }
+
     /// The depth of what is beyond the far plane, which a depth buffer is cleared to: 1, of reversed projections 0.
     pub fn empty(self) -> f32 {
         if self.b < 0.0 { 1.0 } else { 0.0 }
@@ -134,7 +140,9 @@ impl DepthForm {
 pub struct FrameView {
     /// In the world in which instances stand. Its size is that of the targets.
     pub camera: Camera,
-    /// Camera z, scene units of the world; Gaussians whose centre is not beyond are left out.
+    /// Camera z, scene units of the world; Gaussians whose centre is not beyond are left out. [`FrameView::new`] has 3DGS's 0.2,
+    /// [`FrameView::from_matrices`] the projection's own. The nearer it is, the larger a Gaussian before the eye becomes: a scene that was
+    /// trained with 0.2 may hold some that were never seen from so near.
     pub near: f64,
     /// Of `depth_in` and `depth_out`.
     pub depth_form: DepthForm,
@@ -166,10 +174,11 @@ impl FrameView {
     }
 
     /// From a renderer's matrices: world to view, and view to Vulkan's clip space (y down, depth 0 to 1) of a viewport of
-    /// `width` × `height` pixels. Depths are those that the projection makes.
+    /// `width` × `height` pixels. Depths and the near plane are those that the projection makes.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the projection is no perspective one, is skewed, or the view is more than rotation and translation.
+    /// [`Error::Usage`] where the projection is no perspective one, is skewed or has no near plane ahead, or the view is more than
+    /// rotation and translation.
     pub fn from_matrices(view: DMat4, projection: DMat4, width: u32, height: u32) -> Result<Self> {
         let p = projection;
         let bad = |what: &str| Err(Error::Usage(format!("{what}: {:?}", p.to_cols_array())));
@@ -205,7 +214,11 @@ impl FrameView {
             translation: axes * view.w_axis.truncate(),
         };
         let depth_form = DepthForm { a: signs.z * p.z_axis.z, b: p.w_axis.z };
-        Ok(FrameView { depth_form, ..FrameView::new(camera) })
+        let near = depth_form.near();
+        if !(near > 0.0 && near.is_finite()) {
+            return bad("expected a projection with a near plane ahead of the eye, and depths from 0 to 1");
+        }
+        Ok(FrameView { near, depth_form, ..FrameView::new(camera) })
     }
 }
 
