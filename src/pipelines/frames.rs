@@ -139,8 +139,8 @@ impl Frames {
         [self.raster.held(), self.buffers.held()].concat()
     }
 
-    /// Room for at least so many intersections. Frames in flight keep the buffers that they were recorded with until their slot is
-    /// recorded again.
+    /// Room for at least so many intersections, and for up to a quarter more where that fits. Frames in flight keep the buffers that
+    /// they were recorded with until their slot is recorded again.
     ///
     /// # Errors
     /// Where the device's memory does not suffice; what there was is kept then.

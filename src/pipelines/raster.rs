@@ -157,6 +157,12 @@ impl RasterOptions {
         self.only_if(self.backward, if by_gaussian { self.splats } else { self.room() })
     }
 
+    /// Intersections of which a device binds a list with so many bytes for each.
+    pub(super) fn most_isects(device: &DeviceInfo, bytes: u64) -> u32 {
+        let whole = |isects: u64| isects / u64::from(LIST_ALIGNMENT) * u64::from(LIST_ALIGNMENT);
+        whole((device.max_storage_bytes / bytes).min(u32::MAX.into())) as u32
+    }
+
     /// As many as the intersections, rounded up so that lists that share memory begin where a device lets buffers begin.
     fn room(&self) -> u32 {
         self.isects.checked_next_multiple_of(LIST_ALIGNMENT).unwrap_or(self.isects)
@@ -174,6 +180,9 @@ const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
 /// Bits of a depth key.
 const DEPTH_BITS: u32 = 32;
+/// Bytes of an intersection in a list that is sorted, and in the widest of its gradient's records.
+pub(super) const LIST_BYTES: u64 = 4;
+const RECORD_BYTES: u64 = 12;
 /// Words: 256 bytes, where every driver at hand lets a buffer begin in memory. Else [`Buffer::over`] takes memory of its own.
 const LIST_ALIGNMENT: u32 = 64;
 
@@ -476,12 +485,31 @@ impl Raster {
         matches!(self.backward, Some(Backward::Atomic(_)))
     }
 
-    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
-    /// be in flight.
+    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare: as far as the device binds that much
+    /// and has the memory. Nothing of this raster may be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
-        let before = self.options.isects;
+        let (before, room) = (self.options.isects, self.room_for(needed));
+        match self.grow_to(room) {
+            Err(error) if error.is_no_room() && (before..room).contains(&needed) => self.grow_to(needed),
+            grown => grown,
+        }
+    }
+
+    fn room_for(&self, needed: u32) -> u32 {
+        let most = |bytes| RasterOptions::most_isects(self.context.info(), bytes);
+        // What is added up in a fixed order stays so while it can.
+        let most = match self.options.backward && needed <= most(RECORD_BYTES) {
+            true => most(RECORD_BYTES),
+            false => most(LIST_BYTES),
+        };
         // guard: room that stops growing
-        self.options.isects = needed.saturating_add(needed / 4);
+        needed.saturating_add(needed / 4).min(most).max(needed)
+    }
+
+    /// Room for so many intersections, no more.
+    fn grow_to(&mut self, isects: u32) -> Result<(), GpuError> {
+        let before = self.options.isects;
+        self.options.isects = isects;
         let grown = self.remake();
         if grown.is_err() {
             // Lists that are new have at least the old room; records made way and come back, or nothing fits from now on.

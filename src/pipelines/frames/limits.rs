@@ -4,7 +4,7 @@ use super::{
     super::{
         model::Model,
         plan::{Plan, buffers},
-        raster::{Grid, Raster, RasterOptions},
+        raster::{Grid, LIST_BYTES, Raster, RasterOptions},
         render::Needs,
         session::Policy,
     },
@@ -21,16 +21,17 @@ use crate::{
 /// Room for intersections of Gaussians and tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
-    /// Four for each Gaussian and three for each pixel: enough for most views of most scenes.
+    /// Four for each Gaussian and three for each pixel, as far as the device binds lists of so many: enough for most views of most
+    /// scenes.
     Usual,
     /// So many.
     Intersections(u32),
-    /// As many as take so many bytes.
+    /// As many as take so many bytes, as far as the device binds their lists.
     Bytes(u64),
 }
 
-/// Bytes of an intersection in the lists that are sorted.
-const INTERSECTION_BYTES: u64 = 16;
+/// Bytes of an intersection in the four lists that are sorted.
+const INTERSECTION_BYTES: u64 = 4 * LIST_BYTES;
 
 /// What frames are made for.
 #[derive(Debug, Clone)]
@@ -99,11 +100,12 @@ impl Limits {
         self.width.saturating_mul(self.height)
     }
 
-    fn isects(&self) -> u32 {
+    fn isects(&self, device: &DeviceInfo) -> u32 {
+        let most = RasterOptions::most_isects(device, LIST_BYTES);
         match self.intersections {
-            Room::Usual => self.gaussians.saturating_mul(4).saturating_add(self.pixels().saturating_mul(3)),
+            Room::Usual => self.gaussians.saturating_mul(4).saturating_add(self.pixels().saturating_mul(3)).min(most),
             Room::Intersections(count) => count,
-            Room::Bytes(bytes) => (bytes / INTERSECTION_BYTES).min(u32::MAX.into()) as u32,
+            Room::Bytes(bytes) => (bytes / INTERSECTION_BYTES).min(most.into()) as u32,
         }
         .max(1)
     }
@@ -114,7 +116,7 @@ impl Limits {
             splats: self.gaussians.max(1),
             pixels: self.pixels(),
             tiles: Grid::new(tile, 0, 1, self.width, self.height).tiles(),
-            isects: self.isects(),
+            isects: self.isects(device),
             batch: false,
             background_image: false,
             median: self.depth_out,
