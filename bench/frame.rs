@@ -200,7 +200,7 @@ fn run(args: &Args) -> Result<()> {
         .collect();
     rows.sort_by(|a, b| b.2.total_cmp(&a.2));
     let device: f64 = rows.iter().map(|row| row.2).sum();
-    let memory = (frames.limits().plan(context.info()).bytes(), model.capacity());
+    let memory = (frames.limits().plan(context.info())?.bytes(), model.capacity());
     if args.json {
         let stages: Vec<_> = rows
             .iter()

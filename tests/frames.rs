@@ -271,13 +271,37 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     }
     refused(FrameView { ids: Some(imaged(vk::Format::R32_SFLOAT)), ..view }, "expected one of [R32_UINT]");
     engine.submit(0);
-    for limits in [
-        Limits { width: 0, ..Limits::of(&model, 32, 24) },
-        Limits { in_flight: 0, ..Limits::of(&model, 32, 24) },
-        Limits { degrees: vec![], ..Limits::of(&model, 32, 24) },
+    let fits = Limits::of(&model, 32, 24);
+    for (limits, words) in [
+        (Limits { width: 0, ..fits.clone() }, "0 width"),
+        (Limits { in_flight: 0, ..fits.clone() }, "0 in_flight"),
+        (Limits { degrees: vec![], ..fits.clone() }, "0 degrees"),
+        (Limits { degrees: vec![5], ..fits.clone() }, "degree 5"),
+        (Limits { lobe_degrees: vec![u32::MAX], ..fits.clone() }, "degree 4294967295"),
+        // What 32 bits do not count would be taken for less.
+        (Limits { width: 1 << 16, height: 1 << 16, ..fits.clone() }, "too large"),
+        (Limits { width: 1 << 16, height: 1 << 14, texel: Texel::Rgba32F, ..fits.clone() }, "too large"),
+        (Limits { views: 2, instances: 1 << 31, ..fits.clone() }, "2147483648 instances are too many"),
+        (Limits { views: u32::MAX, instances: u32::MAX, ..fits.clone() }, "too many"),
+        (Limits { in_flight: 65, ..fits.clone() }, "65 slots"),
     ] {
-        assert!(matches!(Frames::new(&gpu, limits), Err(Error::Usage(_))));
+        let refusals = [limits.plan(gpu.info()).map(drop), Frames::new(&gpu, limits.clone()).map(drop)];
+        for refusal in refusals {
+            match refusal {
+                Err(Error::Usage(message)) => assert!(message.contains(words), "{message} lacks {words}"),
+                other => panic!("{other:?}, expected a refusal that says {words}"),
+            }
+        }
     }
+    // What can be counted, and no device has, is refused by the device; the plan says how much it would be.
+    let most =
+        Limits { gaussians: u32::MAX, instances: u32::MAX, width: u32::MAX, height: 1, texel: Texel::Rgba8, ..fits };
+    let plan = most.plan(gpu.info()).unwrap();
+    let of = |name| plan.0.iter().find(|buffer| buffer.name == name).unwrap();
+    assert_eq!((of("views").elements, of("target").bytes()), (u32::MAX.into(), 4 * u64::from(u32::MAX)));
+    assert!(matches!(Frames::new(&gpu, most), Err(Error::Gpu(_))));
+    let rooms = model::Room { base: u32::MAX, supplement: u32::MAX, ..Default::default() };
+    assert!(matches!(Model::upload_around(&gpu, DVec3::ZERO, &scene, rooms), Err(Error::Usage(_))));
 }
 
 /// The twin's image of what is before `farthest`, and the margin of each pixel's decisions.
@@ -910,8 +934,8 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
     engine.finish();
     assert_eq!((frames.report(0).unwrap().needed, frames.report(1).unwrap().needed), (Some(needed), None));
     assert!(targets[1].pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
-    let plan = limits.plan(gpu.info()).bytes();
-    let more = Limits { intersections: Room::Bytes(1 << 20), ..limits }.plan(gpu.info()).bytes();
+    let plan = limits.plan(gpu.info()).unwrap().bytes();
+    let more = Limits { intersections: Room::Bytes(1 << 20), ..limits }.plan(gpu.info()).unwrap().bytes();
     assert!(more > plan + (900 << 10) && more < plan + (1200 << 10), "{plan} {more}");
 }
 
@@ -949,7 +973,7 @@ fn room_that_fits_is_made_where_a_quarter_more_would_not_fit() {
         // The usual room for 2.5 million Gaussians at 3840 × 2160 would be 35 million.
         let large = Limits { gaussians: 2_500_000, width: 3840, height: 2160, ..frames.limits().clone() };
         for intersections in [Room::Usual, Room::Bytes(1 << 40)] {
-            let plan = Limits { intersections, ..large.clone() }.plan(gpu.info());
+            let plan = Limits { intersections, ..large.clone() }.plan(gpu.info()).unwrap();
             let lists = plan.0.iter().filter(|buffer| buffer.name.starts_with("isect"));
             assert!(
                 lists.clone().count() > 3 && lists.map(|list| list.bytes()).all(|b| b <= gpu.info().max_storage_bytes)
@@ -989,10 +1013,10 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         // Nor need there be a device: what is known of a physical one says the same.
         let physical = unsafe { Context::describe(&entry, gpu.instance(), gpu.physical_device()) }.unwrap();
         assert_eq!(Model::plan(&physical, &scene, room), Model::plan(gpu.info(), &scene, room));
-        assert_eq!(limits.plan(&physical), limits.plan(gpu.info()));
+        assert_eq!(limits.plan(&physical).unwrap(), limits.plan(gpu.info()).unwrap());
         let before = gpu.memory().used;
         let frames = Frames::new(&gpu, limits.clone()).unwrap();
-        let (planned, held) = (limits.plan(gpu.info()).bytes(), gpu.memory().used - before);
+        let (planned, held) = (limits.plan(gpu.info()).unwrap().bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
         // But for an element each of the three kinds of gradient records.
         let (names, bytes) = named(frames.held());

@@ -359,7 +359,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut needs = Needs::of_scene(&scene, false);
     // Diffuse is the base without bands.
     needs.degrees.push(0);
-    let frames = Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info());
+    let frames =
+        Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info()).unwrap();
     let planned = (Model::plan(context.info(), &scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
     let title = display.title(viewer.window);
     let said = title.split(" | ").find_map(|part| part.strip_suffix(" MB")?.parse::<f64>().ok());

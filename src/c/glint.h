@@ -151,7 +151,7 @@ typedef struct glint_limits {
     uint32_t gaussians;     /* of all instances of a frame together */
     uint32_t instances;     /* at most 64 */
     uint32_t views;
-    uint32_t in_flight;     /* slots */
+    uint32_t in_flight;     /* slots, at most 64 */
     uint32_t intersections; /* of Gaussians and tiles; 0: as many as take `intersection_bytes` */
     uint32_t texel;         /* the widest of any target */
     uint32_t degrees;       /* bit d: harmonics of degree d are asked for; bit 4: spherical betas */
@@ -168,6 +168,7 @@ typedef struct glint_limits {
 int32_t glint_limits_of(const glint_model *model, uint32_t width, uint32_t height, glint_limits *limits);
 /* The same for a scene, before it is uploaded. */
 int32_t glint_limits_for(const glint_scene *scene, uint32_t half, uint32_t width, uint32_t height, glint_limits *limits);
+/* 0 where there can be no such frames; glint_last_error says why. */
 uint64_t glint_frames_bytes(const glint_context *context, const glint_limits *limits);
 int32_t glint_frames_create(const glint_context *context, const glint_limits *limits, glint_frames **frames);
 /* All slots' commands have run. */

@@ -598,7 +598,7 @@ pub unsafe extern "C" fn glint_frames_bytes(context: *const glint_context, limit
     let mut bytes = 0;
     guarded(|| {
         // SAFETY: by the contract above.
-        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(of(context, "context")?.0.info()).bytes() };
+        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(of(context, "context")?.0.info())?.bytes() };
         Ok(())
     });
     bytes

@@ -213,8 +213,8 @@ impl glint_limits {
                 (count, _) => Room::Intersections(count),
             },
             texel: texel(self.texel)?,
-            degrees: numbers(self.degrees),
-            lobe_degrees: numbers(self.lobe_degrees),
+            degrees: numbers(self.degrees)?,
+            lobe_degrees: numbers(self.lobe_degrees)?,
             half: self.half != 0,
             depth_in: self.depth_in != 0,
             depth_out: self.depth_out != 0,
@@ -228,8 +228,11 @@ fn bits(degrees: &[u32]) -> u32 {
     degrees.iter().fold(0, |bits, degree| bits | 1 << degree)
 }
 
-fn numbers(bits: u32) -> Vec<u32> {
-    (0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()
+fn numbers(bits: u32) -> Result<Vec<u32>> {
+    match bits >> (BETAS + 1) {
+        0 => Ok((0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()),
+        _ => Err(Error::Usage(format!("degrees {bits:#x}, expected bits 0 to {BETAS}"))),
+    }
 }
 
 fn texel(number: u32) -> Result<Texel> {

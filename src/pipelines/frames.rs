@@ -85,21 +85,9 @@ pub struct Frames {
 
 impl Frames {
     /// # Errors
-    /// [`Error::Usage`] for limits of 0, else what the device lacks.
+    /// [`Error::Usage`] for limits of 0 and such that cannot be counted, else what the device lacks.
     pub fn new(context: &Context, limits: Limits) -> Result<Self> {
-        let positive = [
-            ("width", limits.width),
-            ("height", limits.height),
-            ("views", limits.views),
-            ("in_flight", limits.in_flight),
-            ("degrees", limits.degrees.len() as u32),
-        ];
-        if let Some((name, _)) = positive.into_iter().find(|(_, value)| *value == 0) {
-            return Err(Error::Usage(format!("frames for 0 {name}, expected at least 1")));
-        }
-        if limits.width.checked_mul(limits.height).is_none() {
-            return Err(Error::Usage(format!("frames of {} × {} pixels are too large", limits.width, limits.height)));
-        }
+        limits.check()?;
         let needs = Needs {
             gaussians: limits.gaussians,
             degrees: limits.degrees.clone(),

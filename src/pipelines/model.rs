@@ -302,6 +302,10 @@ impl Model {
             Ok(part)
         };
         let [base, supplement] = room.capacities(counts);
+        if base.checked_add(supplement).is_none() {
+            let what = format!("a model with room for {base} and {supplement} Gaussians: more than can be numbered");
+            return Err(Error::Usage(what));
+        }
         let parts = [part(Segment::Base, base)?, part(Segment::Supplement, supplement)?];
         let page_count = parts.iter().map(|p| p.pages.len()).sum();
         let words = |name, len| Buffer::new(context, name, len, Location::Device);

@@ -202,7 +202,7 @@ buffers! {
         /// RGB with the background, and transmittance.
         pub image: [f32; 4] = o.pixels,
         /// ∂loss/∂RGB by pixel, interleaved.
-        pub image_grad: f32 = 3 * o.only_if(o.backward, o.pixels),
+        pub image_grad: f32 = 3 * u64::from(o.only_if(o.backward, o.pixels)),
         /// RGB and transmittance of what lies behind all splats.
         pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
         /// Gaussian index of each pixel's median; NONE: none.

@@ -11,7 +11,9 @@ use super::{
     view::Texel,
 };
 use crate::{
+    error::{Error, Result},
     gpu::DeviceInfo,
+    scene::layout::BETAS,
     stages::{
         status,
         types::{self, View},
@@ -33,6 +35,9 @@ pub enum Room {
 /// Bytes of an intersection in the four lists that are sorted.
 const INTERSECTION_BYTES: u64 = 4 * LIST_BYTES;
 
+/// Slots at most: more than any renderer has frames in flight.
+const SLOTS: u32 = 64;
+
 /// What frames are made for.
 #[derive(Debug, Clone)]
 pub struct Limits {
@@ -46,7 +51,7 @@ pub struct Limits {
     pub instances: u32,
     /// Views of a frame: eyes, faces of a cube.
     pub views: u32,
-    /// Slots.
+    /// Slots, at most 64.
     pub in_flight: u32,
     /// Beyond them a view shows what is near only.
     pub intersections: Room,
@@ -127,20 +132,54 @@ impl Limits {
     }
 
     /// What frames of these limits hold on a device, beside the models.
-    pub fn plan(&self, device: &DeviceInfo) -> Plan {
-        Raster::plan(&self.raster(device)).and(FrameBuffers::plan(self))
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where there can be no such frames.
+    pub fn plan(&self, device: &DeviceInfo) -> Result<Plan> {
+        self.check()?;
+        Ok(Raster::plan(&self.raster(device)).and(FrameBuffers::plan(self)))
+    }
+
+    /// Whether there can be such frames: kernels count pixels, words and views in 32 bits.
+    pub(super) fn check(&self) -> Result<()> {
+        let positive = [
+            ("width", self.width),
+            ("height", self.height),
+            ("views", self.views),
+            ("in_flight", self.in_flight),
+            ("degrees", self.degrees.len() as u32),
+        ];
+        if let Some((name, _)) = positive.into_iter().find(|(_, value)| *value == 0) {
+            return Err(Error::Usage(format!("frames for 0 {name}, expected at least 1")));
+        }
+        let Limits { width, height, texel, views, instances, in_flight, .. } = *self;
+        if width.checked_mul(height).and_then(|pixels| pixels.checked_mul(texel.words())).is_none() {
+            return Err(Error::Usage(format!("frames of {width} × {height} pixels of {texel:?} are too large")));
+        }
+        if views.checked_mul(instances).is_none() {
+            return Err(Error::Usage(format!("frames of {views} views of {instances} instances are too many")));
+        }
+        if in_flight > SLOTS {
+            return Err(Error::Usage(format!("{in_flight} slots for frames in flight, expected at most {SLOTS}")));
+        }
+        match self.degrees.iter().chain(&self.lobe_degrees).find(|&&degree| degree > BETAS) {
+            Some(degree) => {
+                Err(Error::Usage(format!("harmonics of degree {degree}, expected 0 to 3, or {BETAS}: betas")))
+            }
+            None => Ok(()),
+        }
     }
 }
 
 buffers! {
     /// What is beside the raster.
     pub(super) struct FrameBuffers(l: Limits) {
-        pub(super) views: View = l.views * l.instances.max(1),
+        pub(super) views: View = u64::from(l.views) * u64::from(l.instances.max(1)),
         pub(super) frames: types::Frame = l.views,
         pub(super) splat_total: u32 = 1,
         pub(super) splat_args: u32 = 3,
         pub(super) status: u32 = status::WORDS,
-        pub(super) target: u32 = l.texel.words() * l.pixels(),
+        pub(super) target: u32 = u64::from(l.texel.words()) * u64::from(l.pixels()),
         pub(super) depths: f32 = if l.depth_out { l.pixels() } else { 1 },
         pub(super) depth_target: f32 = if l.depth_out { l.pixels() } else { 1 },
     }
