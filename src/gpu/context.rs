@@ -19,7 +19,7 @@ use super::{
     device::{self, Limits, Physical, Subgroups},
     functions::{check_device, check_instance},
     instance::{create_instance, create_messenger},
-    memory::{BLOCK, Budget},
+    memory::{BLOCK, Budget, types_of_buffers},
     pipeline::Made,
     recorder::{CommandSlot, destroy_slot},
 };
@@ -336,6 +336,7 @@ impl Context {
         // SAFETY: a query on live handles.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical_device) };
         let timestamp_bits = families.get(queue_family as usize).map_or(0, |f| f.timestamp_valid_bits);
+        let types = types_of_buffers(&device)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -360,7 +361,7 @@ impl Context {
             features,
             timestamp_mask: u64::MAX.checked_shr(64 - timestamp_bits.min(64)).unwrap_or(0),
             allocator: Mutex::new(Some(allocator)),
-            budget: Budget::new(physical, from.memory_budget),
+            budget: Budget::new(physical, types, from.memory_budget),
             free_slots: Mutex::default(),
             submissions: AtomicU64::new(0),
             waits: AtomicU64::new(0),

@@ -606,7 +606,27 @@ pub struct Upload {
 }
 
 impl Upload {
-    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's.
+    /// What an upload of `scene` takes beside its model until it is recorded and its commands have run: host memory, of which a
+    /// context's budget knows where device and host share theirs. It is as much again as the pages that are filled;
+    /// [`Model::upload_around`], which waits, stages 64 MiB at most.
+    pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
+        let (degrees, counts) = (room.degrees(scene), counts_of(scene));
+        let limit = room.page_limit(device, degrees[0].max(degrees[1]));
+        let mut plan = Plan::default();
+        for (segment, capacity) in Segment::ALL.into_iter().zip(room.capacities(counts)) {
+            let s = segment as usize;
+            // Whole pages.
+            let elements = capacity.min(counts[s].div_ceil(limit).saturating_mul(limit)).into();
+            let rows = NAMES[s].into_iter().zip(room.bytes(segment, degrees[s]));
+            let rows = rows.map(|(name, element_bytes)| Planned { name, elements, element_bytes });
+            plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
+        }
+        plan.0.push(Planned { name: "recount status", elements: status::WORDS as u64, element_bytes: 4 });
+        plan
+    }
+
+    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's: see [`Model::plan`] and
+    /// [`Upload::plan`].
     ///
     /// # Errors
     /// Where memory does not suffice.
