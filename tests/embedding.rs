@@ -501,6 +501,9 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
         assert!(recorder.finish().is_empty(), "something was recorded");
     };
     refused(&plain, &views, 1, "there are 1 views, and number 1");
+    let other = Gpu::new();
+    let foreign = Model::upload(&other, &random_scene(3, 50, 0, 1), 0).unwrap();
+    refused(&foreign, &views, 0, "another context than the renderer's");
     refused(&model(50, 20, 1), &views, 0, "without supplement");
     refused(&model(50, 0, 2), &views, 0, "not for 2");
     refused(&model(51, 0, 1), &views, 0, "a view of 51 Gaussians, made for 50");
@@ -551,6 +554,19 @@ fn an_instance_of_an_older_vulkan_is_refused() {
         let chosen = Context::choose(entry, instance, &ContextOptions::default()).map(drop);
         let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
         assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
+    }
+}
+
+#[test]
+fn handles_that_are_null_are_refused() {
+    let application = Application::new();
+    let borrowed = || application.borrowed();
+    for (lent, words) in [
+        (BorrowedDevice { physical_device: vk::PhysicalDevice::null(), ..borrowed() }, "the physical device is null"),
+        (BorrowedDevice { queue: vk::Queue::null(), ..borrowed() }, "the queue is null"),
+    ] {
+        let error = unsafe { Context::borrow(lent) }.map_err(Error::from).err().unwrap();
+        assert_eq!((error.to_string().as_str(), error.exit_code()), (words, 2));
     }
 }
 

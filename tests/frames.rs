@@ -15,7 +15,7 @@ use std::{
     sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed},
 };
 
-use ash::vk;
+use ash::vk::{self, Handle};
 use common::Gpu;
 use engine::Engine;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
@@ -240,6 +240,10 @@ fn what_cannot_be_is_refused_and_records_nothing() {
         let color = Some(Target { blend, exposure: 1.0, ..small });
         refused(0, &[own], FrameView { color, ..view }, "a background of");
     }
+    refused(0, &[own], FrameView { camera: Camera { rotation: 2.0 * DMat3::IDENTITY, ..camera }, ..view }, "rotation");
+    let sheared = DMat3::from_diagonal(DVec3::new(1.0, 1.01, 1.0)) * camera.rotation;
+    refused(0, &[own], FrameView { camera: Camera { rotation: sheared, ..camera }, ..view }, "rotation is none");
+    refused(0, &[own], FrameView { depth_form: DepthForm { a: 1.0, b: 0.0 }, ..view }, "depths that differ");
     let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
     let odd = Target { pixels: Pixels::Buffer(odd), exposure: 1.0, ..small };
     refused(0, &[own], FrameView { color: Some(odd), ..view }, "multiple of 4");
@@ -249,9 +253,41 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[own], FrameView { color, ..view }, "format B8G8R8A8_UNORM, whose texels are not Rgba8");
     let color = of(vk::Format::R16_UNORM, Texel::Rgba16F);
     refused(0, &[own], FrameView { color, ..view }, "format R16_UNORM");
+    // Where there is nothing, where the copy could not be made, and where it would mean something else.
+    let small = Target { exposure: 1.0, ..small };
+    let to = |pixels| Some(Target { pixels, ..small });
+    refused(0, &[own], FrameView { color: to(imaged(vk::Format::R8G8B8A8_UNORM)), ..view }, "an image that is null");
+    let nowhere = Pixels::Buffer(BufferRange { buffer: vk::Buffer::null(), offset: 0 });
+    refused(0, &[own], FrameView { color: to(nowhere), ..view }, "a buffer that is null");
+    // No image's: nothing is recorded with it.
+    let some = vk::Image::from_raw(1);
+    let region = ImageRegion::of(some, vk::Format::R8G8B8A8_SRGB, vk::ImageLayout::GENERAL);
+    let srgb = |light, blend| Some(Target { pixels: Pixels::Image(region), light, blend, ..small });
+    refused(0, &[own], FrameView { color: srgb(Light::Linear, small.blend), ..view }, "holds encoded values");
+    let placed = |layout, offset| Pixels::Image(ImageRegion { layout, offset, ..region });
+    let undefined = placed(vk::ImageLayout::UNDEFINED, [0; 2]);
+    refused(
+        0,
+        &[own],
+        FrameView { color: to(undefined), ..view },
+        "in layout UNDEFINED, expected one of [GENERAL, TRANSFER_DST",
+    );
+    let read = placed(vk::ImageLayout::TRANSFER_SRC_OPTIMAL, [0; 2]);
+    refused(0, &[own], FrameView { color: to(read), ..view }, "layout TRANSFER_SRC_OPTIMAL");
+    let written = placed(vk::ImageLayout::TRANSFER_DST_OPTIMAL, [0; 2]);
+    let over = Some(Target { pixels: written, blend: Blend::Over, ..small });
+    refused(0, &[own], FrameView { color: over, ..view }, "expected one of [GENERAL, SHARED_PRESENT_KHR]");
+    let outside = placed(vk::ImageLayout::GENERAL, [3, -1]);
+    refused(0, &[own], FrameView { color: to(outside), ..view }, "a corner at [3, -1]");
     let other = Gpu::new();
     let foreign = Model::upload(&other, &scene, 0).unwrap();
     refused(0, &[Instance::of(&foreign)], view, "another context");
+    let null = Frame { slot: 0, instances: &[own], views: &[view] };
+    let said = unsafe { frames.record(vk::CommandBuffer::null(), &null) }.unwrap_err().to_string();
+    assert!(said.contains("command buffer that is null"), "{said}");
+    let mut elsewhere = other.recorder("elsewhere").unwrap();
+    let said = unsafe { frames.record_into(&mut elsewhere, &null) }.unwrap_err().to_string();
+    assert!(said.contains("a recorder of another context") && elsewhere.finish().is_empty(), "{said}");
     // What has other texels than depths and numbers would be read as such.
     let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
     let mut deep = Frames::new(&gpu, limits).unwrap();
@@ -270,6 +306,16 @@ fn what_cannot_be_is_refused_and_records_nothing() {
         refused(FrameView { depth_out: Some(imaged(format)), ..view }, "for depths of Gaussians, expected one of [D32");
     }
     refused(FrameView { ids: Some(imaged(vk::Format::R32_SFLOAT)), ..view }, "expected one of [R32_UINT]");
+    let nothing_in = |format| {
+        Some(Pixels::Image(ImageRegion {
+            layout: vk::ImageLayout::UNDEFINED,
+            ..ImageRegion::of(some, format, vk::ImageLayout::GENERAL)
+        }))
+    };
+    let depths = nothing_in(vk::Format::D32_SFLOAT);
+    refused(FrameView { depth_in: depths, ..view }, "depths that hide Gaussians: an image in layout UNDEFINED");
+    refused(FrameView { depth_out: depths, ..view }, "depths of Gaussians: an image in layout UNDEFINED");
+    refused(FrameView { ids: nothing_in(vk::Format::R32_UINT), ..view }, "numbers of Gaussians: an image in layout");
     engine.submit(0);
     let fits = Limits::of(&model, 32, 24);
     for (limits, words) in [
@@ -1299,6 +1345,14 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
         let skewed = DMat4 { y_axis: DVec4::new(0.1, projection.y_axis.y, 0.0, 0.0), ..projection };
         assert!(FrameView::from_matrices(view, skewed, 640, 480).is_err());
         assert!(FrameView::from_matrices(2.0 * view, projection, 640, 480).is_err());
+        // A rotation and a translation are divided by nothing.
+        for last in [DVec4::new(0.0, 0.0, 0.5, 1.0), DVec4::new(0.0, 0.0, 0.0, 2.0)] {
+            let mut columns = [view.x_axis, view.y_axis, view.z_axis, view.w_axis];
+            columns.iter_mut().zip(last.to_array()).for_each(|(column, w)| column.w = w);
+            let [x, y, z, w] = columns;
+            let said = FrameView::from_matrices(DMat4::from_cols(x, y, z, w), projection, 640, 480).unwrap_err();
+            assert!(said.to_string().contains("a view of rotation and translation"), "{said}");
+        }
         assert!(FrameView::from_matrices(view, DMat4::IDENTITY, 640, 480).is_err());
         assert!(FrameView::from_matrices(DMat4::NAN, projection, 640, 480).is_err());
     }

@@ -277,6 +277,11 @@ pub unsafe extern "C" fn glint_context_create(device: *const glint_device, out: 
     guarded(|| {
         // SAFETY: by the contract above.
         let d = unsafe { sized(device, "device") }?;
+        for (what, handle) in [("physical_device", d.physical_device), ("device", d.device), ("queue", d.queue)] {
+            if handle.is_null() {
+                return Err(null(what));
+            }
+        }
         // SAFETY: by the contract above.
         unsafe {
             let (entry, instance) = instance_of(d.get_instance_proc_addr, d.instance)?;
@@ -460,6 +465,9 @@ pub unsafe extern "C" fn glint_upload_record(upload: *mut glint_upload, commands
         // SAFETY: by the contract above.
         unsafe {
             let u = upload.as_mut().ok_or_else(|| null("upload"))?;
+            if commands.is_null() {
+                return Err(null("the command buffer"));
+            }
             let commands = vk::CommandBuffer::from_raw(commands as u64);
             let mut recorder = Recorder::borrow(&u.context, commands, std::mem::take(&mut u.kept));
             u.upload.record(&mut recorder)?;

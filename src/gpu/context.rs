@@ -309,13 +309,22 @@ impl Context {
     ///
     /// # Errors
     /// [`GpuError::Missing`] and [`GpuError::Limit`] name what the physical device lacks, or a function of Vulkan that instance or
-    /// device do not have. Features and extensions without functions that exist but were not enabled cannot be seen from here: enable
+    /// device do not have; [`GpuError::Null`] what is not there. Features and extensions without functions that exist but were not enabled cannot be seen from here: enable
     /// what [`Context::requirements`] lists.
     ///
     /// # Safety
     /// The handles belong together, outlive every clone of the context and all that is made from it, and nobody else
     /// uses the queue while glint submits. The device was made as [`Context::requirements`] and `optional` say.
     pub unsafe fn borrow(device: BorrowedDevice) -> Result<Self, GpuError> {
+        for (what, is_null) in [
+            ("the physical device", device.physical_device == vk::PhysicalDevice::null()),
+            ("the device", device.device.handle() == vk::Device::null()),
+            ("the queue", device.queue == vk::Queue::null()),
+        ] {
+            if is_null {
+                return Err(GpuError::Null(what));
+            }
+        }
         // SAFETY: by the contract above.
         let physical = unsafe {
             check_instance(&device.entry, &device.instance)?;

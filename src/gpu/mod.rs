@@ -52,6 +52,9 @@ pub enum GpuError {
          use fewer Gaussians or smaller images"
     )]
     BufferTooLarge { name: String, bytes: u64, limit: u64 },
+    /// A handle of the caller's.
+    #[error("{0} is null")]
+    Null(&'static str),
     /// A limit of the device's is below what a kernel takes.
     #[error("device {device} allows {has} {what}, {needs} are needed")]
     Limit { device: String, what: String, needs: u64, has: u64 },

@@ -142,13 +142,16 @@ impl Frames {
     /// Records a frame into the caller's command buffer.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the frame is beyond the limits or makes no sense; nothing is recorded then.
+    /// [`Error::Usage`] where the frame is beyond the limits or makes no sense, or a handle is null; nothing is recorded then.
     ///
     /// # Safety
     /// `commands` is recording, on the context's queue family, and outside a render pass; images and buffers of the views are live, of
     /// the size and in the layout that is said, and synchronised as the module says. What slot `frame.slot` had recorded before has run.
     pub unsafe fn record(&mut self, commands: vk::CommandBuffer, frame: &Frame<'_>) -> Result<()> {
         self.check(frame)?;
+        if commands == vk::CommandBuffer::null() {
+            return Err(Error::Usage("a command buffer that is null".into()));
+        }
         let kept = std::mem::take(&mut self.slots[frame.slot as usize].kept);
         // SAFETY: by the contract above.
         let mut recorder = unsafe { Recorder::borrow(&self.context, commands, kept) };
@@ -165,12 +168,15 @@ impl Frames {
     /// What [`Frames::record`] records, into a recorder of glint's own or of the caller's, without a report and in no slot.
     ///
     /// # Errors
-    /// As there.
+    /// As there, and where the recorder is of another context.
     ///
     /// # Safety
     /// As there.
     pub unsafe fn record_into(&self, recorder: &mut Recorder, frame: &Frame<'_>) -> Result<()> {
         self.check(frame)?;
+        if !recorder.context().is_same(&self.context) {
+            return Err(Error::Usage("a recorder of another context than the frames'".into()));
+        }
         // The frame before may still read and write the buffers that all share.
         recorder.barrier();
         recorder.fill(&self.buffers.status, 0);

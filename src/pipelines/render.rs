@@ -354,7 +354,7 @@ impl Renderer {
         view: u32,
         show: &Show,
     ) -> Result<()> {
-        self.check(model, views, view, show)?;
+        self.check(recorder, model, views, view, show)?;
         if !self.options.depth {
             return Err(Error::Usage("depths are asked for, the renderer was made without".into()));
         }
@@ -382,7 +382,7 @@ impl Renderer {
         show: &Show,
         status: &Buffer<u32>,
     ) -> Result<Grid> {
-        let camera = self.check(model, views, view, show)?;
+        let camera = self.check(recorder, model, views, view, show)?;
         if status.len() < status::WORDS {
             let words = status.len();
             return Err(Error::Usage(format!("a status of {words} words, expected {}", status::WORDS)));
@@ -401,7 +401,17 @@ impl Renderer {
     }
 
     /// Whether there is such a view, and the renderer was made for it and for the model.
-    fn check<'a>(&self, model: &Model, views: &'a Views, view: u32, show: &Show) -> Result<&'a Camera> {
+    fn check<'a>(
+        &self,
+        recorder: &Recorder,
+        model: &Model,
+        views: &'a Views,
+        view: u32,
+        show: &Show,
+    ) -> Result<&'a Camera> {
+        if ![recorder.context(), model.context()].into_iter().all(|context| context.is_same(self.raster.context())) {
+            return Err(Error::Usage("a recorder or a model of another context than the renderer's".into()));
+        }
         model.check_origin(views)?;
         self.stages.check(model, show.upto, show.degree)?;
         let Some(camera) = views.cameras.get(view as usize) else {

@@ -173,6 +173,13 @@ int main(int argc, char **argv) {
     if (glint_scene_read("nowhere.ply", &scene) != 2 || !strstr(glint_last_error(), "nowhere.ply")) FAIL("a scene from nowhere");
     if (glint_scene_parse((const uint8_t *)"ply\n", 4, "four bytes", &scene) != 2) FAIL("a scene of four bytes");
     if (glint_context_create(NULL, &context) != 2) FAIL("a device that is null");
+    glint_device nothing[3] = { lent, lent, lent };
+    nothing[0].physical_device = NULL;
+    nothing[1].device = NULL;
+    nothing[2].queue = NULL;
+    glint_context *none = NULL;
+    for (int i = 0; i < 3; ++i)
+        if (glint_context_create(&nothing[i], &none) != 2 || none || !strstr(glint_last_error(), "is null")) FAIL("null handle %d", i);
     GLINT(glint_scene_read(argv[2], &scene));
     glint_scene_counts counts = { sizeof counts };
     GLINT(glint_scene_info(scene, &counts));
@@ -187,6 +194,7 @@ int main(int argc, char **argv) {
     glint_model *model;
     if (glint_upload_finish(upload, &model) != 2 || !strstr(glint_last_error(), "not recorded")) FAIL("an upload that was not recorded");
     VkCommandBuffer commands = begin(device, pool);
+    if (glint_upload_record(upload, NULL) != 2 || !strstr(glint_last_error(), "null")) FAIL("no command buffer");
     GLINT(glint_upload_record(upload, commands));
     run(queue, commands);
     GLINT(glint_upload_finish(upload, &model));
@@ -237,6 +245,7 @@ int main(int argc, char **argv) {
     view.size = 0;
     if (glint_frames_record(frames, commands, &frame) != 2) FAIL("a view of no size");
     view.size = sizeof view;
+    if (glint_frames_record(frames, NULL, &frame) != 2 || !strstr(glint_last_error(), "null")) FAIL("no command buffer");
     glint_report report = { sizeof report };
     if (glint_frames_report(frames, 0, &report) != 2) FAIL("a report of nothing");
     GLINT(glint_frames_record(frames, commands, &frame));

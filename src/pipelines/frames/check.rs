@@ -1,14 +1,15 @@
 //! What is refused before anything of a frame is recorded.
 
 use ash::vk;
+use glam::DMat3;
 
 use super::{
     Frames,
-    view::{Blend, Frame, Instance, Texel},
+    view::{Blend, Frame, Instance, Light, Target, Texel},
 };
 use crate::{
     error::{Error, Result},
-    gpu::{BufferRange, Pixels},
+    gpu::{BufferRange, ImageRegion, Pixels},
     scene::Camera,
 };
 
@@ -18,6 +19,34 @@ pub const DEPTH_FORMATS: [vk::Format; 3] =
 
 /// Of images with numbers of Gaussians.
 pub const ID_FORMATS: [vk::Format; 1] = [vk::Format::R32_UINT];
+
+/// Layouts of images that are copied to and from, and of those that are both.
+const WRITTEN: [vk::ImageLayout; 3] = [BOTH[0], vk::ImageLayout::TRANSFER_DST_OPTIMAL, BOTH[1]];
+const READ: [vk::ImageLayout; 3] = [BOTH[0], vk::ImageLayout::TRANSFER_SRC_OPTIMAL, BOTH[1]];
+const BOTH: [vk::ImageLayout; 2] = [vk::ImageLayout::GENERAL, vk::ImageLayout::SHARED_PRESENT_KHR];
+
+/// How far RᵀR of a camera may be from the identity: what float32 leaves of matrices that were multiplied a few hundred times. At a focal
+/// length of 1000 it moves a pixel's place by less than half a pixel.
+const SKEW: f64 = 1e-3;
+
+/// Whether there is such a place in an image, whose layout is one of `layouts`, or in a buffer.
+fn check_place(what: &str, pixels: &Pixels, layouts: &[vk::ImageLayout]) -> Result<()> {
+    let wrong = match pixels {
+        Pixels::Image(ImageRegion { image, .. }) if *image == vk::Image::null() => "an image that is null".into(),
+        Pixels::Image(ImageRegion { layout, .. }) if !layouts.contains(layout) => {
+            format!("an image in layout {layout:?}, expected one of {layouts:?}")
+        }
+        Pixels::Image(ImageRegion { offset, .. }) if offset.iter().any(|&o| o < 0) => {
+            format!("a corner at {offset:?}, expected 0 or more")
+        }
+        Pixels::Buffer(BufferRange { buffer, .. }) if *buffer == vk::Buffer::null() => "a buffer that is null".into(),
+        Pixels::Buffer(BufferRange { offset, .. }) if offset % 4 != 0 => {
+            format!("a buffer's part begins at byte {offset}, expected a multiple of 4")
+        }
+        _ => return Ok(()),
+    };
+    Err(Error::Usage(format!("{what}: {wrong}")))
+}
 
 impl Frames {
     pub(super) fn check(&self, frame: &Frame<'_>) -> Result<()> {
@@ -64,6 +93,10 @@ impl Frames {
                     view.camera, view.near, view.depth_form
                 )));
             }
+            let off = rotation.transpose() * rotation - DMat3::IDENTITY;
+            if !off.to_cols_array().iter().all(|v| v.abs() < SKEW) {
+                return Err(Error::Usage(format!("a camera whose rotation is none: {rotation:?}")));
+            }
             if let Some(target) = view.color {
                 within("words for a texel", target.texel.words().into(), limits.texel.words().into())?;
                 if !(target.exposure >= 0.0 && target.exposure.is_finite()) {
@@ -93,6 +126,12 @@ impl Frames {
                     target.texel
                 )));
             }
+            if let (Some(Target { light: Light::Linear, .. }), Some(has)) =
+                (view.color, format(view.color.map(|c| c.pixels)))
+                && [vk::Format::R8G8B8A8_SRGB, vk::Format::B8G8R8A8_SRGB].contains(&has)
+            {
+                return Err(Error::Usage(format!("a target of format {has:?} holds encoded values, not linear light")));
+            }
             let depths = [("depths that hide Gaussians", view.depth_in), ("depths of Gaussians", view.depth_out)];
             let depths = depths.map(|(what, pixels)| (what, pixels, &DEPTH_FORMATS[..]));
             for (what, pixels, formats) in
@@ -104,14 +143,15 @@ impl Frames {
                     )));
                 }
             }
-            let ranges = [view.color.map(|c| c.pixels), view.depth_in, view.depth_out, view.ids];
-            for range in ranges.into_iter().flatten() {
-                if let Pixels::Buffer(BufferRange { offset, .. }) = range
-                    && offset % 4 != 0
-                {
-                    return Err(Error::Usage(format!(
-                        "a buffer's part begins at byte {offset}, expected a multiple of 4"
-                    )));
+            let both = matches!(view.color, Some(Target { blend: Blend::Over, .. }));
+            for (what, pixels, layouts) in [
+                ("a target", view.color.map(|c| c.pixels), if both { &BOTH[..] } else { &WRITTEN }),
+                ("depths that hide Gaussians", view.depth_in, &READ),
+                ("depths of Gaussians", view.depth_out, &WRITTEN),
+                ("numbers of Gaussians", view.ids, &WRITTEN),
+            ] {
+                if let Some(pixels) = pixels {
+                    check_place(what, &pixels, layouts)?;
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! What a frame shows, and where it goes.
 
 use ash::vk;
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 
 use super::super::{
     model::{Model, Segment},
@@ -17,7 +17,7 @@ use crate::{
     },
 };
 
-/// A texel of a target. Images with a format of the `_SRGB` kind hold encoded values: name them [`Light::Encoded`].
+/// A texel of a target. Images with a format of the `_SRGB` kind hold encoded values: they are [`Light::Encoded`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Texel {
     /// 4 bytes, R first.
@@ -138,7 +138,7 @@ impl DepthForm {
 /// One view of a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameView {
-    /// In the world in which instances stand. Its size is that of the targets.
+    /// In the world in which instances stand. Its size is that of the targets; its rotation may mirror, for what a mirror shows.
     pub camera: Camera,
     /// Camera z, scene units of the world; Gaussians whose centre is not beyond are left out. [`FrameView::new`] has 3DGS's 0.2,
     /// [`FrameView::from_matrices`] the projection's own. The nearer it is, the larger a Gaussian before the eye becomes: a scene that was
@@ -193,7 +193,8 @@ impl FrameView {
         }
         let rotation = DMat3::from_mat4(view);
         let unit = rotation.transpose() * rotation;
-        if !(0..3).all(|c| (unit.col(c) - DMat3::IDENTITY.col(c)).length() < off) {
+        let last = view.row(3) - DVec4::W;
+        if !((0..3).all(|c| (unit.col(c) - DMat3::IDENTITY.col(c)).length() < off) && last.length() < off) {
             return Err(Error::Usage(format!(
                 "expected a view of rotation and translation: {:?}",
                 view.to_cols_array()
