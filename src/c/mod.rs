@@ -591,8 +591,9 @@ pub unsafe extern "C" fn glint_frames_create(
         // SAFETY: by the contract above.
         unsafe {
             let limits = sized(limits, "limits")?.limits()?;
+            let views = Vec::with_capacity(limits.views.min(MOST_VIEWS) as usize);
             let frames = Frames::new(&of(context, "context")?.0, limits)?;
-            put(out, glint_frames { frames, views: Vec::new() })
+            put(out, glint_frames { frames, views })
         }
     })
 }
@@ -654,6 +655,9 @@ pub unsafe extern "C" fn glint_frames_record(
 
 /// Instances of a frame at most, through this interface.
 const INSTANCES: usize = 64;
+
+/// Views that memory is taken for in advance.
+const MOST_VIEWS: u32 = 4096;
 
 /// # Safety
 /// A live handle, and a writable structure that has its size; the slot's commands have run.

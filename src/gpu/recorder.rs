@@ -176,6 +176,12 @@ impl Kept {
         stamps.read(context)
     }
 
+    /// Room for so many buffers: to record with no more takes nothing from the heap.
+    pub fn reserve(&mut self, buffers: usize) {
+        self.touched.reserve(buffers);
+        self.buffers.reserve(buffers);
+    }
+
     fn keep(&mut self, buffer: &Arc<RawBuffer>) {
         self.buffers.entry(buffer.handle).or_insert_with(|| buffer.clone());
     }

@@ -1,7 +1,8 @@
 //! Frames of a renderer that owns the device, the queue and the loop: scenes in its images, beside its meshes.
 //!
-//! [`Frames::record`] only writes commands. It allocates nothing, submits nothing and waits for nothing; cameras, sizes and instances
-//! may differ in every frame. What a caller owes:
+//! [`Frames::record`] only writes commands. It allocates nothing, submits nothing and waits for nothing, from the first frame on;
+//! cameras, sizes and instances may differ in every frame. (Of models whose pages were asked to be small, and beyond 65,536 buffers, a
+//! slot's lists grow when they first see so many.) What a caller owes:
 //!
 //! - **Slots.** To record slot k says that what was recorded in slot k before has run. Slots are all that frames in flight need: the
 //!   working buffers are shared, and frames follow each other on one queue.
@@ -67,6 +68,9 @@ pub struct Report {
 /// Words of a slot's report: the status, then the raster's counts.
 const COUNTS: usize = 4;
 
+/// Buffers of a frame that nothing lists: the report, and one for bindings that nobody uses.
+const OTHERS: usize = 2;
+
 struct Slot {
     kept: Kept,
     report: Buffer<u32>,
@@ -95,16 +99,20 @@ impl Frames {
             half: limits.half,
         };
         let options = RenderOptions { depth: limits.depth_out, policy: limits.policy, ..Default::default() };
+        let raster = Raster::new(context, limits.raster(context.info()))?;
+        let buffers = FrameBuffers::new(context, &limits)?;
+        let held = raster.held().len() + buffers.held().len() + OTHERS + limits.model_buffers(context.info());
         let slot = |_| {
             let report = Buffer::new(context, "report", status::WORDS + COUNTS, Location::Readback)?;
-            let kept = if limits.timings { Kept::timed(context)? } else { Kept::default() };
+            let mut kept = if limits.timings { Kept::timed(context)? } else { Kept::default() };
+            kept.reserve(held);
             Ok(Slot { kept, report })
         };
         Ok(Frames {
-            raster: Raster::new(context, limits.raster(context.info()))?,
             stages: ModelStages::new(context, needs, &options)?,
             resolve: resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP })?,
-            buffers: FrameBuffers::new(context, &limits)?,
+            raster,
+            buffers,
             slots: (0..limits.in_flight).map(slot).collect::<Result<_, GpuError>>()?,
             context: context.clone(),
             limits,

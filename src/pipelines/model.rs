@@ -200,7 +200,7 @@ impl Room {
     }
 
     /// Gaussians of a page.
-    fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
+    pub(super) fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
         // A page's largest buffer holds two moments of every SH plane.
         let quads = 2 * layout::quads(layout::sh_planes(sh_degree).max(GEOMETRY_PLANES));
         let fits = (device.max_storage_bytes / (16 * quads as u64)).min(u64::from(u32::MAX)) as u32;

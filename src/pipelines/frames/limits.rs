@@ -2,7 +2,7 @@
 
 use super::{
     super::{
-        model::Model,
+        model::{Model, Room as Extra},
         plan::{Plan, buffers},
         raster::{Grid, LIST_BYTES, Raster, RasterOptions},
         render::Needs,
@@ -35,6 +35,8 @@ pub enum Room {
 /// Bytes of an intersection in the four lists that are sorted.
 const INTERSECTION_BYTES: u64 = 4 * LIST_BYTES;
 
+/// Buffers of models that memory is taken for in advance.
+const MOST_BUFFERS: u64 = 1 << 16;
 /// Slots at most: more than any renderer has frames in flight.
 const SLOTS: u32 = 64;
 
@@ -99,6 +101,15 @@ impl Limits {
             timings: false,
             policy: Policy::default(),
         }
+    }
+
+    /// Buffers of all instances together that a frame is recorded with, where their pages are as large as the device lets them be.
+    pub(super) fn model_buffers(&self, device: &DeviceInfo) -> usize {
+        let all = self.degrees.iter().chain(&self.lobe_degrees).copied();
+        let page = Extra::default().page_limit(device, all.max().unwrap_or(0));
+        // Each segment of each model begins a page, of geometry, colours and lobes; then the population and its dispatches.
+        let pages = u64::from(self.gaussians / page) + 2 * u64::from(self.instances);
+        (3 * pages + 2 * u64::from(self.instances)).min(MOST_BUFFERS) as usize
     }
 
     fn pixels(&self) -> u32 {
