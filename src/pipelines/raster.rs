@@ -197,8 +197,8 @@ buffers! {
         pub depth_keys: u32 = o.splats,
         /// Tiles that a splat touches.
         pub tile_counts: u32 = o.splats,
-        /// By Gaussian index: where its intersection slots begin. Valid where `tile_counts` is not 0.
-        pub first_slot: u32 = o.splats,
+        /// By Gaussian index: where its intersection slots, and with them its gradient records, begin. Valid where `tile_counts` is not 0.
+        pub first_slot: u32 = o.only_if(o.backward, o.splats),
         /// RGB with the background, and transmittance.
         pub image: [f32; 4] = o.pixels,
         /// ∂loss/∂RGB by pixel, interleaved.

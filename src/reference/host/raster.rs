@@ -76,10 +76,12 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
                 h.isect_globals[slot] = global;
             }
         }
-        if !direct && room > 0 {
-            claim(h.rank_blocks, rank, slot, room);
+        if !direct {
+            h.first_slot[i] = slot;
+            if room > 0 {
+                claim(h.rank_blocks, rank, slot, room);
+            }
         }
-        h.first_slot[i] = slot;
     }
     Ok(())
 }
