@@ -50,7 +50,10 @@ use glint::{
         Camera, Gaussians, Lobes, Scene, Supplement, from_points,
         layout::{self, BETAS, sh_planes},
     },
-    stages::constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
+    stages::{
+        self,
+        constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
+    },
 };
 
 /// Counts what this thread takes from the heap.
@@ -1107,8 +1110,10 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let frames = Frames::new(&gpu, limits.clone()).unwrap();
         let (planned, held) = (limits.plan(gpu.info()).unwrap().bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
-        // But for an element each of the three kinds of gradient records.
-        let (names, bytes) = named(frames.held());
+        // But for an element each of the three kinds of gradient records, and beside what the host reads of each slot.
+        let (reports, held): (Vec<_>, Vec<_>) = frames.held().into_iter().partition(|held| held.name == "report");
+        assert!(reports.len() == 2 && reports[0].buffer != reports[1].buffer && reports[0].bytes == 36, "{reports:?}");
+        let (names, bytes) = named(held);
         assert!(bytes + 3 * 12 == planned && names.contains("image") && names.contains("target"), "{names:?}: {bytes}");
         drop(frames);
     }
@@ -1175,6 +1180,18 @@ fn a_second_renderer_makes_no_pipelines() {
     assert!(made > 10);
     let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
     assert_eq!(gpu.counters().pipelines, made);
+    // Their handles can be had, each with what it was made of.
+    let handles = gpu.pipelines();
+    assert_eq!(handles.len() as u64, made);
+    for pipeline in &handles {
+        let nothing = pipeline.pipeline == vk::Pipeline::null()
+            || pipeline.layout == vk::PipelineLayout::null()
+            || pipeline.set_layout == vk::DescriptorSetLayout::null();
+        let kernel = stages::ALL.iter().find(|kernel| kernel.name == pipeline.kernel).unwrap();
+        let known = pipeline.constants.iter().filter(|(id, _)| kernel.constants.iter().any(|known| known.id == *id));
+        assert!(!nothing && known.count() == kernel.constants.len(), "{pipeline:?}");
+    }
+    assert!(handles.windows(2).all(|pair| pair[0] < pair[1]) && handles.iter().any(|p| p.kernel == "blend"));
     // Of other degrees there is one more for each segment.
     let third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
     assert_eq!(gpu.counters().pipelines, made + 2);

@@ -27,7 +27,7 @@ pub use images::{BufferRange, ImageRegion, Pixels};
 #[cfg(feature = "view")]
 pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
-pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, Pipeline, Unit, Words};
+pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, MadePipeline, Pipeline, Unit, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 

@@ -129,10 +129,12 @@ impl Frames {
         self.raster.capacity()
     }
 
-    /// The working buffers that all slots share, as [`Limits::plan`] lists them. Of intersections they are others after
-    /// [`Frames::reserve`].
+    /// The working buffers that all slots share, as [`Limits::plan`] lists them, and then the report of each slot, which the host reads:
+    /// the words of [`Status`], visible splats and intersections among the raster's counts behind them. Of intersections they are others
+    /// after [`Frames::reserve`].
     pub fn held(&self) -> Vec<Held> {
-        [self.raster.held(), self.buffers.held()].concat()
+        let reports = self.slots.iter().map(|slot| Held::of("report", &slot.report)).collect();
+        [self.raster.held(), self.buffers.held(), reports].concat()
     }
 
     /// Room for at least so many intersections, and for up to a quarter more where that fits. Frames in flight keep the buffers that
