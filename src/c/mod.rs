@@ -22,17 +22,17 @@ pub use types::*;
 
 use crate::{
     Error, Result,
-    data::{parse_scene, read_scene},
+    data::{Dropped, check_scene, parse_scene, read_scene, read_scene_leniently},
     gpu::{
         BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Kept, KernelInfo, Memory, QueueLock, Recorder,
     },
     pipelines::{
         frames::{Frame, FrameView, Frames, Instance, Limits},
-        model::{Model, Room, Upload},
+        model::{Model, Room, Segment, Upload},
         plan::Held,
         render::Needs,
     },
-    scene::Scene,
+    scene::{Scene, Supplement},
     stages::ALL,
 };
 
@@ -47,9 +47,14 @@ fn guarded(act: impl FnOnce() -> Result<()>) -> i32 {
         Ok(Err(e)) => (i32::from(e.exit_code()), e.to_string()),
         Err(_) => (1, "a fault within glint: please report it".to_owned()),
     };
+    say(message);
+    code
+}
+
+/// Keeps a message for [`glint_last_error`].
+fn say(message: String) {
     let text: Vec<u8> = message.into_bytes().into_iter().filter(|&byte| byte != 0).collect();
     LAST.with_borrow_mut(|last| *last = CString::new(text).unwrap_or_default());
-    code
 }
 
 fn null(what: &str) -> Error {
@@ -193,7 +198,7 @@ pub unsafe extern "C" fn glint_required(out: *mut glint_requirements) -> i32 {
 pub unsafe extern "C" fn glint_optional_feature(index: u32, extension: *mut *const c_char) -> *const c_char {
     static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
     let optional = Context::requirements().optional;
-    let names = NAMES.get_or_init(|| optional.iter().map(|f| CString::new(f.name()).unwrap_or_default()).collect());
+    let names = NAMES.get_or_init(|| optional.iter().map(|f| feature_name(*f)).collect());
     let (Some(feature), Some(name)) = (optional.get(index as usize), names.get(index as usize)) else {
         return ptr::null();
     };
@@ -202,6 +207,18 @@ pub unsafe extern "C" fn glint_optional_feature(index: u32, extension: *mut *con
         *extension = feature.extension().map_or(ptr::null(), CStr::as_ptr);
     }
     name.as_ptr()
+}
+
+/// Name `index` of the features that a device must be made with; null beyond the last.
+#[unsafe(no_mangle)]
+pub extern "C" fn glint_required_feature(index: u32) -> *const c_char {
+    static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
+    let names = NAMES.get_or_init(|| Context::requirements().features.iter().map(|f| feature_name(*f)).collect());
+    names.get(index as usize).map_or(ptr::null(), |name| name.as_ptr())
+}
+
+fn feature_name(feature: Feature) -> CString {
+    CString::new(feature.name()).unwrap_or_default()
 }
 
 /// Bit k is optional feature k.
@@ -268,6 +285,38 @@ pub unsafe extern "C" fn glint_device_choose(
         }
         Ok(())
     })
+}
+
+/// What a physical device is to glint, before a device is made of it.
+///
+/// # Safety
+/// A live instance, its loader and a physical device of it; `out` is null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_describe(
+    get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
+    instance: *mut c_void,
+    physical: *mut c_void,
+    out: *mut *mut glint_physical,
+) -> i32 {
+    guarded(|| {
+        if physical.is_null() {
+            return Err(null("physical_device"));
+        }
+        // SAFETY: by the contract above.
+        unsafe {
+            let (entry, instance) = instance_of(get_instance_proc_addr, instance)?;
+            let info = Context::describe(&entry, &instance, vk::PhysicalDevice::from_raw(physical as u64))?;
+            put(out, glint_physical(info))
+        }
+    })
+}
+
+/// # Safety
+/// Null, or a handle that is not used again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_physical_destroy(physical: *mut glint_physical) {
+    // SAFETY: by the contract above.
+    unsafe { destroy(physical) };
 }
 
 /// # Safety
@@ -344,6 +393,27 @@ pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out
     })
 }
 
+/// Pipeline `index` of those that a context has made; 2 beyond the last.
+///
+/// # Safety
+/// A live handle, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_context_pipeline(
+    context: *const glint_context,
+    index: u32,
+    out: *mut glint_pipeline,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        let made = unsafe { of(context, "context")?.0.pipelines() };
+        let Some(pipeline) = made.get(index as usize) else {
+            return Err(Error::Usage(format!("there are {} pipelines, not number {index}", made.len())));
+        };
+        // SAFETY: by the contract above.
+        unsafe { fill(out, "pipeline", pipeline.into()) }
+    })
+}
+
 /// # Safety
 /// `path` is a string of UTF-8.
 #[unsafe(no_mangle)]
@@ -353,6 +423,60 @@ pub unsafe extern "C" fn glint_scene_read(path: *const c_char, out: *mut *mut gl
         let path = unsafe { path_of(path) }?;
         // SAFETY: by the contract above.
         unsafe { put(out, glint_scene(read_scene(path)?)) }
+    })
+}
+
+/// Reads what is sound; `dropped` becomes how many Gaussians were not, and [`glint_last_error`] says what was wrong with the first.
+///
+/// # Safety
+/// `path` is a string of UTF-8, `dropped` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_scene_read_lenient(
+    path: *const c_char,
+    out: *mut *mut glint_scene,
+    dropped: *mut u32,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let (scene, Dropped { base, supplementary, first }) = read_scene_leniently(path_of(path)?)?;
+            put(out, glint_scene(scene))?;
+            if let Some(dropped) = dropped.as_mut() {
+                *dropped = (base + supplementary) as u32;
+            }
+            if let Some(first) = first {
+                say(first);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Copies a scene from arrays; `supplement` may be null.
+///
+/// # Safety
+/// Structures that have their size, whose arrays are as long as they say, and a writable place.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_scene_from_arrays(
+    base: *const glint_gaussians,
+    supplement: *const glint_gaussians,
+    out: *mut *mut glint_scene,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let base = sized(base, "base")?.gaussians()?;
+            let supplement = match supplement.is_null() {
+                true => None,
+                false => {
+                    let arrays = sized(supplement, "supplement")?;
+                    Some(Supplement { gaussians: arrays.gaussians()?, lobes: arrays.lobes()? })
+                }
+            };
+            let scene = Scene { base, supplement };
+            check_scene(&scene)?;
+            put(out, glint_scene(scene))
+        }
     })
 }
 
@@ -421,15 +545,33 @@ fn room(half: u32) -> Room {
 /// Live handles.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_upload_bytes(
-    context: *const glint_context,
+    physical: *const glint_physical,
     scene: *const glint_scene,
     half: u32,
 ) -> u64 {
+    // SAFETY: by the contract above.
+    bytes(|| unsafe { Ok(Model::plan(&of(physical, "physical")?.0, &of(scene, "scene")?.0, room(half)).bytes()) })
+}
+
+/// Host memory that the scene's upload will take until it is loaded, bytes; 0 where a handle is null.
+///
+/// # Safety
+/// Live handles.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_upload_staging_bytes(
+    physical: *const glint_physical,
+    scene: *const glint_scene,
+    half: u32,
+) -> u64 {
+    // SAFETY: by the contract above.
+    bytes(|| unsafe { Ok(Upload::plan(&of(physical, "physical")?.0, &of(scene, "scene")?.0, room(half)).bytes()) })
+}
+
+/// What `plan` says; 0 where it fails.
+fn bytes(plan: impl FnOnce() -> Result<u64>) -> u64 {
     let mut bytes = 0;
     guarded(|| {
-        // SAFETY: by the contract above.
-        let (context, scene) = unsafe { (&of(context, "context")?.0, &of(scene, "scene")?.0) };
-        bytes = Model::plan(context.info(), scene, room(half)).bytes();
+        bytes = plan()?;
         Ok(())
     });
     bytes
@@ -523,11 +665,6 @@ unsafe fn put_held(held: &[Held], index: u32, out: *mut glint_buffer) -> Result<
     unsafe { fill(out, "buffer", glint_buffer { size, reserved: 0, buffer, bytes, name }) }
 }
 
-/// The last stays 0.
-fn put_name(to: &mut [c_char; 32], name: &str) {
-    to[..31].iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
-}
-
 /// Buffer `index` of a model; 2 beyond the last.
 ///
 /// # Safety
@@ -536,6 +673,29 @@ fn put_name(to: &mut [c_char; 32], name: &str) {
 pub unsafe extern "C" fn glint_model_buffer(model: *const glint_model, index: u32, out: *mut glint_buffer) -> i32 {
     // SAFETY: by the contract above.
     guarded(|| unsafe { put_held(&of(model, "model")?.0.held(), index, out) })
+}
+
+/// How many Gaussians a model has of each segment, and how many numbers it takes in a frame.
+///
+/// # Safety
+/// A live handle, and a writable structure that has its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glint_model_info(model: *const glint_model, out: *mut glint_model_counts) -> i32 {
+    guarded(|| {
+        // SAFETY: by the contract above.
+        unsafe {
+            let model = &of(model, "model")?.0;
+            let counts = glint_model_counts {
+                size: size::<glint_model_counts>(),
+                base: model.count_of(Segment::Base),
+                supplement: model.count_of(Segment::Supplement),
+                capacity: model.capacity(),
+                sh_degree: model.sh_degree,
+                half: model.is_half().into(),
+            };
+            fill(out, "counts", counts)
+        }
+    })
 }
 
 /// Limits for one view and one instance of all of a scene, before there is a model of it.
@@ -603,14 +763,9 @@ pub unsafe extern "C" fn glint_frames_create(
 /// # Safety
 /// Live handles.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn glint_frames_bytes(context: *const glint_context, limits: *const glint_limits) -> u64 {
-    let mut bytes = 0;
-    guarded(|| {
-        // SAFETY: by the contract above.
-        bytes = unsafe { sized(limits, "limits")?.limits()?.plan(of(context, "context")?.0.info())?.bytes() };
-        Ok(())
-    });
-    bytes
+pub unsafe extern "C" fn glint_frames_bytes(physical: *const glint_physical, limits: *const glint_limits) -> u64 {
+    // SAFETY: by the contract above.
+    bytes(|| unsafe { Ok(sized(limits, "limits")?.limits()?.plan(&of(physical, "physical")?.0)?.bytes()) })
 }
 
 /// # Safety
@@ -742,10 +897,19 @@ pub unsafe extern "C" fn glint_frames_destroy(frames: *mut glint_frames) {
     unsafe { destroy(frames) };
 }
 
-/// Bindings and constants of each kernel, as the header has them.
-struct Interfaces(Vec<(Vec<glint_binding>, Vec<glint_constant>)>);
+/// A kernel's, as the header has them.
+struct Interface {
+    bindings: Vec<glint_binding>,
+    constants: Vec<glint_constant>,
+    features: Vec<*const c_char>,
+    /// What `features` points to.
+    _names: Vec<CString>,
+}
 
-// SAFETY: the names in it are constants of the program.
+/// Of all kernels.
+struct Interfaces(Vec<Interface>);
+
+// SAFETY: the names in it are constants of the program, or lie in it and never change.
 unsafe impl Send for Interfaces {}
 // SAFETY: as above.
 unsafe impl Sync for Interfaces {}
@@ -760,14 +924,19 @@ pub unsafe extern "C" fn glint_kernel(index: u32, out: *mut glint_kernel_info) -
     guarded(|| {
         let all = INTERFACES.get_or_init(|| {
             let of = |k: &KernelInfo| {
-                (
-                    k.bindings.iter().map(glint_binding::from).collect(),
-                    k.constants.iter().map(glint_constant::from).collect(),
-                )
+                let names: Vec<CString> = k.features.iter().map(|f| feature_name(*f)).collect();
+                Interface {
+                    bindings: k.bindings.iter().map(glint_binding::from).collect(),
+                    constants: k.constants.iter().map(glint_constant::from).collect(),
+                    features: names.iter().map(|name| name.as_ptr()).collect(),
+                    _names: names,
+                }
             };
             Interfaces(ALL.iter().map(of).collect())
         });
-        let (Some(kernel), Some((bindings, constants))) = (ALL.get(index as usize), all.0.get(index as usize)) else {
+        let (Some(kernel), Some(Interface { bindings, constants, features, .. })) =
+            (ALL.get(index as usize), all.0.get(index as usize))
+        else {
             return Err(Error::Usage(format!("there are {} kernels, not number {index}", ALL.len())));
         };
         let info = glint_kernel_info {
@@ -782,6 +951,9 @@ pub unsafe extern "C" fn glint_kernel(index: u32, out: *mut glint_kernel_info) -
             constant_count: constants.len() as u32,
             push_bytes: kernel.push_bytes,
             subgroups: kernel.subgroups.into(),
+            features: features.as_ptr(),
+            feature_count: features.len() as u32,
+            barriers: kernel.barriers.into(),
         };
         // SAFETY: by the contract above.
         unsafe { fill(out, "kernel", info) }

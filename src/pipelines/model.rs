@@ -9,6 +9,7 @@ use super::{
     views::Views,
 };
 use crate::{
+    data::lengths,
     error::{Error, Result},
     gpu::{Buffer, Context, DeviceInfo, GpuError, Location, Recorder, Unused},
     scene::{
@@ -283,6 +284,7 @@ impl Model {
 
     /// All that a scene needs on the device, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
+        lengths(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))?;
         let degrees = room.degrees(scene);
         let sh_degree = degrees[0].max(degrees[1]);
         let counts = counts_of(scene);
