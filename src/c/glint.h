@@ -12,8 +12,20 @@
  *      A slot may be recorded again when its commands have run; then glint_frames_report says how they went.
  *
  * Every function that returns int32_t gives 0, or 1 for what the machine could not do, 2 for what it was given; glint_last_error says
- * what, for the calling thread. A function that fails records nothing and leaves its handles as they were. Handles may be used from any
- * thread, glint_frames and glint_upload by one at a time.
+ * what, for the calling thread: the text stays until the next function that fails in that thread, or until the thread ends. A function
+ * that fails records nothing and leaves its handles as they were. Handles may be used from any thread, glint_frames and glint_upload by
+ * one at a time.
+ *
+ * Lifetimes. What is made of a context keeps what it needs of it, so a context may be destroyed first; instance, device and loader
+ * outlive all of it. A slot keeps the buffers that its frame uses until it is recorded again, so a model may be destroyed while a frame
+ * shows it; glint_frames only when all slots' commands have run, glint_upload when its commands have.
+ *
+ * State. What is recorded leaves another compute pipeline, descriptor set 0 of compute and push constants bound: bind yours anew.
+ *
+ * Queues. Frames are recorded for the queue family that was lent, and follow each other on one queue. An upload may be recorded for
+ * another queue that takes compute, with a semaphore between the two; where that is of another family, release each glint_model_buffer
+ * there and acquire it for the frames' family before the first frame. No function of this header submits while it records or plans.
+ * lock_queue is called by the thread that submits, so that thread must not hold the lock already.
  *
  * A structure that begins with `size` may have more members in a later version. Set it to the sizeof of the structure before the call,
  * also where the library fills the rest; another header's is refused. Set what you do not use, and `reserved`, to 0. Structures without
@@ -21,8 +33,9 @@
  *
  * Barriers. glint copies from and to your images and buffers, so they must be available to GLINT_SYNC_READ_STAGE with
  * GLINT_SYNC_READ_ACCESS (depth_in; color too with GLINT_OVER) or GLINT_SYNC_WRITTEN_STAGE with GLINT_SYNC_WRITTEN_ACCESS (color,
- * depth_out, ids) before the recorded commands, in the layout that is said. Afterwards wait for GLINT_SYNC_WRITTEN_*. Layouts stay. What is glint's own is
- * glint's affair, from frame to frame on one queue. A queue without graphics copies no depth images: give buffers there.
+ * depth_out, ids) before the recorded commands, in the layout that is said. Afterwards wait for GLINT_SYNC_WRITTEN_*. Layouts stay. What
+ * is glint's own is glint's affair, from frame to frame on one queue. A queue without graphics copies no depth images: give buffers
+ * there.
  */
 #ifndef GLINT_H
 #define GLINT_H

@@ -104,7 +104,10 @@ pub struct BorrowedDevice {
 /// Calls what it is given, once, while nobody else uses the queue.
 type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
 
-/// An engine's own lock of a queue that it shares with glint.
+/// An engine's own lock of a queue that it shares with glint. It is taken for each submission, by the thread that submits (uploads that
+/// wait, downloads, [`Recorder::submit`]; neither [`Frames`](crate::pipelines::frames::Frames) nor
+/// [`Upload`](crate::pipelines::model::Upload) do), so a thread that holds it already must not call what submits: unless the lock may be
+/// taken twice, that would wait for itself.
 #[derive(Clone)]
 pub struct QueueLock(pub Arc<WithQueue>);
 

@@ -251,6 +251,8 @@ impl Recorder {
     /// writes to shared buffers available to `COMPUTE_SHADER` (`SHADER_READ | SHADER_WRITE`), and `TRANSFER` for copies
     /// and fills; after the last stage results must be awaited from `COMPUTE_SHADER`/`SHADER_WRITE`.
     ///
+    /// The compute pipeline that is bound, descriptor set 0 of compute and the push constants are the recorder's afterwards.
+    ///
     /// Twins stand in for no kernel here: the commands before it would have to run first, and they are the caller's to submit.
     ///
     /// `kept` is that of an earlier recording whose commands have run, or a new one. [`Recorder::finish`] gives it back with what the

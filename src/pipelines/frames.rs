@@ -9,6 +9,12 @@
 //! - **Images and buffers of the caller's** are only copied from and to. Before the commands they are available to
 //!   [`SYNC_READ`] or [`SYNC_WRITTEN`], in the layout that their [`ImageRegion`](crate::gpu::ImageRegion) says; after them they are in the same layout, and
 //!   whoever reads what was written waits for [`SYNC_WRITTEN`].
+//! - **State of the command buffer.** The compute pipeline that is bound, descriptor set 0 of compute and the push constants are others
+//!   afterwards; whoever dispatches binds anew. All else stays.
+//! - **Lifetimes.** Slots keep the buffers that their frames use, of models too, until they are recorded again: a
+//!   [`Model`](super::model::Model) may be dropped while frames that show it are on their way. [`Frames`] may not, nor a slot's memory: only
+//!   when the commands of all slots have run. What [`Frames::record_into`] records with a recorder of the caller's is kept by that one's
+//!   [`Kept`].
 //! - **Everything of glint's** is glint's affair, from one frame to the next and from [`Upload::record`](super::model::Upload::record) on.
 //!
 //! Gaussians count as points at their centre where a mesh hides them, and in the order in which they are blended. Where intersections
@@ -76,7 +82,8 @@ struct Slot {
     report: Buffer<u32>,
 }
 
-/// Pipelines, working buffers and slots. Make one for each queue that draws; pipelines are shared with all else of the context.
+/// Pipelines, working buffers and slots. Make one for each queue that draws; pipelines are shared with all else of the context. Drop it
+/// only when what was recorded in its slots has run.
 pub struct Frames {
     context: Context,
     limits: Limits,

@@ -213,7 +213,8 @@ impl Room {
 const NAMES: [[&str; 3]; 2] =
     [["geometry", "sh", "lobes"], ["supplement geometry", "supplement sh", "supplement lobes"]];
 
-/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
+/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow. What is recorded with a model
+/// keeps its buffers (see [`Kept`](crate::gpu::Kept)), so that it may be dropped before that has run.
 pub struct Model {
     context: Context,
     parts: [Part; 2],
@@ -598,6 +599,11 @@ fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, O
 
 /// A scene on its way to the device, in the caller's own command buffer: nothing is submitted, nothing waited for. Any thread may
 /// prepare it while others draw.
+///
+/// The command buffer may be of another queue than the frames' if that takes compute; then a semaphore stands between the two. Buffers
+/// belong to one queue family: from a queue of another family each of [`Model::held`] is released there, and acquired by the frames' before
+/// the first of them. As with a frame, the compute pipeline, descriptor set 0 and push constants are others afterwards. What
+/// [`Recorder::finish`](crate::gpu::Recorder::finish) gives is kept until the commands have run.
 pub struct Upload {
     model: Model,
     /// Host memory, and what it goes to.
