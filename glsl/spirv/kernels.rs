@@ -3857,6 +3857,7 @@ pub struct Push {
     pub view: u32,
     pub depth_first: u32,
     pub splat_first: u32,
+    pub scale: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -4049,6 +4050,7 @@ pub struct Push {
     pub depth: u32,
     pub exposure: f32,
     pub depth_form: [f32; 2],
+    pub background: [f32; 3],
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {

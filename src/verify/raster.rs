@@ -505,7 +505,7 @@ fn median_depths(bench: &mut Bench<'_>, scene: &Scene, renderer: &Renderer, cent
     let (name, at) = if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
     let mut row = bench.row("median_depth", name);
     row.chosen = !centre;
-    let want = median_depth(&scene.params, &scene.view, &ids, at);
+    let want = median_depth(&scene.params, &scene.view, &ids, at, 1.0);
     let got = renderer.depths.download_range(0, pixels)?;
     // At the near plane one side may take the centre instead.
     let near = |z: f64| (z / NEAR - 1.0).abs() < NEAR_THRESHOLD;

@@ -77,10 +77,12 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
                 h.isect_globals[slot] = global;
             }
         }
-        if !direct && room > 0 {
-            claim(h.rank_blocks, rank, slot, room);
+        if !direct {
+            h.first_slot[i] = slot;
+            if room > 0 {
+                claim(h.rank_blocks, rank, slot, room);
+            }
         }
-        h.first_slot[i] = slot;
     }
     Ok(())
 }
@@ -300,7 +302,7 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
 }
 
 pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
-    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first } =
+    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first, scale } =
         h.push;
     let view = view(&h.views[view_index as usize]);
     let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
@@ -311,7 +313,7 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
     let params = params([h.geometry, &[], &[]], count, stride, false, 0);
     let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
-    let depths = twin::median_depth::median_depth(&params, &view, &median, at);
+    let depths = twin::median_depth::median_depth(&params, &view, &median, at, scale.into());
     let to = &mut h.depths[depth_first as usize..][..pixels];
     for (pixel, depth) in depths.into_iter().enumerate() {
         let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0 && splat_first == 0;
@@ -323,9 +325,10 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
 }
 
 pub(super) fn resolve(h: kernels::resolve::Host<'_>) -> Outcome {
-    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form } = h.push;
+    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form, background } = h.push;
     let form = depth_form.map(f64::from);
-    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into() };
+    let background = background.map(f64::from);
+    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into(), background };
     let words = twin::resolve::words(format);
     for pixel in 0..h.workgroups.threads().min(pixels as usize) {
         if depth != 0 {
