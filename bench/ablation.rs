@@ -78,7 +78,8 @@ struct Args {
     rows: Vec<String>,
     /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, doubt, least, opacity,
     /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps). Of the paper's method: shared, smallest, weights, bias (1: the
-    /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres)
+    /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres), and direction,
+    /// width and sharpness, factors of the rates that lobes' learn by (0: they stay as they were placed)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -165,6 +166,9 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
         (Method::Pursuit, "least") => options.pursuit.least_gain = value,
         (Method::Pursuit, "opacity") => options.pursuit.least_opacity = value,
         (Method::Pursuit, "placements") => options.pursuit.placements = value as u32,
+        (_, "direction") => options.join.lobe_rates[0] = value,
+        (_, "width") => options.join.lobe_rates[1] = value,
+        (_, "sharpness") => options.join.lobe_rates[2] = value,
         (Method::Pursuit, "pace") => options.join.pace = value,
         (Method::Pursuit, "decay") => options.join.decay = value,
         (Method::Pursuit, "newton") => options.join.newton = value,

@@ -118,6 +118,8 @@ void tile_backward() {
     uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
     if (corner.x >= frame.width || corner.y >= frame.height) return;
 
+    uvec2 range = tile_ranges[index];
+    if (range.x == range.y) return; // like most tiles of the screen phase
     uint px = corner.x + lane_x();
     x = float(px) + 0.5;
     corner_y = corner.y;
@@ -136,7 +138,6 @@ void tile_backward() {
     }
 
     uint all_first = segment_first[push.frozen];
-    uvec2 range = tile_ranges[index];
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
         // Of no opacity where there is none: no pixel takes it.
