@@ -4751,6 +4751,7 @@ pub struct Spec {
     pub compact: bool,
     pub lanes: u32,
     pub indexed: bool,
+    pub row_lanes: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4791,7 +4792,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), values_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), digit_totals: crate::gpu::next_binding(&mut bindings), keys_out: crate::gpu::next_binding(&mut bindings), values_out: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4818,13 +4819,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"lanes", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 5, name: c"indexed", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.values_in.raw(), b.block_counts.raw(), b.digit_totals.raw(), b.keys_out.raw(), b.values_out.raw()])
     }
@@ -4912,6 +4914,7 @@ pub struct Spec {
     pub block: u32,
     pub digit_bits: u32,
     pub compact: bool,
+    pub row_lanes: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4936,7 +4939,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4957,13 +4960,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.block_counts.raw()])
     }
