@@ -113,7 +113,8 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
         ("blend", "take", 4),
         ("blend_backward", "take", 4),
         ("blend_backward_atomic", "take", 4),
-        ("project_backward", "main", 4),
+        ("project_backward", "sum_over", 4),
+        ("density_score", "sum_over", 4),
     ] {
         let [_, kept] = found[&(kernel, function.to_owned())];
         assert!(kept >= least, "{kernel}: {kept} operations are kept as they are");
