@@ -224,10 +224,7 @@ fn run(args: &Args) -> Result<()> {
         write_scene(path, &base)?;
     }
     let before = quality(&session(0), &base, &held)?;
-    let split = match holdout {
-        Holdout::Sector => "sector",
-        _ => "every",
-    };
+    let split = holdout.to_string();
     let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
     let mut table = Vec::new();
     let name = args.dataset.as_ref().map_or("built-in".into(), |path| path.display().to_string());

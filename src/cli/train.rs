@@ -322,9 +322,8 @@ impl Args {
             if self.exposure {
                 trainer.correct_exposure(&session, &views)?;
             }
-            let mut history = test.map(|test| {
-                History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
-            });
+            let mut history =
+                test.map(|test| History::new(context, &self.output, test, background, seed, self.photos.holdout()));
             if let Some(history) = &mut history {
                 history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
             }

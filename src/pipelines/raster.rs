@@ -463,6 +463,13 @@ pub struct SplatCount<'a> {
     pub dispatch: u32,
 }
 
+/// Lists for each splat, in memory that a frame needs and nothing between frames.
+#[cfg(feature = "train")]
+pub(super) struct Between {
+    pub quads: Buffer<[f32; 4]>,
+    pub words: [Buffer<u32>; 9],
+}
+
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
 pub struct Raster {
     context: Context,
@@ -609,27 +616,23 @@ impl Raster {
         Ok(())
     }
 
-    /// What is by splat serves a frame alone: between frames its memory is a list of 16 bytes for each splat, and nine of a word. Of a raster
-    /// with a backward pass.
+    /// What is by splat serves a frame alone: between frames its memory is for other lists, by splat too. Of a raster with a backward pass.
     #[cfg(feature = "train")]
-    pub(super) fn between_frames(
-        &self,
-        quads: &str,
-        words: [&str; 9],
-    ) -> Result<(Buffer<[f32; 4]>, [Buffer<u32>; 9]), GpuError> {
+    pub(super) fn between_frames(&self) -> Result<Between, GpuError> {
         let (context, f, len) = (&self.context, &self.buffers, self.options.splats as usize);
         let each = LIST_BYTES * u64::from(self.options.splat_room());
-        let gathered = Buffer::over(context, quads, &f.splats, 0, len)?;
         let word = |k: usize| match k {
-            0 | 1 => Buffer::over(context, words[k], &f.splats, (4 + k as u64) * each, len),
-            2..5 => Buffer::over(context, words[k], &f.splat_colours, (k as u64 - 2) * each, len),
-            5 => Buffer::over(context, words[k], &f.depth_keys, 0, len),
-            6 => Buffer::over(context, words[k], &f.tile_counts, 0, len),
-            7 => Buffer::over(context, words[k], &f.first_slot, 0, len),
-            _ => Buffer::over(context, words[k], &f.global_from_rank, 0, len),
+            // Behind the quads.
+            0 | 1 => Buffer::over(context, "between", &f.splats, (4 + k as u64) * each, len),
+            2..5 => Buffer::over(context, "between", &f.splat_colours, (k as u64 - 2) * each, len),
+            5 => Buffer::over(context, "between", &f.depth_keys, 0, len),
+            6 => Buffer::over(context, "between", &f.tile_counts, 0, len),
+            7 => Buffer::over(context, "between", &f.first_slot, 0, len),
+            _ => Buffer::over(context, "between", &f.global_from_rank, 0, len),
         };
-        let [a, b, c, d, e, f, g, h, i] = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(word);
-        Ok((gathered, [a?, b?, c?, d?, e?, f?, g?, h?, i?]))
+        let [a, b, c, d, e, g, h, i, j] = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(word);
+        let words = [a?, b?, c?, d?, e?, g?, h?, i?, j?];
+        Ok(Between { quads: Buffer::over(context, "between", &f.splats, 0, len)?, words })
     }
 
     /// The stage that makes gradient records, if there is one.

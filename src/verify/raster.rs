@@ -614,7 +614,8 @@ fn compare_packed(row: &mut super::Row, got: &[[u32; 4]], want: &[Record], magni
             // A code beside it, of the larger unit where the largest number of the part is at a power of two; and what the sums themselves
             // are off by where their terms cancel, ten times what all but one in a thousand are.
             let near = 1.01 * unit_of(got, k).max(unit_of(wanted, k)) + 1e-4 * terms[k];
-            row.unequal(u64::from(!((got_parts[k] - want_parts[k]).abs() <= near)));
+            let off = (got_parts[k] - want_parts[k]).abs();
+            row.unequal(u64::from(off.is_nan() || off > near));
         }
     }
     row.gradients(same);
