@@ -33,7 +33,7 @@ pub unsafe extern "C" fn glint_scene_read(path: *const c_char, out: *mut *mut gl
     })
 }
 
-/// Reads what is sound; `dropped` becomes how many Gaussians were not, and [`glint_last_error`] says what was wrong with the first.
+/// Reads what is sound; `dropped` becomes how many Gaussians were not, and `glint_last_error` says what was wrong with the first.
 ///
 /// # Safety
 /// `path` is a string of UTF-8, `dropped` null or writable.

@@ -69,7 +69,7 @@ pub struct Limits {
     pub depth_in: bool,
     /// Depths and numbers of Gaussians will be asked for.
     pub depth_out: bool,
-    /// Every stage has timestamps, see [`Frames::times`].
+    /// Every stage has timestamps, see [`Frames::times`](super::Frames::times).
     pub timings: bool,
     /// Which variants of the stages run; sums of gradients are none of a frame's affair.
     pub policy: Policy,
