@@ -9,7 +9,7 @@ use super::{
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
     plan::buffers,
-    raster::{Grid, Raster},
+    raster::{Between, Grid, Raster},
     session::Session,
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     views::Views,
@@ -285,9 +285,7 @@ impl Density {
         };
         let replacement = strategy == MCMC;
         let packed = session.policy.packed;
-        let names =
-            ["alive", "ranks", "keys", "sources", "copies", "sorted_keys", "sorted", "sorted_keys_1", "sorted_1"];
-        let (gathered, words) = raster.between_frames("gathered", names)?;
+        let Between { quads, words } = raster.between_frames()?;
         let [alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1] = words;
         let told = Buffer::new(context, "told", 1, Location::Readback)?;
         told.write_mapped(&[0]);
@@ -314,7 +312,7 @@ impl Density {
             plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
             draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
             place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,
-            rearrange: Rearrange::with(context, part.capacity(), gathered)?,
+            rearrange: Rearrange::with(context, part.capacity(), quads)?,
             apply: density_apply::Stage::new(
                 context,
                 &density_apply::Spec {
