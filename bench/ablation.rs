@@ -76,9 +76,10 @@ struct Args {
     first_seed: u64,
     #[arg(long, value_delimiter = ',', default_value = "more,plain,lobes,pursuit,augs")]
     rows: Vec<String>,
-    /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, least, opacity,
+    /// Settings other than the defaults. Of pursuit and its joint phase: draws, sizes, first, ratio, rounds, caution, doubt, least, opacity,
     /// placements, worth, degree (of lobes), pace, decay, newton (0: Adam's steps). Of the paper's method: shared, smallest, weights, bias (1: the
-    /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres)
+    /// other way, see docs/method.md). Of both: threshold, centre (1: depths of centres), and direction,
+    /// width and sharpness, factors of the rates that lobes' learn by (0: they stay as they were placed)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     set: Vec<String>,
     #[arg(long)]
@@ -160,10 +161,14 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
         (Method::Pursuit, "first") => options.pursuit.first_size = value,
         (Method::Pursuit, "ratio") => options.pursuit.size_ratio = value,
         (Method::Pursuit, "rounds") => options.pursuit.rounds = value as u32,
+        (Method::Pursuit, "doubt") => options.pursuit.doubt = value,
         (Method::Pursuit, "caution") => options.pursuit.caution = value,
         (Method::Pursuit, "least") => options.pursuit.least_gain = value,
         (Method::Pursuit, "opacity") => options.pursuit.least_opacity = value,
         (Method::Pursuit, "placements") => options.pursuit.placements = value as u32,
+        (_, "direction") => options.join.lobe_rates[0] = value,
+        (_, "width") => options.join.lobe_rates[1] = value,
+        (_, "sharpness") => options.join.lobe_rates[2] = value,
         (Method::Pursuit, "pace") => options.join.pace = value,
         (Method::Pursuit, "decay") => options.join.decay = value,
         (Method::Pursuit, "newton") => options.join.newton = value,
@@ -219,10 +224,7 @@ fn run(args: &Args) -> Result<()> {
         write_scene(path, &base)?;
     }
     let before = quality(&session(0), &base, &held)?;
-    let split = match holdout {
-        Holdout::Sector => "sector",
-        _ => "every",
-    };
+    let split = holdout.to_string();
     let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
     let mut table = Vec::new();
     let name = args.dataset.as_ref().map_or("built-in".into(), |path| path.display().to_string());

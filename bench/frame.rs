@@ -1,6 +1,7 @@
 //! Time of a frame in a renderer's own command buffers, stage by stage beside what its bytes take to copy.
 //!
-//!     cargo bench --bench frame -- [SCENE.ply DATASET] [--gaussians N] [--size WxH] [--sh-degree L] [--lobes SHARE] [--half] [--json]
+//!     cargo bench --bench frame -- [SCENE.ply DATASET] [--gaussians N] [--size WxH] [--views N] [--sh-degree L] [--lobes SHARE] [--half]
+//!                                  [--json]
 //!
 //! The camera moves, several frames are in flight, and the first of them, where it shows all bands, is compared with `Renderer`'s image to
 //! the last bit.
@@ -36,6 +37,8 @@ use serde_json::json;
 
 /// Frames in flight.
 const SLOTS: u32 = 3;
+/// Between two views, scene units.
+const APART: f64 = 0.06;
 /// Copied to measure the device's rate; beyond any cache.
 const COPIED: usize = 64 << 20;
 
@@ -57,6 +60,9 @@ struct Args {
     /// Bands of harmonics, at most the scene's; of spherical betas all from 1 on
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
+    /// Views of a frame, side by side as eyes are
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    views: u32,
     /// Harmonics of half width
     #[arg(long)]
     half: bool,
@@ -138,6 +144,7 @@ fn run(args: &Args) -> Result<()> {
     let limits = Limits {
         texel: Texel::Rgba32F,
         in_flight: SLOTS,
+        views: args.views,
         timings: true,
         ..Limits::for_needs(Needs::at(&model, [degree]), width, height)
     };
@@ -145,7 +152,9 @@ fn run(args: &Args) -> Result<()> {
     let mut frames = Frames::new(&context, limits)?;
     let made = started.elapsed().as_secs_f64() * 1e3;
     let pixels = camera.pixels() as usize;
-    let targets = (0..SLOTS).map(|_| Buffer::<u32>::new(&context, "target", 4 * pixels, Location::Device));
+    // Of each slot its views, one after the other.
+    let all = (args.views as usize).saturating_mul(4 * pixels);
+    let targets = (0..SLOTS).map(|_| Buffer::<u32>::new(&context, "target", all, Location::Device));
     let targets: Vec<_> = targets.collect::<std::result::Result<_, _>>()?;
     let engine = Engine::new(&context, SLOTS);
     let instances = [Instance { degree, ..Instance::of(&model) }];
@@ -156,9 +165,15 @@ fn run(args: &Args) -> Result<()> {
     let mut record = |n: u32| -> Result<()> {
         let slot = n % SLOTS;
         let commands = engine.begin(slot);
-        let range = BufferRange { buffer: targets[slot as usize].raw().handle(), offset: 0 };
-        let color = Target { blend: Blend::Opaque([0.0; 3]), ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) };
-        let views = [FrameView { color: Some(color), ..FrameView::new(seen_from(n)) }];
+        let view = |v: u32| {
+            let offset = u64::from(v) * 16 * pixels as u64;
+            let range = BufferRange { buffer: targets[slot as usize].raw().handle(), offset };
+            let color = Target { blend: Blend::Opaque([0.0; 3]), ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) };
+            let mut camera = seen_from(n);
+            camera.translation.x -= f64::from(v) * APART;
+            FrameView { color: Some(color), ..FrameView::new(camera) }
+        };
+        let views: Vec<_> = (0..args.views).map(view).collect();
         // SAFETY: the engine has waited for the slot; its buffers are live and as large as the view.
         unsafe { frames.record(commands, &Frame { slot, instances: &instances, views: &views }) }?;
         engine.submit(slot);
@@ -183,7 +198,7 @@ fn run(args: &Args) -> Result<()> {
     let (wall, cpu) = (each(started.elapsed().as_secs_f64()), each(cpu_seconds() - cpu));
     let slot = (args.frames + SLOTS - 1) % SLOTS;
     let (report, times) = (frames.report(slot)?, frames.times(slot)?);
-    check(&context, &scene, &camera, room, &image, degree)?;
+    check(&context, &scene, &camera, room, &image[..4 * pixels], degree)?;
 
     let rate = copy_rate(&context)?;
     let bytes =
@@ -200,7 +215,7 @@ fn run(args: &Args) -> Result<()> {
         .collect();
     rows.sort_by(|a, b| b.2.total_cmp(&a.2));
     let device: f64 = rows.iter().map(|row| row.2).sum();
-    let memory = (frames.limits().plan(context.info()).bytes(), model.capacity());
+    let memory = (frames.limits().plan(context.info())?.bytes(), model.capacity());
     if args.json {
         let stages: Vec<_> = rows
             .iter()
@@ -208,7 +223,7 @@ fn run(args: &Args) -> Result<()> {
             .collect();
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(), "width": width,
-            "height": height, "sh_degree": degree, "half": args.half, "lobes": args.lobes, "visible": report.visible,
+            "height": height, "views": args.views, "sh_degree": degree, "half": args.half, "lobes": args.lobes, "visible": report.visible,
             "intersections": report.intersections, "needed": report.needed, "frames": args.frames, "wall_ms": wall,
             "cpu_ms": cpu, "device_ms": device, "upload_ms": upload, "made_ms": made, "first_ms": first,
             "frames_bytes": memory.0, "copy_bytes_per_s": rate, "stages": stages,
@@ -217,13 +232,14 @@ fn run(args: &Args) -> Result<()> {
         return Ok(());
     }
     println!(
-        "{}: {} Gaussians of degree {degree}{}, {width}×{height}: {} visible, {} intersections{}\n\
+        "{}: {} Gaussians of degree {degree}{}, {} of {width}×{height}: {} visible, {} intersections{}\n\
          a frame {wall:.2} ms, of the CPU {cpu:.2} ms, on the device {device:.2} ms; the first {first:.1} ms, pipelines and buffers {made:.0} ms, \
          upload {upload:.0} ms\n\
          frames hold {:.1} MB beside the model; copies {:.1} GB/s\n",
         context.info().name,
         model.count(),
         if args.half { " at half width" } else { "" },
+        if args.views == 1 { "a view".into() } else { format!("{} views, each", args.views) },
         report.visible,
         report.intersections,
         report.needed.map_or(String::new(), |needed| format!(" (of {needed}: no room)")),
@@ -251,7 +267,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// What stages read and write at least, each number once.
+/// What stages read and write at least, each number once in a view.
 struct Bytes<'a> {
     args: &'a Args,
     model: &'a Model,
@@ -265,7 +281,7 @@ impl Bytes<'_> {
         let (gaussians, pixels) =
             (f64::from(self.model.capacity()), self.args.size.map(f64::from).iter().product::<f64>());
         let harmonics = sh_planes(self.degree) as f64 * if self.args.half { 2.0 } else { 4.0 };
-        Some(match stage {
+        let of_a_view = match stage {
             // Geometry, keys and tile counts of all; harmonics, splats and colours of those in the view.
             "project" => gaussians * (44.0 + 8.0) + self.visible * (harmonics + 24.0 + 12.0),
             // Key and value of what is visible, in and out, once.
@@ -275,7 +291,8 @@ impl Bytes<'_> {
             "blend" => self.isects * 4.0 + self.visible * 36.0 + pixels * 16.0,
             "resolve" => pixels * 32.0,
             _ => return None,
-        })
+        };
+        Some(f64::from(self.args.views) * of_a_view)
     }
 }
 

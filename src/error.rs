@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use crate::gpu::GpuError;
+
 /// Characters of a message about a file. Messages quote files, whose words can be megabytes long.
 const MAX_WHAT: usize = 800;
 
@@ -21,7 +23,7 @@ pub enum Error {
     Usage(String),
     /// The device, the driver or the memory on it failed, or lacks what glint needs.
     #[error("{0}")]
-    Gpu(#[from] crate::gpu::GpuError),
+    Gpu(#[from] GpuError),
 }
 
 /// A result whose error is [`Error`].
@@ -41,7 +43,7 @@ impl Error {
     /// 2 for what the caller gave, 1 for what the machine did.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Input { .. } | Error::Usage(_) => 2,
+            Error::Input { .. } | Error::Usage(_) | Error::Gpu(GpuError::Null(_)) => 2,
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Error::Io { .. } | Error::Gpu(_) => 1,
         }

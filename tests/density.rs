@@ -142,10 +142,11 @@ fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
     for strategy in STRATEGIES {
         let density = setup.options(strategy, first, 60);
         let model = setup.model(&density, 192);
-        setup.trainer(&model, &density).run(&model, &setup.views, false, |_| ()).unwrap();
+        let mut trainer = setup.trainer(&model, &density);
+        trainer.run(&model, &setup.views, false, |_| ()).unwrap();
         assert!(model.counts().unwrap()[0] <= first);
         let more = DensityOptions { limit: first + 1, ..density };
-        let refused = Density::new(&setup.session, &model, &more).err().unwrap().to_string();
+        let refused = Density::new(&setup.session, &model, trainer.raster(), &more).err().unwrap().to_string();
         assert!(refused.contains(&format!("not for {}", first + 1)), "{refused}");
         assert!(model.set_count(Segment::Base, first + 1).is_err());
     }

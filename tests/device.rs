@@ -113,7 +113,8 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
         ("blend", "take", 4),
         ("blend_backward", "take", 4),
         ("blend_backward_atomic", "take", 4),
-        ("project_backward", "main", 4),
+        ("project_backward", "sum_over", 4),
+        ("density_score", "sum_over", 4),
     ] {
         let [_, kept] = found[&(kernel, function.to_owned())];
         assert!(kept >= least, "{kernel}: {kept} operations are kept as they are");
@@ -284,7 +285,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
     let counter = step_done::Stage::new(&gpu, &step_done::Spec { workgroup_size: 0 });
     assert!(matches!(counter, Err(GpuError::Kernel { kernel: "step_done", .. })));
     // 2^16 counters for each subgroup.
-    let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 16, compact: false };
+    let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 16, compact: false, row_lanes: 8 };
     let upsweep = radix_upsweep::Stage::new(&gpu, &spec).err().unwrap().to_string();
     assert!(upsweep.contains("bytes of shared memory (radix_upsweep)"), "{upsweep}");
 }

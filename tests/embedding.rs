@@ -22,8 +22,8 @@ use glam::DVec3;
 use glint::{
     Error,
     gpu::{
-        BorrowedDevice, Buffer, BufferRange, Context, FeatureChain, GpuError, Kept, Location, Pixels, QueueLock,
-        Recorder,
+        BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, FeatureChain, GpuError, Kept, Location, Pixels,
+        QueueLock, Recorder,
     },
     pipelines::{
         enhance::{EnhanceOptions, Enhancer, Event},
@@ -59,11 +59,17 @@ impl Application {
 
     /// With these extensions, whatever is asked for.
     fn with(extensions: &[&CStr]) -> Self {
+        Self::of(vk::API_VERSION_1_2, extensions)
+    }
+
+    /// Of an older Vulkan without the layers: features of 1.2 are no part of it.
+    fn of(version: u32, extensions: &[&CStr]) -> Self {
         let turn = Turn::alone();
         unsafe {
             let entry = ash::Entry::load().unwrap();
-            let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
-            let layers: &[_] = match env::var("GLINT_VALIDATION").is_ok_and(|value| !value.is_empty()) {
+            let app = vk::ApplicationInfo::default().api_version(version);
+            let layers = env::var("GLINT_VALIDATION").is_ok_and(|value| !value.is_empty());
+            let layers: &[_] = match layers && version >= vk::API_VERSION_1_2 {
                 true => &[c"VK_LAYER_KHRONOS_validation".as_ptr()],
                 false => &[],
             };
@@ -197,11 +203,11 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     let mut kept = Kept::default();
     run(&application, |commands| {
         let mut recorder = unsafe { Recorder::borrow(&context, commands, Kept::default()) };
-        upload.record(&mut recorder);
+        upload.record(&mut recorder).unwrap();
         kept = recorder.finish();
     });
     drop(kept);
-    let model = upload.finish();
+    let model = upload.finish().unwrap();
     let limits = Limits { timings: true, depth_out: true, texel: Texel::Rgba32F, ..Limits::of(&model, 61, 47) };
     let mut frames = Frames::new(&context, limits).unwrap();
     let target = Buffer::<u32>::new(&context, "the engine's target", 4 * 61 * 47, Location::Device).unwrap();
@@ -495,6 +501,9 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
         assert!(recorder.finish().is_empty(), "something was recorded");
     };
     refused(&plain, &views, 1, "there are 1 views, and number 1");
+    let other = Gpu::new();
+    let foreign = Model::upload(&other, &random_scene(3, 50, 0, 1), 0).unwrap();
+    refused(&foreign, &views, 0, "another context than the renderer's");
     refused(&model(50, 20, 1), &views, 0, "without supplement");
     refused(&model(50, 0, 2), &views, 0, "not for 2");
     refused(&model(51, 0, 1), &views, 0, "a view of 51 Gaussians, made for 50");
@@ -526,6 +535,39 @@ fn a_device_without_push_descriptors_is_refused() {
     drop(application);
     let application = Application::new();
     drop(unsafe { Context::borrow(application.borrowed()) }.unwrap());
+}
+
+/// ash ends the program where a function is called that the instance's Vulkan does not have: all of them are asked for before.
+#[test]
+fn an_instance_of_an_older_vulkan_is_refused() {
+    // Of 1.0 the loader asks a driver for no features of later versions, and none are there.
+    let refused =
+        [(vk::API_VERSION_1_0, "lacks"), (vk::API_VERSION_1_1, "vkResetQueryPool: the instance must be of Vulkan 1.2")];
+    for (version, words) in refused {
+        let application = Application::of(version, &Context::requirements().extensions);
+        for labels in [false, true] {
+            let borrowed = BorrowedDevice { labels, ..application.borrowed() };
+            let said = unsafe { Context::borrow(borrowed) }.err().unwrap().to_string();
+            assert!(said.contains(words), "{said}");
+        }
+        let Application { entry, instance, physical_device, .. } = &application;
+        let chosen = Context::choose(entry, instance, &ContextOptions::default()).map(drop);
+        let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
+        assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
+    }
+}
+
+#[test]
+fn handles_that_are_null_are_refused() {
+    let application = Application::new();
+    let borrowed = || application.borrowed();
+    for (lent, words) in [
+        (BorrowedDevice { physical_device: vk::PhysicalDevice::null(), ..borrowed() }, "the physical device is null"),
+        (BorrowedDevice { queue: vk::Queue::null(), ..borrowed() }, "the queue is null"),
+    ] {
+        let error = unsafe { Context::borrow(lent) }.map_err(Error::from).err().unwrap();
+        assert_eq!((error.to_string().as_str(), error.exit_code()), (words, 2));
+    }
 }
 
 #[test]

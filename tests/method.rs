@@ -146,6 +146,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("pursuit: worth of a lobe's gain", pursuit.lobe_worth.into()),
         ("pursuit: placements", pursuit.placements.into()),
         ("pursuit: caution", pursuit.caution.into()),
+        ("pursuit: doubt", pursuit.doubt.into()),
         ("pursuit: least opacity of a supplement", pursuit.least_opacity.into()),
         ("pursuit: joint rates, of the base's last", ours.join.pace.into()),
         ("pursuit: joint rates at last, of those at first", ours.join.decay.into()),

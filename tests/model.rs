@@ -10,12 +10,13 @@ use glam::DVec3;
 use glint::{
     gpu::Buffer,
     pipelines::{
+        density::{DensityOptions, Strategy},
         learn::{Learner, Lesson, Rates, Seen, learning_bytes},
         model::{Model, Rearrange, Room, Segment, Sources},
         raster::{Raster, RasterOptions},
         render::{Needs, RenderOptions, Renderer, Show},
         session::{Policy, Reduction, Session},
-        train::{StepPlan, Trainer},
+        train::{BaseOptions, StepPlan, Trainer, dense_trainer},
         views::Views,
     },
     reference::{random_camera, random_scene},
@@ -214,12 +215,36 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
     assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
 }
 
+/// All that a run holds for a Gaussian more, density control and four intersections included.
+#[test]
+fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() {
+    let gpu = Gpu::new();
+    let views = Views::without_photographs(&gpu, DVec3::ZERO, &[random_camera(32, 32)], true).unwrap();
+    for (packed, gaussian, isect) in [(false, 612, 40), (true, 436, 20)] {
+        let session = Session { policy: Policy { packed, ..Policy::default() }, ..session(&gpu) };
+        let held = |count: u32| {
+            let scene = random_scene(1, count as usize, 0, 3);
+            let model = Model::upload(&gpu, &scene, 0).unwrap();
+            let density = DensityOptions { strategy: Strategy::Budget, limit: count, first: count, iterations: 10 };
+            let options = BaseOptions { iterations: 10, sh_degree: 3, ..Default::default() };
+            let trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
+            let used = gpu.memory().used;
+            drop(trainer);
+            used
+        };
+        let [few, more] = [20_000, 60_000].map(held);
+        // Counts of blocks are some bits of a word for each.
+        let each = (more - few) as f64 / 40_000.0 - 4.0 * f64::from(isect);
+        assert!((f64::from(gaussian)..f64::from(gaussian) + 4.0).contains(&each), "{each} bytes, packed: {packed}");
+    }
+}
+
 /// README's figures of what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
 #[test]
-fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
+fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     let gpu = Gpu::new();
     let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
-    let held = |splats: u32, isects: u32, backward: bool, reduction: Reduction| {
+    let held = |splats: u32, isects: u32, backward: bool, packed: bool, reduction: Reduction| {
         let options = RasterOptions {
             splats,
             pixels: 1,
@@ -230,7 +255,8 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
             median: false,
             occluded: false,
             backward,
-            policy: Policy { reduction, ..Policy::default() },
+            scores: false,
+            policy: Policy { reduction, packed, ..Policy::default() },
         };
         Raster::plan(&options).bytes()
     };
@@ -239,21 +265,29 @@ fn a_gaussian_that_learns_takes_612_bytes_and_436_with_packed_moments() {
     // Float atomics keep a gradient record for each Gaussian, not for each intersection; a renderer keeps none, and sorts Gaussians
     // instead of slots.
     let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
-    for (backward, reduction, splat, isect) in [(true, fixed, 68, 40), (true, atomic, 104, 16), (false, fixed, 68, 16)]
-    {
-        let held = |splats, isects| held(splats, isects, backward, reduction) as usize;
-        let each = |splats, isects| (held(splats, isects) - held(1, 1)) / many as usize;
-        assert!((splat..splat + 2).contains(&each(many, 1)), "{} bytes of the raster for a Gaussian", each(many, 1));
-        assert!((isect..isect + 2).contains(&each(1, many)), "{} bytes for an intersection", each(1, many));
+    // Packed, a record takes 16 bytes in place of 36.
+    for (backward, packed, reduction, splat, isect) in [
+        (true, false, fixed, 52, 40),
+        (true, true, fixed, 52, 20),
+        (true, false, atomic, 88, 16),
+        (true, true, atomic, 88, 16),
+        (false, false, fixed, 44, 16),
+    ] {
+        let held = |splats, isects| held(splats, isects, backward, packed, reduction) as usize;
+        // Splats are sorted in the memory of intersections, of which there are at least as many.
+        let of_splat = (held(many, 4 * many) - held(1, 4 * many)) / many as usize;
+        let of_isect = (held(1, many) - held(1, 1)) / many as usize;
+        assert!((splat..splat + 2).contains(&of_splat), "{of_splat} bytes of the raster for a Gaussian");
+        assert!((isect..isect + 2).contains(&of_isect), "{of_isect} bytes for an intersection");
     }
-    for (newton, packed, want) in [(true, false, 612), (true, true, 436), (false, false, 788), (false, true, 548)] {
+    for (newton, packed, want) in [(true, false, 596), (true, true, 420), (false, false, 772), (false, true, 532)] {
         let lesson = Lesson { newton, packed, ..Lesson::new(Segment::Base) };
         let learner = Learner::new(&model, lesson, false).unwrap();
         let part = model.part(Segment::Base);
         let (own, beside) = ([&part.geometry, &part.sh], learner.moments.all());
         let all = own.into_iter().chain(beside).filter(|planes| planes.planes() > 0);
         let bytes: usize = all.map(|planes| 16 * planes.page(0).len() / part.pages[0].capacity as usize).sum();
-        assert_eq!(bytes + 68, want);
+        assert_eq!(bytes + 52, want);
         assert_eq!(learning_bytes(3, packed, newton) as usize, bytes, "what `train` announces");
     }
 }

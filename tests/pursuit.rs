@@ -185,7 +185,7 @@ fn a_single_view_says_nothing() {
     let mut photos: Vec<Vec<u32>> = (0..4).map(|_| words(&vec![GREY; 3000])).collect();
     photos[1] = words(&striped(1));
     let of = |caution| {
-        let options = PursuitOptions { caution, kinds: Kinds::Lobes, ..Default::default() };
+        let options = PursuitOptions { caution, doubt: 0.5 * caution, kinds: Kinds::Lobes, ..Default::default() };
         place(&gpu, &wall_of(15), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
     };
     let [bold, cautious] = [0.0, 1.0].map(of);
@@ -199,7 +199,7 @@ fn colours_that_are_no_numbers_and_single_views_are_borne() {
     let mut scene = wall();
     scene.base.sh[40] = [f32::MAX; 3];
     let photos = [words(&striped(0))];
-    let bold = PursuitOptions { caution: 0.0, ..Default::default() };
+    let bold = PursuitOptions { caution: 0.0, doubt: 0.0, ..Default::default() };
     let found = place(&gpu, &scene, &[camera(0)], &photos, 40, bold);
     assert!(found.placed.count() > 0);
     let finite = |lift: &glint::stages::types::Lift| {
@@ -273,7 +273,7 @@ fn a_plan_spends_on_what_gains_and_on_nothing_where_that_is_too_little() {
     let (_, diffuse) = weighed(&gpu, lit(true, false), short(Weigh::Limit));
     assert!(diffuse.plain.placed > 5 && 4 * diffuse.lobes.placed < diffuse.plain.placed, "{diffuse:?}");
     let (_, shiny) = weighed(&gpu, lit(false, true), short(Weigh::Tell));
-    assert!(shiny.lobes.placed > 3 && shiny.lobes.gain_db > 10.0 * shiny.plain.gain_db, "{shiny:?}");
+    assert!(shiny.lobes.placed > 2 && shiny.lobes.gain_db > 10.0 * shiny.plain.gain_db, "{shiny:?}");
     assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
     // The wall is this grey but for a little of every channel, from everywhere.
     let (found, even) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));

@@ -43,6 +43,7 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
         median: false,
         occluded: false,
         backward: true,
+        scores: false,
         policy: Policy { reduction, ..Default::default() },
     }
 }
@@ -78,7 +79,8 @@ fn a_plan_is_what_buffers_take() {
     assert!(little == much && little < 1 << 16, "{little} and {much} bytes");
 }
 
-/// Growth holds what there was and one new buffer at most; without that much room the raster stays as it was.
+/// Growth holds what there was and one new buffer at most; without that much room, even for no more than is needed, the raster stays as
+/// it was.
 #[test]
 fn growth_needs_the_room_of_one_buffer_more() {
     let (old, new) = (400_000, 1_000_000);
@@ -107,8 +109,13 @@ fn growth_needs_the_room_of_one_buffer_more() {
         if raster.grow(new).is_ok() { high = budget } else { low = budget }
     }
     println!("growth from {before} to {after} bytes held {high} at most; the largest old buffer has {largest_old}");
+    // Where a quarter more does not fit, what is needed may.
+    let (gpu, mut raster) = made(Some(after - largest_old));
+    raster.grow(new).unwrap();
+    assert_eq!((raster.capacity(), raster.by_gaussian()), (new, false));
+    let exact = gpu.memory().used;
     // The lists fit, the records do not; and not even the first list does.
-    for budget in [after - largest_old, before + slack] {
+    for budget in [exact - largest_old, before + slack] {
         let (gpu, mut raster) = made(Some(budget));
         let refused = raster.grow(new).unwrap_err();
         assert!(refused.is_no_room(), "{refused}");

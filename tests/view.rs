@@ -359,7 +359,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut needs = Needs::of_scene(&scene, false);
     // Diffuse is the base without bands.
     needs.degrees.push(0);
-    let frames = Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info());
+    let frames =
+        Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info()).unwrap();
     let planned = (Model::plan(context.info(), &scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
     let title = display.title(viewer.window);
     let said = title.split(" | ").find_map(|part| part.strip_suffix(" MB")?.parse::<f64>().ok());
@@ -404,6 +405,14 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
     let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb, FULL_ERROR) };
     assert_eq!(viewer.shot("scene").from(&map), (0, 0));
+    // In flight the wheel changes the speed alone: the camera stays that of the photograph.
+    for (key, name) in [('f', "fly"), ('g', "walk")] {
+        display.press(key);
+        viewer.says(&format!("| error | {name} | b.png"));
+        display.click(4);
+        display.press('o');
+        viewer.says("| error | orbit | b.png");
+    }
 
     // Away from the photograph: the error of what is seen now is nobody's. Poses are kept on the way.
     let mut on_the_way = Vec::new();

@@ -1,9 +1,9 @@
 #version 460
 // Adds what a view says of each Gaussian to its scores.
 //
-// One thread takes one Gaussian of a page and sums its records in their order, see shared/records.glsl. With PULLS the records are
-// the loss's and the length of the mean's gradient in the image is added, in halves of the image's sides as 3DGS has it; else they
-// are those of density_image, and error and blend weight are.
+// One thread takes one Gaussian of a page and sums its records, see shared/records.glsl. With PULLS the records are the loss's and the
+// length of the mean's gradient in the image is added, in halves of the image's sides as 3DGS has it; else they are those that
+// blend_backward makes for SCORES, and error and blend weight are.
 // population, records, first_slot, tile_counts, splats (by Gaussian index), scores -> scores
 // Limits: what is not finite is not added. Nothing is added once status says that the step did not fit.
 #extension GL_GOOGLE_include_directive : require
@@ -32,24 +32,42 @@ layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
 #define RECORD_CENTRES 5
 #define RECORD_SHAPES 6
 #define RECORD_COLOURS 7
+#define RECORD_WORDS 9
 #include "../shared/records.glsl"
 layout(set = 0, binding = 8, scalar) buffer Scores { vec4 scores[]; };
+
+#define SUMS 3
+#include "../shared/sums.glsl"
+void add(uint at, inout float sums[SUMS]) {
+    vec3 part;
+    if (!packed_records()) {
+        part = PULLS ? record_centres[at] : record_colours[at];
+    } else if (PULLS) {
+        vec3 shape, colour;
+        unpack_record(record_words[at], part, shape, colour);
+    } else {
+        part = vec3(uintBitsToFloat(record_words[at].xy), 0.0);
+    }
+    [[unroll]] for (uint c = 0; c < SUMS; ++c) sums[c] += part[c];
+}
 
 void main() {
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index
-    if (!(place < push.stride && i < segment_first[push.segment + 1])) return;
+    bool live = place < push.stride && i < segment_first[push.segment + 1];
     if (status[STATUS_FAILED] != 0) return;
-    uvec2 own = records_of(i, push.by_gaussian != 0);
-    vec3 sum = vec3(0.0);
-    for (uint slot = own.x; slot < own.x + own.y; ++slot) sum += PULLS ? record_centres[slot] : record_colours[slot];
-    vec2 add = sum.xy;
+    uvec2 own = live ? records_of(i) : uvec2(0);
+    float sums[SUMS];
+    sum_over(own, sums);
+    if (!live) return;
+    vec3 sum = vec3(sums[0], sums[1], sums[2]);
+    vec2 more = sum.xy;
     if (PULLS) {
         Splat s = splats[i];
         vec2 centre = vec2(s.shape.x * sum.x, s.shape.y * sum.x + s.shape.z * sum.y) * vec2(push.half_width, push.half_height);
         bool blended = own.y > 0 && (sum.z != 0.0 || sum.x != 0.0 || sum.y != 0.0);
-        add = blended ? vec2(length(centre), 1.0) : vec2(0.0);
+        more = blended ? vec2(length(centre), 1.0) : vec2(0.0);
     }
-    if (!(add.x <= FLOAT_MAX && add.y <= FLOAT_MAX)) return;
-    scores[place] += PULLS ? vec4(0.0, 0.0, add) : vec4(add, 0.0, 0.0); // PULL and SEEN, or ERROR and WEIGHT
+    if (!(more.x <= FLOAT_MAX && more.y <= FLOAT_MAX)) return;
+    scores[place] += PULLS ? vec4(0.0, 0.0, more) : vec4(more, 0.0, 0.0); // PULL and SEEN, or ERROR and WEIGHT
 }

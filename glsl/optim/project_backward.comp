@@ -43,6 +43,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer FirstSlot { uint first_slot
 #define RECORD_CENTRES 5
 #define RECORD_SHAPES 6
 #define RECORD_COLOURS 7
+#define RECORD_WORDS 15
 #include "../shared/records.glsl"
 layout(set = 0, binding = 8, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
 #define GEOMETRY 9
@@ -58,8 +59,9 @@ layout(set = 0, binding = 8, scalar) readonly buffer SplatColours { vec3 splat_c
 #include "../shared/colour.glsl"
 #include "../shared/adam.glsl"
 
-const uint MANY = 256; // guard: sum of many slots by the whole subgroup
-const uint UNROLL = 4; // guard: sum: several slots an iteration
+#define SUMS RECORD
+#include "../shared/sums.glsl"
+void add(uint at, inout float sums[SUMS]) { add_record(at, !OPACITY_ONLY, sums); }
 
 void main() {
     View view = views[push.view]; // as in project
@@ -69,43 +71,9 @@ void main() {
     bool live = place < push.stride && i < all_end;
     if (status[STATUS_FAILED] != 0) return; // guard: nothing moves after an overflow
 
-    // Sums over the view's intersections. Of a Gaussian with more than MANY the whole subgroup sums, so that one which fills the
-    // screen holds nobody up; UNROLL slots at a time, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them
-    // together: 8 lanes that each fill an image of 3840 x 2160 (129,600 tiles of 8 x 8) need 32,400.
+    // Sums over the view's intersections.
     float record[RECORD];
-    [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
-    uvec2 own = live ? records_of(i, push.by_gaussian != 0) : uvec2(0);
-    uint slots = own.x, tiles = own.y;
-    if (tiles <= MANY) {
-        for (uint slot = slots; slot < slots + tiles; ++slot) add_record(slot, !OPACITY_ONLY, record);
-    }
-    for (uvec4 left = subgroupBallot(tiles > MANY); any(notEqual(left, uvec4(0)));) {
-        uint lane = subgroupBallotFindLSB(left);
-        left[lane / 32] &= ~(1u << (lane % 32));
-        uint begin = subgroupShuffle(slots, lane), end = begin + subgroupShuffle(tiles, lane);
-        // Compensated (Kahan 1965): 16,200 equal terms drift by 2e-4 of their plain sum.
-        precise float part[RECORD], lost[RECORD];
-        [[unroll]] for (uint r = 0; r < RECORD; ++r) part[r] = lost[r] = 0.0;
-        for (uint first = begin; first < end; first += UNROLL * gl_SubgroupSize) {
-            float few[RECORD];
-            [[unroll]] for (uint r = 0; r < RECORD; ++r) few[r] = 0.0;
-            [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
-                uint slot = first + k * gl_SubgroupSize + gl_SubgroupInvocationID;
-                if (slot < end) add_record(slot, !OPACITY_ONLY, few);
-            }
-            [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-                precise float term = few[r] - lost[r];
-                precise float sum = part[r] + term;
-                lost[r] = (sum - part[r]) - term; // guard: compensated sum
-                part[r] = sum;
-            }
-        }
-        [[unroll]] for (uint r = 0; r < RECORD; ++r) {
-            if (OPACITY_ONLY && r > 2) continue;
-            float total = subgroupAdd(part[r]);
-            if (gl_SubgroupInvocationID == lane) record[r] = total;
-        }
-    }
+    sum_over(live ? records_of(i) : uvec2(0), record);
     if (!live) return; // guard: lanes beyond the last Gaussian
     float w_u = record[0], w_v = record[1], d_opacity = record[2], ww_uu = record[3], ww_uv = record[4], ww_vv = record[5];
     vec3 d_rgb = vec3(record[6], record[7], record[8]);

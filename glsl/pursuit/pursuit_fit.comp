@@ -3,8 +3,9 @@
 //
 // One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave in the colour and in the opacity
 // alone, so each is set in turn to its best: colour (A / o + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within
-// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth: gain over bytes;
-// what the best plain one gains is kept beside, for the plan.
+// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth, gain over bytes, and less
+// its standard error: that of a sum over views which gain in proportion to a l^2. What the best plain one gains is kept beside, for
+// the plan.
 // prices: what each would take of a budget.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -16,6 +17,7 @@ layout(push_constant, scalar) uniform Push {
     float first_size, size_ratio;
     float lobe_worth, plain_worth; // what a gain counts with a lobe and without; 0: not to be tried
     uint lobe_price, plain_price;
+    float doubt; // standard errors that a gain counts less
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Candidates { Candidate candidates[]; };
@@ -53,8 +55,9 @@ void main() {
                              opacity * opacity * (x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6]);
                 if (!(gain <= FLOAT_MAX)) continue;
                 if (w == WIDTHS - 1) plain = max(plain, gain);
-                if (!(gain * worth > most)) continue;
-                most = gain * worth;
+                float counts = gain * worth * (1.0 - push.doubt * sqrt(x[9]) / x[6]);
+                if (!(counts > most)) continue;
+                most = counts;
                 float size = push.first_size * pow(push.size_ratio, float(s));
                 best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain,
                            x[6], 0.0);

@@ -1,8 +1,10 @@
 #version 460
 // What every candidate that is not chosen yet gains in the views of a page, given what the choices so far have explained there.
 //
-// One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits, gain_keys -> gains, which are
-// added to. See pursuit_score; of the residual there is what is left by now, which is less than nothing where too much was explained.
+// One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits, gain_keys -> gains and their squares
+// by view, which are added to; with `last` the gain is less its standard error, times `doubt`, as far as the views tell it: the root of
+// the sum of squares. See pursuit_score; of the residual there is what is left by now, which is less than nothing where too much was
+// explained.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -13,19 +15,22 @@ layout(push_constant, scalar) uniform Push {
     uint count;
     uint view_first, view_end;
     uint begin; // 1: the gains begin at 0
+    uint last;  // 1: this is the last page
     float caution;
+    float doubt;
 } push;
 
 layout(set = 0, binding = 5, scalar) readonly buffer Explained { uint explained[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Fits { Fit fits[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer GainKeys { uint gain_keys[]; };
 layout(set = 0, binding = 8, scalar) buffer Gains { float gains[]; };
+layout(set = 0, binding = 9, scalar) buffer GainSquares { float gain_squares[]; };
 
 void main() {
     uint i = thread_index();
     if (i >= push.count) return;
     Fit fit = fits[i];
-    float gain = push.begin != 0 ? 0.0 : gains[i];
+    float gain = push.begin != 0 ? 0.0 : gains[i], square = push.begin != 0 ? 0.0 : gain_squares[i];
     if (fit.gain > 0.0 && gain_keys[i] == NONE) {
         Candidate c = candidates[i];
         for (uint v = push.view_first; v < push.view_end; ++v) {
@@ -45,7 +50,9 @@ void main() {
             float here = dot(r, r) - dot(after, after) / (others * others) - hidden;
             if (!(others > 0.01)) here = min(dot(r, r) - dot(after, after) - hidden, 0.0);
             gain += area * here;
+            square += area * here * area * here;
         }
     }
-    gains[i] = gain;
+    gain_squares[i] = square;
+    gains[i] = push.last != 0 ? gain - push.doubt * sqrt(square) : gain; // guard: pursuit: gains that few views tell
 }

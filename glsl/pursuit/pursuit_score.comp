@@ -8,7 +8,8 @@
 // change the squared error of a view by -S (|r|^2 - |r - o l q (c - b)|^2) over its pixels. With a = pi s^2 and <x> the mean of x under q,
 // S q x = 2 a <x>, and S q^2 x = a <x> as far as the mean under q^2 is the same. Summed over the views that see it the gain is
 // 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S 2 a l <r>, B = S a l^2 <b>, C = S a l^2, D = S 2 a l <r.b>,
-// E = S a l^2 <|b|^2>. The means of products are what tells of the texture that a footprint hides.
+// E = S a l^2 <|b|^2>. The means of products are what tells of the texture that a footprint hides. A tenth sum, S (a l^2)^2, says by how
+// many views that is borne.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -32,7 +33,9 @@ void main() {
     float size = push.first_size * pow(push.size_ratio, float(item % push.sizes));
     float sigma = sigma_of(size, c.px);
     vec3 a[WIDTHS], b[WIDTHS], cde[WIDTHS];
+    float squares[WIDTHS];
     [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
+        squares[w] = push.begin != 0 ? 0.0 : sums[(w * SUMS + 9) * items + item];
         [[unroll]] for (uint q = 0; q < 3; ++q) {
             uint at = (w * SUMS + q) * items + item;
             a[w][q] = push.begin != 0 ? 0.0 : sums[at];
@@ -54,10 +57,12 @@ void main() {
                 a[w] += l1 * r;
                 b[w] += l2 * under.render;
                 cde[w] += vec3(l2, l1 * r_b, l2 * b_b);
+                squares[w] += l2 * l2;
             }
         }
     }
     [[unroll]] for (uint w = 0; w < WIDTHS; ++w) {
+        sums[(w * SUMS + 9) * items + item] = squares[w];
         [[unroll]] for (uint q = 0; q < 3; ++q) {
             uint at = (w * SUMS + q) * items + item;
             sums[at] = a[w][q];

@@ -24,7 +24,7 @@ layout(push_constant, scalar) uniform Push {
     uint tile_count;       // over all frames
     vec3 background;       // rgb
     float median_threshold; // transmittance below which the median is reached
-    vec2 depth_form;       // a depth d of `scene_depths` is at camera z = y / (d - x), see pipelines::frames::Projection
+    vec2 depth_form;       // a depth d of `scene_depths` is at camera z = y / (d - x), see pipelines::frames::DepthForm
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -40,10 +40,12 @@ layout(set = 0, binding = 9, scalar) writeonly buffer MedianIds { uint median_id
 layout(set = 0, binding = 10, scalar) readonly buffer DepthKeys { uint depth_keys[]; };
 layout(set = 0, binding = 11, scalar) readonly buffer SceneDepths { float scene_depths[]; };
 
-// Camera z of what a mesh left in the depth buffer; the farthest where it left nothing (or nonsense).
+// Camera z of what a mesh left in the depth buffer; the farthest where it left nothing: there is what the buffer is cleared to, wherever
+// the far plane is (or nonsense).
 float occluder(uint at) {
-    float z = push.depth_form.y / (scene_depths[at] - push.depth_form.x);
-    return z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX; // guard: occluders of nothing
+    float d = scene_depths[at], z = push.depth_form.y / (d - push.depth_form.x);
+    bool something = push.depth_form.y < 0.0 ? d < 1.0 : d > 0.0;
+    return something && z > 0.0 && z <= FLOAT_MAX ? z : FLOAT_MAX; // guard: occluders of nothing
 }
 
 // The pixels of this lane.

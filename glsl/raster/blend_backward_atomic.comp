@@ -14,8 +14,8 @@ layout(set = 0, binding = 12, scalar) buffer RecordColours { vec3 record_colours
 
 void put(uint slot, uint global, bool all, Record record) {
     [[unroll]] for (uint c = 0; c < 3; ++c) {
-        if (record.centre[c] != 0.0) atomicAdd(record_centres[global][c], record.centre[c]);
-        if (all && record.shape[c] != 0.0) atomicAdd(record_shapes[global][c], record.shape[c]);
+        if (!SCORES && record.centre[c] != 0.0) atomicAdd(record_centres[global][c], record.centre[c]);
+        if (!SCORES && all && record.shape[c] != 0.0) atomicAdd(record_shapes[global][c], record.shape[c]);
         // guard: atomic sums
         if (all && record.colour[c] != 0.0) atomicAdd(record_colours[global][c], record.colour[c]);
     }

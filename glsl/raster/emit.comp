@@ -4,7 +4,7 @@
 // One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
 // Gaussian filling the screen does not hold its neighbours up.
 // global_from_rank, splats, rank_first_slot, tile_counts -> isect_tiles and, where DIRECT, isect_globals (by slot), else rank_blocks, which
-// begin at 0 (shared/slots.glsl); first_slot (by Gaussian index)
+// begin at 0 (shared/slots.glsl), and first_slot (by Gaussian index), where its gradient's records will be
 // A splat has exactly as many slots as projection counted, whatever is found here: a tile more than counted is left out, and for
 // each tile fewer a slot gets the tile NONE, which the sort drops. The two come from one arithmetic (shared/splat.glsl), but a tile
 // of difference must not lie in a neighbour's slot.
@@ -89,8 +89,10 @@ void main() {
             size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);
         }
         rows = tile_rows(s, tile, size);
-        first_slot[global] = slot;
-        if (!DIRECT && room > 0) atomicOr(rank_blocks[slot / SLOTS_PER_BLOCK].y, ~1u & 1u << slot % SLOTS_PER_BLOCK);
+        if (!DIRECT) {
+            first_slot[global] = slot;
+            if (room > 0) atomicOr(rank_blocks[slot / SLOTS_PER_BLOCK].y, ~1u & 1u << slot % SLOTS_PER_BLOCK);
+        }
     }
 
     bool big = rows.y - rows.x >= BIG;

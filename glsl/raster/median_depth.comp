@@ -5,7 +5,8 @@
 // median_ids, population, geometry, views -> depths (camera z; 0 where there is none)
 // Method, section 4: z of the point of maximum response along the pixel's ray, in the Gaussian's own frame:
 // z = -(o.d)/(d.d) with o = S^-1 R^T (eye - mean), d = S^-1 R^T ray; both are multiplied by the smallest scale, so that
-// thin Gaussians overflow nothing.
+// thin Gaussians overflow nothing. Of a model that stands in a world scaled, the ray counts in the model's units and the view's rows
+// have the scale once more, so that its point is at camera z scale^2 times z.
 // Limits: a point that is not in front of the near plane falls back to the centre's z.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -22,6 +23,7 @@ layout(push_constant, scalar) uniform Push {
     uint view;
     uint depth_first; // where this view's depths begin
     uint splat_first; // Gaussian index of the model's first
+    float scale;      // of the model in the world
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
@@ -61,7 +63,7 @@ void main() {
         vec4 q = load_quat(place);
         to_unit(q); // no median Gaussian is without a rotation: it was projected
         vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
-        float best = -dot(o, d) / dot(d, d);
+        float best = -dot(o, d) / dot(d, d) * (push.scale * push.scale); // guard: depth of a scaled model
         if (best > view.near && best <= FLOAT_MAX) z = best; // guard: depth before the near plane
     }
     depths[push.depth_first + pixel] = z;

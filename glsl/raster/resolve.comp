@@ -3,20 +3,25 @@
 //
 // One thread takes one pixel.
 // image, depths, target (what the caller's image holds, for OVER) -> target, depth_target
+// Depths are what a depth buffer can hold, 0 to 1, and where there is no Gaussian what it is cleared to: that of the far plane.
 // Gaussians are trained and blended in sRGB-encoded values (Kerbl 2023); what is over something is put over it there, and only then
-// made linear, as a linear target asks for. sRGB: IEC 61966-2-1, its curve going on above 1.
+// made linear, as a linear target asks for. Exposure is of the Gaussians alone, whatever lies behind them. sRGB: IEC 61966-2-1, its curve
+// going on above 1.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/resolve.glsl"
+
+layout(constant_id = 1) const bool CURVES = true; // of sRGB, which linear light and exposures need and most of the time goes into
 
 layout(push_constant, scalar) uniform Push {
     uint pixels;
     uint format;     // RGBA8, ...
     uint blend;      // OPAQUE, ...
-    uint linear;     // 1: the target holds linear light, 0: sRGB-encoded values
+    uint linear;     // with CURVES, 1: the target holds linear light; 0: sRGB-encoded values
     uint depth;      // 1: depth_target is wanted
-    float exposure;  // factor of the Gaussians' linear light
+    float exposure;  // factor of the Gaussians' linear light; without CURVES 1
     vec2 depth_form; // a camera z goes to depth x + y / z
+    vec3 background; // rgb, of OPAQUE; where nothing is exposed the image has it in it already
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Image { vec4 image[]; };
@@ -59,22 +64,28 @@ void main() {
     uint pixel = thread_index();
     if (pixel >= push.pixels) return;
     if (push.depth != 0) {
-        float z = depths[pixel];
-        depth_target[pixel] = push.depth_form.x + (z > 0.0 ? push.depth_form.y / z : 0.0);
+        float z = depths[pixel], empty = push.depth_form.y < 0.0 ? 1.0 : 0.0;
+        // guard: depths that a buffer can hold
+        depth_target[pixel] = z > 0.0 ? clamp(push.depth_form.x + push.depth_form.y / z, 0.0, 1.0) : empty;
     }
-    vec4 rendered = image[pixel]; // rgb over the background, which is black unless OPAQUE; transmittance
-    float T = rendered.a, alpha = push.blend == OPAQUE ? 1.0 : 1.0 - T;
+    vec4 rendered = image[pixel]; // rgb, and transmittance
+    bool whole = push.blend == OPAQUE && push.exposure == 1.0; // over its background, else over black
+    float T = rendered.a, alpha = whole ? 1.0 : 1.0 - T;
     // The colour as it is, not yet weighed by alpha.
     vec3 straight = alpha > 0.0 ? rendered.rgb / alpha : vec3(0.0);
-    if (push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
+    if (CURVES && push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
+    bool linear = CURVES && push.linear != 0;
     vec4 result;
-    if (push.blend == OVER) {
-        vec4 below = load(pixel);
-        vec3 encoded = push.linear != 0 ? to_encoded(max(below.rgb, vec3(0.0))) : below.rgb;
-        vec3 both = alpha * straight + T * encoded;
-        result = vec4(push.linear != 0 ? to_linear(both) : both, alpha + T * below.a);
+    if (whole || push.blend == PREMULTIPLIED) {
+        result = vec4(alpha * (linear ? to_linear(straight) : straight), alpha);
     } else {
-        result = vec4(alpha * (push.linear != 0 ? to_linear(straight) : straight), alpha);
+        vec4 below = vec4(push.background, 1.0);
+        if (push.blend == OVER) {
+            below = load(pixel);
+            if (linear) below.rgb = to_encoded(max(below.rgb, vec3(0.0)));
+        }
+        vec3 both = alpha * straight + T * below.rgb;
+        result = vec4(linear ? to_linear(both) : both, push.blend == OVER ? alpha + T * below.a : 1.0);
     }
     store(pixel, result);
 }

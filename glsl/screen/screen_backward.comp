@@ -75,7 +75,7 @@ void main() {
 
     float record[RECORD];
     [[unroll]] for (uint r = 0; r < RECORD; ++r) record[r] = 0.0;
-    uvec2 own = records_of(i, push.by_gaussian != 0);
+    uvec2 own = records_of(i);
     for (uint slot = own.x; slot < own.x + own.y; ++slot) add_record(slot, true, record);
     vec2 w = vec2(record[0], record[1]);
     float d_opacity = record[2];

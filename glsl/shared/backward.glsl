@@ -4,13 +4,16 @@
 // One subgroup takes one tile, see shared/tile.glsl, and goes front to back again with the forward pass's arithmetic, so
 // every decision is the same bit for bit and no transmittance is divided back. What lies behind a Gaussian is the final
 // colour less what has been passed. Sums over a tile's pixels are subgroup reductions.
-// The record is in whitened coordinates, see ARCHITECTURE.md.
+// The record is in whitened coordinates, see ARCHITECTURE.md. With SCORES image_grad is what density_image makes, and of the record the
+// first two of `colour` are wanted, its sums by blend weight: what else there is then compiles to nothing.
 #include "common.glsl"
 #include "splat.glsl"
 #include "frame.glsl"
 #include "population.glsl"
 #include "tile.glsl"
 #include "slots.glsl"
+
+layout(constant_id = 5) const bool SCORES = false;
 
 // Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
 // is meant, see records.glsl.
@@ -90,8 +93,13 @@ void take(uint j) {
     if (!(UNROLLED || blends)) return;
     // Of what is frozen x says that it is blended, which SparseAdam asks.
     // guard: blended without a gradient
-    Record total = Record(vec3(1.0, 0.0, summed(sum_opacity)), vec3(0.0), vec3(0.0));
-    if (all) {
+    Record total = Record(vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(0.0));
+    if (SCORES) {
+        total.colour.xy = summed(sum_rgb.xy);
+    } else {
+        total.centre.z = summed(sum_opacity);
+    }
+    if (!SCORES && all) {
         total.centre.xy = summed(sum_w);
         total.shape = summed(sum_ww);
         total.colour = summed(sum_rgb);
@@ -110,6 +118,8 @@ void tile_backward() {
     uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
     if (corner.x >= frame.width || corner.y >= frame.height) return;
 
+    uvec2 range = tile_ranges[index];
+    if (range.x == range.y) return; // like most tiles of the screen phase
     uint px = corner.x + lane_x();
     x = float(px) + 0.5;
     corner_y = corner.y;
@@ -128,7 +138,6 @@ void tile_backward() {
     }
 
     uint all_first = segment_first[push.frozen];
-    uvec2 range = tile_ranges[index];
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
         // Of no opacity where there is none: no pixel takes it.

@@ -1,26 +1,44 @@
 // The gradient record of an intersection, or, where blend_backward_atomic has added them up, of a Gaussian: nine sums over
 // pixels in whitened coordinates (see ARCHITECTURE.md), in three buffers so that each holds three times as many.
 // A Gaussian that learns its opacity alone has record_centres only, with 1 in x where a pixel blends it.
+// Where the kernel has a binding RECORD_WORDS and PACKED_RECORDS says so, those of intersections are packed into it instead.
 //
-// The kernel declares tile_counts and first_slot, and the bindings RECORD_CENTRES, RECORD_SHAPES and RECORD_COLOURS.
+// The kernel declares push.by_gaussian (records are by Gaussian, added up already), tile_counts and first_slot, and the bindings
+// RECORD_CENTRES, RECORD_SHAPES and RECORD_COLOURS.
 const uint RECORD = 9; // floats: sum g w_u, g w_v, d/d opacity; g w_u^2, g w_u w_v, g w_v^2; d/d rgb
 layout(set = 0, binding = RECORD_CENTRES, scalar) readonly buffer RecordCentres { vec3 record_centres[]; };
 layout(set = 0, binding = RECORD_SHAPES, scalar) readonly buffer RecordShapes { vec3 record_shapes[]; };
 layout(set = 0, binding = RECORD_COLOURS, scalar) readonly buffer RecordColours { vec3 record_colours[]; };
+#ifdef RECORD_WORDS
+#include "packed_record.glsl"
+layout(set = 0, binding = RECORD_WORDS, scalar) readonly buffer RecordWords { uvec4 record_words[]; };
+bool packed_records() { return PACKED_RECORDS && push.by_gaussian == 0; }
+#endif
 
 // Where the records of Gaussian i are: the first index and how many. Those of its intersections are contiguous.
-uvec2 records_of(uint i, bool by_gaussian) {
-    if (by_gaussian) return uvec2(i, 1); // guard: consumers told of atomics
+uvec2 records_of(uint i) {
+    if (push.by_gaussian != 0) return uvec2(i, 1); // guard: consumers told of atomics
     uint count = tile_counts[i];
     return uvec2(count == 0 ? 0 : first_slot[i], count);
 }
 
 void add_record(uint at, bool all, inout float sums[RECORD]) {
-    vec3 centre = record_centres[at];
-    [[unroll]] for (uint c = 0; c < 3; ++c) sums[c] += centre[c];
-    if (!all) return;
-    vec3 shape = record_shapes[at], colour = record_colours[at];
+    vec3 centre, shape = vec3(0.0), colour = vec3(0.0);
+#ifdef RECORD_WORDS
+    if (packed_records()) {
+        unpack_record(record_words[at], centre, shape, colour);
+    } else
+#endif
+    {
+        centre = record_centres[at];
+        if (all) {
+            shape = record_shapes[at];
+            colour = record_colours[at];
+        }
+    }
     [[unroll]] for (uint c = 0; c < 3; ++c) {
+        sums[c] += centre[c];
+        if (!all) continue;
         sums[3 + c] += shape[c];
         sums[6 + c] += colour[c];
     }

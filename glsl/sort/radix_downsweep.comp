@@ -14,6 +14,8 @@ layout(constant_id = 3) const bool COMPACT = false;
 layout(constant_id = 4) const uint LANES = 0;
 // The value of a key is its index; values_in is not read.
 layout(constant_id = 5) const bool INDEXED = false;
+// As in radix_upsweep.
+layout(constant_id = 6) const uint ROW_LANES = 8;
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
@@ -27,7 +29,7 @@ layout(set = 0, binding = 6, scalar) writeonly buffer ValuesOut { uint values_ou
 layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; uint shift; } push;
 
 // Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
-shared uint next_place[(gl_WorkGroupSize.x / 8) * DIGITS];
+shared uint next_place[(gl_WorkGroupSize.x / ROW_LANES) * DIGITS];
 
 // The live lanes whose digit is this lane's, if it is live.
 uvec2 same_digit(uint digit, bool live) {

@@ -8,6 +8,8 @@
 
 // Keys of 0xFFFFFFFF are not counted.
 layout(constant_id = 3) const bool COMPACT = false;
+// Lanes of a subgroup: as many rows of shared memory as a workgroup has subgroups, since what it takes more leaves fewer of them room.
+layout(constant_id = 6) const uint ROW_LANES = 8;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
@@ -16,8 +18,8 @@ layout(set = 0, binding = 2, scalar) writeonly buffer BlockCounts { uint block_c
 // Where in count the number of keys lies; lowest bit of the digit.
 layout(push_constant, scalar) uniform Push { uint count_index; uint shift; } push;
 
-// A row per subgroup; a subgroup has 8 lanes or more. 8 KiB at a workgroup of 64 and digits of 8 bits.
-shared uint digit_counts[(gl_WorkGroupSize.x / 8) * DIGITS];
+// A row per subgroup: 8 KiB of subgroups of 8 lanes at a workgroup of 64 and digits of 8 bits, 2 KiB of those of 32.
+shared uint digit_counts[(gl_WorkGroupSize.x / ROW_LANES) * DIGITS];
 
 void main() {
     uint keys = count[push.count_index];

@@ -657,6 +657,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub pulls: bool,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -678,6 +679,8 @@ pub struct Buffers<'a> {
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
     pub scores: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -702,12 +705,14 @@ pub struct Host<'a> {
     pub record_colours: &'a [[f32; 3]],
     /// ReadWrite
     pub scores: &'a mut [[f32; 4]],
+    /// ReadOnly
+    pub record_words: &'a [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, pulls: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, pulls: call.constant(1) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), scores: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -726,19 +731,21 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"pulls", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
-    const SUBGROUPS: bool = false;
+    const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
-    const FEATURES: &'static [crate::gpu::Feature] = &[];
+    const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.pulls as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.pulls as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.splats.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.scores.raw()])
+        with(&[b.population.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.splats.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.scores.raw(), b.record_words.raw()])
     }
 }
 }
@@ -2249,6 +2256,7 @@ pub struct Spec {
     pub packed: bool,
     pub newton: bool,
     pub sh_degree: u32,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -2282,6 +2290,8 @@ pub struct Buffers<'a> {
     pub sh_moments: &'a crate::gpu::Buffer<[f32; 4]>,
     /// ReadWrite
     pub lobe_moments: &'a crate::gpu::Buffer<[f32; 4]>,
+    /// ReadOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2318,12 +2328,14 @@ pub struct Host<'a> {
     pub sh_moments: &'a mut [[f32; 4]],
     /// ReadWrite
     pub lobe_moments: &'a mut [[f32; 4]],
+    /// ReadOnly
+    pub record_words: &'a [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, newton: call.constant(7) != 0, sh_degree: call.constant(10) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, compensate: call.constant(1) != 0, has_lobes: call.constant(2) != 0, opacity_only: call.constant(3) != 0, sparse: call.constant(4) != 0, accumulate: call.constant(5) != 0, packed: call.constant(6) != 0, newton: call.constant(7) != 0, sh_degree: call.constant(10) as u32, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), status: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), geometry_moments: crate::gpu::next_binding(&mut bindings), sh_moments: crate::gpu::next_binding(&mut bindings), lobe_moments: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2348,6 +2360,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2359,15 +2372,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 6, name: c"packed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 7, name: c"newton", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (7, spec.newton as u32), (10, spec.sh_degree as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.compensate as u32), (2, spec.has_lobes as u32), (3, spec.opacity_only as u32), (4, spec.sparse as u32), (5, spec.accumulate as u32), (6, spec.packed as u32), (7, spec.newton as u32), (10, spec.sh_degree as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw()])
+        with(&[b.population.raw(), b.views.raw(), b.status.raw(), b.tile_counts.raw(), b.first_slot.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.splat_colours.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.geometry_moments.raw(), b.sh_moments.raw(), b.lobe_moments.raw(), b.record_words.raw()])
     }
 }
 }
@@ -2801,6 +2815,7 @@ pub struct Push {
     pub plain_worth: f32,
     pub lobe_price: u32,
     pub plain_price: u32,
+    pub doubt: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -2873,7 +2888,9 @@ pub struct Push {
     pub view_first: u32,
     pub view_end: u32,
     pub begin: u32,
+    pub last: u32,
     pub caution: f32,
+    pub doubt: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -2899,6 +2916,8 @@ pub struct Buffers<'a> {
     pub gain_keys: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
     pub gains: &'a crate::gpu::Buffer<f32>,
+    /// ReadWrite
+    pub gain_squares: &'a crate::gpu::Buffer<f32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -2923,12 +2942,14 @@ pub struct Host<'a> {
     pub gain_keys: &'a [u32],
     /// ReadWrite
     pub gains: &'a mut [f32],
+    /// ReadWrite
+    pub gain_squares: &'a mut [f32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, views: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), gains: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, views: crate::gpu::next_binding(&mut bindings), plots: crate::gpu::next_binding(&mut bindings), surface_depths: crate::gpu::next_binding(&mut bindings), candidates: crate::gpu::next_binding(&mut bindings), texels: crate::gpu::next_binding(&mut bindings), explained: crate::gpu::next_binding(&mut bindings), fits: crate::gpu::next_binding(&mut bindings), gain_keys: crate::gpu::next_binding(&mut bindings), gains: crate::gpu::next_binding(&mut bindings), gain_squares: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -2947,6 +2968,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
         crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"gain_squares", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2958,7 +2980,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.explained.raw(), b.fits.raw(), b.gain_keys.raw(), b.gains.raw()])
+        with(&[b.views.raw(), b.plots.raw(), b.surface_depths.raw(), b.candidates.raw(), b.texels.raw(), b.explained.raw(), b.fits.raw(), b.gain_keys.raw(), b.gains.raw(), b.gain_squares.raw()])
     }
 }
 }
@@ -3463,6 +3485,8 @@ pub struct Spec {
     pub tile_height: u32,
     pub pixels: u32,
     pub unrolled: bool,
+    pub scores: bool,
+    pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3492,6 +3516,8 @@ pub struct Buffers<'a> {
     pub record_shapes: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
     pub record_colours: &'a crate::gpu::Buffer<[f32; 3]>,
+    /// WriteOnly
+    pub record_words: &'a crate::gpu::Buffer<[u32; 4]>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3524,12 +3550,14 @@ pub struct Host<'a> {
     pub record_shapes: &'a mut [[f32; 3]],
     /// WriteOnly
     pub record_colours: &'a mut [[f32; 3]],
+    /// WriteOnly
+    pub record_words: &'a mut [[u32; 4]],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3552,6 +3580,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 4]>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3559,15 +3588,17 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
     }
 }
 }
@@ -3589,6 +3620,7 @@ pub struct Spec {
     pub tile_height: u32,
     pub pixels: u32,
     pub unrolled: bool,
+    pub scores: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3653,7 +3685,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3685,13 +3717,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::ShaderBufferFloat32AtomicAdd, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
@@ -3824,6 +3857,7 @@ pub struct Push {
     pub view: u32,
     pub depth_first: u32,
     pub splat_first: u32,
+    pub scale: f32,
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -4016,10 +4050,12 @@ pub struct Push {
     pub depth: u32,
     pub exposure: f32,
     pub depth_form: [f32; 2],
+    pub background: [f32; 3],
 }
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     pub workgroup_size: u32,
+    pub curves: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4048,7 +4084,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, curves: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, image: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), target: crate::gpu::next_binding(&mut bindings), depth_target: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4067,13 +4103,14 @@ impl crate::gpu::Kernel for Kernel {
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"curves", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.curves as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.image.raw(), b.depths.raw(), b.target.raw(), b.depth_target.raw()])
     }
@@ -4716,6 +4753,7 @@ pub struct Spec {
     pub compact: bool,
     pub lanes: u32,
     pub indexed: bool,
+    pub row_lanes: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4756,7 +4794,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), values_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), digit_totals: crate::gpu::next_binding(&mut bindings), keys_out: crate::gpu::next_binding(&mut bindings), values_out: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4783,13 +4821,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"lanes", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 5, name: c"indexed", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.values_in.raw(), b.block_counts.raw(), b.digit_totals.raw(), b.keys_out.raw(), b.values_out.raw()])
     }
@@ -4877,6 +4916,7 @@ pub struct Spec {
     pub block: u32,
     pub digit_bits: u32,
     pub compact: bool,
+    pub row_lanes: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4901,7 +4941,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4922,13 +4962,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"block", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.block_counts.raw()])
     }
@@ -5287,7 +5328,7 @@ pub mod pursuit {
 #[doc = "px, standard deviation"] pub const FIRST_BLUR: f32 = 0.7;
 #[doc = "texels of the level below, so that variances add up to the double deviation: sqrt(3) * 0.7"] pub const NEXT_BLUR: f32 = 1.2124;
 #[doc = "of lobes that are tried; the last stands for none"] pub const WIDTHS: u32 = 6;
-#[doc = "of a size and a width, see pursuit_score"] pub const SUMS: u32 = 9;
+#[doc = "of a size and a width, see pursuit_score"] pub const SUMS: u32 = 10;
 #[doc = "pixels"] pub const ERROR_BLOCK: u32 = 256;
 #[doc = "px"] pub const CELL: u32 = 2;
 #[doc = "standard deviations within which a choice changes what is left"] pub const REACH: f32 = 2.5;
@@ -5346,6 +5387,10 @@ pub mod status {
 }
 pub mod subgroup {
 #[doc = ""] pub const LOOK: u32 = 8;
+}
+pub mod sums {
+#[doc = "guard: sum of many slots by the whole subgroup"] pub const MANY: u32 = 256;
+#[doc = "guard: sum: several slots an iteration"] pub const UNROLL: u32 = 4;
 }
 pub mod unit {
 #[doc = "smallest that is not denormal: devices may flush what is below"] pub const FLOAT_MIN: f32 = 1.17549435e-38;

@@ -5,24 +5,34 @@
 use std::ffi::{c_char, c_void};
 
 use ash::vk;
+use bytemuck::Pod;
 use glam::{DMat4, DQuat, DVec3};
 
 use crate::{
     Error, Result,
-    gpu::{Access, Binding, BufferRange, Constant, ConstantKind, Context, ImageRegion, Kept, Pixels},
+    gpu::{
+        Access, Binding, BufferRange, Constant, ConstantKind, Context, DeviceInfo, ImageRegion, Kept, MadePipeline,
+        Pixels,
+    },
     pipelines::{
         frames::{Blend, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel, Transform},
         model::{Model, Segment, Upload},
         session::Policy,
     },
-    scene::{Scene, layout::BETAS},
+    scene::{
+        Gaussians, Lobes, Scene,
+        layout::{BETAS, coefficients},
+    },
 };
 
 /// Of `glint.h`.
-pub const GLINT_VERSION: u32 = 3;
+pub const GLINT_VERSION: u32 = 4;
 
 /// A device, see [`Context`].
 pub struct glint_context(pub(super) Context);
+
+/// What is known of a physical device, see [`DeviceInfo`].
+pub struct glint_physical(pub(super) DeviceInfo);
 
 /// Gaussians on the host, see [`Scene`].
 pub struct glint_scene(pub(super) Scene);
@@ -135,6 +145,146 @@ pub struct glint_scene_counts {
     pub sh_degree: u32,
 }
 
+/// Gaussians in arrays, see [`Gaussians`] and [`Lobes`].
+#[repr(C)]
+pub struct glint_gaussians {
+    /// sizeof(glint_gaussians).
+    pub size: u32,
+    /// Gaussians.
+    pub count: u32,
+    /// Of the harmonics, 0 to 3, or [`BETAS`].
+    pub sh_degree: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Three each.
+    pub means: *const f32,
+    /// Three each, natural logarithms.
+    pub log_scales: *const f32,
+    /// Four each: w, x, y, z.
+    pub rotations: *const f32,
+    /// One each, logits.
+    pub opacities: *const f32,
+    /// Three for each coefficient.
+    pub sh: *const f32,
+    /// Three each; of a base null, as the two that follow.
+    pub lobe_directions: *const f32,
+    /// One each.
+    pub lobe_widths: *const f32,
+    /// One each.
+    pub lobe_sharpness: *const f32,
+}
+
+/// So many values of some floats each.
+///
+/// # Safety
+/// `from` is null or has them.
+unsafe fn values<T: Pod>(from: *const f32, count: usize, what: &str) -> Result<Vec<T>> {
+    match (count, from.is_null()) {
+        (0, _) => Ok(Vec::new()),
+        (_, true) => Err(Error::Usage(format!("{what} of {count} values are null"))),
+        // SAFETY: by the contract above; `T` is floats.
+        _ => Ok(unsafe { std::slice::from_raw_parts(from.cast::<T>(), count) }.to_vec()),
+    }
+}
+
+impl glint_gaussians {
+    /// # Safety
+    /// The arrays are null or have as many values as is said.
+    pub(super) unsafe fn gaussians(&self) -> Result<Gaussians> {
+        let (n, sh_degree) = (self.count as usize, self.sh_degree);
+        if sh_degree > BETAS {
+            return Err(Error::Usage(format!("harmonics of degree {sh_degree}, expected 0 to 3, or {BETAS}: betas")));
+        }
+        // SAFETY: by the contract above.
+        unsafe {
+            Ok(Gaussians {
+                sh_degree,
+                means: values(self.means, n, "means")?,
+                log_scales: values(self.log_scales, n, "log_scales")?,
+                quats: values(self.rotations, n, "rotations")?,
+                opacities: values(self.opacities, n, "opacities")?,
+                sh: values(self.sh, n * coefficients(sh_degree), "sh")?,
+            })
+        }
+    }
+
+    /// # Safety
+    /// As above.
+    pub(super) unsafe fn lobes(&self) -> Result<Lobes> {
+        let n = self.count as usize;
+        // SAFETY: by the contract above.
+        unsafe {
+            Ok(Lobes {
+                directions: values(self.lobe_directions, n, "lobe_directions")?,
+                widths: values(self.lobe_widths, n, "lobe_widths")?,
+                sharpness: values(self.lobe_sharpness, n, "lobe_sharpness")?,
+            })
+        }
+    }
+}
+
+/// What a model has, to tell whose a number is.
+#[repr(C)]
+pub struct glint_model_counts {
+    /// sizeof(glint_model_counts).
+    pub size: u32,
+    /// Plain Gaussians.
+    pub base: u32,
+    /// Gaussians with lobes.
+    pub supplement: u32,
+    /// Numbers that it takes among those of a frame's instances.
+    pub capacity: u32,
+    /// The greatest of both segments, 0 to 3, or [`BETAS`].
+    pub sh_degree: u32,
+    /// 1: harmonics are of half width.
+    pub half: u32,
+}
+
+/// Constants of a pipeline at most.
+const CONSTANTS: usize = 16;
+
+/// See [`MadePipeline`].
+#[repr(C)]
+pub struct glint_pipeline {
+    /// sizeof(glint_pipeline).
+    pub size: u32,
+    /// Of `constants`.
+    pub constant_count: u32,
+    /// VkPipeline.
+    pub pipeline: u64,
+    /// VkPipelineLayout.
+    pub layout: u64,
+    /// VkDescriptorSetLayout.
+    pub set_layout: u64,
+    /// Ids and values.
+    pub constants: [[u32; 2]; CONSTANTS],
+    /// The kernel's, ends with a 0.
+    pub kernel: [c_char; 32],
+}
+
+impl From<&MadePipeline> for glint_pipeline {
+    fn from(made: &MadePipeline) -> Self {
+        use vk::Handle;
+        let (mut constants, mut kernel) = ([[0; 2]; CONSTANTS], [0; 32]);
+        constants.iter_mut().zip(&made.constants).for_each(|(to, &(id, value))| *to = [id, value]);
+        put_name(&mut kernel, made.kernel);
+        glint_pipeline {
+            size: size_of::<glint_pipeline>() as u32,
+            constant_count: made.constants.len().min(CONSTANTS) as u32,
+            pipeline: made.pipeline.as_raw(),
+            layout: made.layout.as_raw(),
+            set_layout: made.set_layout.as_raw(),
+            constants,
+            kernel,
+        }
+    }
+}
+
+/// The last stays 0.
+pub(super) fn put_name(to: &mut [c_char; 32], name: &str) {
+    to[..31].iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
+}
+
 /// See [`Limits`].
 #[repr(C)]
 pub struct glint_limits {
@@ -213,8 +363,8 @@ impl glint_limits {
                 (count, _) => Room::Intersections(count),
             },
             texel: texel(self.texel)?,
-            degrees: numbers(self.degrees),
-            lobe_degrees: numbers(self.lobe_degrees),
+            degrees: numbers(self.degrees)?,
+            lobe_degrees: numbers(self.lobe_degrees)?,
             half: self.half != 0,
             depth_in: self.depth_in != 0,
             depth_out: self.depth_out != 0,
@@ -228,8 +378,11 @@ fn bits(degrees: &[u32]) -> u32 {
     degrees.iter().fold(0, |bits, degree| bits | 1 << degree)
 }
 
-fn numbers(bits: u32) -> Vec<u32> {
-    (0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()
+fn numbers(bits: u32) -> Result<Vec<u32>> {
+    match bits >> (BETAS + 1) {
+        0 => Ok((0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()),
+        _ => Err(Error::Usage(format!("degrees {bits:#x}, expected bits 0 to {BETAS}"))),
+    }
 }
 
 fn texel(number: u32) -> Result<Texel> {
@@ -294,7 +447,7 @@ pub struct glint_view {
     pub view: [f64; 16],
     /// View to Vulkan's clip space, columns first.
     pub projection: [f64; 16],
-    /// Distance along the view's axis, scene units of the world.
+    /// Distance along the view's axis, scene units of the world; 0 for the projection's own.
     pub near: f64,
     /// Where colours go.
     pub color: glint_pixels,
@@ -330,7 +483,7 @@ impl TryFrom<&glint_view> for FrameView {
         let texel = texel(v.texel)?;
         let target = |pixels| Target { pixels, texel, light, blend, exposure: v.exposure };
         Ok(FrameView {
-            near: v.near,
+            near: if v.near == 0.0 { seen.near } else { v.near },
             color: v.color.pixels().map(target),
             depth_in: v.depth_in.pixels(),
             depth_out: v.depth_out.pixels(),
@@ -485,4 +638,10 @@ pub struct glint_kernel_info {
     pub push_bytes: u32,
     /// 1: it has subgroup operations.
     pub subgroups: u32,
+    /// Names of what its SPIR-V needs of the device.
+    pub features: *const *const c_char,
+    /// Of `features`.
+    pub feature_count: u32,
+    /// 1: the threads of a workgroup meet at barriers.
+    pub barriers: u32,
 }

@@ -128,12 +128,8 @@ const DEFAULT_MAX_SIZE: u32 = 1600;
 
 impl PhotoArgs {
     /// What the test photos are, in a word.
-    pub(super) fn holdout(&self) -> &'static str {
-        match self.dataset.holdout.unwrap_or_default() {
-            Holdout::Sector => "sector",
-            Holdout::Dataset => "dataset",
-            _ => "every",
-        }
+    pub(super) fn holdout(&self) -> String {
+        self.dataset.holdout.unwrap_or_default().to_string()
     }
 
     /// Reads the dataset and tells what its user would not expect.

@@ -12,7 +12,10 @@ use super::{
 };
 use crate::{
     Result,
-    data::{Dataset, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes, write_scene},
+    data::{
+        Dataset, Holdout, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes,
+        write_scene,
+    },
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Times},
@@ -308,7 +311,7 @@ impl Args {
             psnr: row.psnr,
             ssim: row.ssim,
             seed: self.seed.into(),
-            holdout: "every".into(),
+            holdout: Holdout::default().to_string(),
         });
         let told = made.each_ref().map(|made| made.told.clone());
         compare(context, &shown, test, RenderOptions::default(), background)?.write(

@@ -1,4 +1,5 @@
 use std::{
+    fs,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -22,7 +23,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, write_augmented},
+    data::{Dataset, Photo, Split, write_augmented, write_scene},
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
         join::JoinOptions,
@@ -194,7 +195,8 @@ pub(super) struct Args {
     /// on, 0.25 at most]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB
+    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB. Where `vertex` stays the base that was given, what it became
+    /// is kept beside it, and not counted
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
     /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
@@ -278,6 +280,8 @@ struct Report<'a> {
     plain_gaussians: u32,
     /// Of both in the file.
     bytes_added: u64,
+    /// Of the whole file, with what the base became where that is kept beside it.
+    file_bytes: u64,
     /// What pursuit meant to do; null of --method augs.
     plan: Option<&'a Spending>,
     /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
@@ -292,9 +296,22 @@ struct Report<'a> {
     /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
     joint_loss_first: Option<f64>,
     joint_loss_last: Option<f64>,
+    /// What was placed, each time.
+    placements: Vec<Placement>,
+    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was.
+    discarded: bool,
     /// On the test views; null where there are none.
     gain: Option<Gain>,
 }
+
+#[derive(Serialize)]
+struct Placement {
+    lobes: u32,
+    plain: u32,
+}
+
+/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: what seeds move it by.
+const WORSE_DB: f64 = 0.02;
 
 /// What the test views, which nothing was learned from, say of an augmentation.
 #[derive(Serialize)]
@@ -402,8 +419,12 @@ impl Args {
                 end,
                 silent: self.json,
             };
-            let found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
-            write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)?;
+            let mut found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
+            let write = |found: &Enhanced| {
+                write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)
+            };
+            // Before anything else can fail: what was learned is kept.
+            write(&found)?;
             let asked = interrupt.asked();
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
@@ -414,7 +435,7 @@ impl Args {
             }
             // Whoever ends it early waits for nothing more.
             let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset) };
-            let gain = match judged {
+            let mut gain = match judged {
                 // What was made is made, whether or not it can be judged.
                 Err(error @ Error::Input { .. }) => {
                     note(format!("what was gained on the test photos is not known: {error}"));
@@ -422,6 +443,24 @@ impl Args {
                 }
                 judged => judged?,
             };
+            let mut discarded = false;
+            if let Some(gain) = gain.as_mut().filter(|_| found.join.is_some()) {
+                let change = gain.after.psnr - gain.before.psnr;
+                discarded = self.asks_for_nothing() && change < -WORSE_DB;
+                if discarded {
+                    note(format!(
+                        "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
+                         budget (--ratio, --bytes, --time) is spent whatever they say",
+                        -change
+                    ));
+                    write_scene(&self.output, &scene)?;
+                } else if found.original.is_none() && gain.base_alone.psnr < gain.before.psnr {
+                    // The training photos did not tell.
+                    found.original = Some(scene.base.clone());
+                    gain.base_alone = gain.before;
+                    write(&found)?;
+                }
+            }
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
             let cap = (options.ratio * scene.base.len() as f64).ceil();
             let budget = match options.method {
@@ -462,6 +501,7 @@ impl Args {
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
                 bytes_added: allowance.taken(plain, found.lifted),
+                file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
                 plan: found.spending.as_ref(),
                 faded_gaussians: found.faded,
                 original_kept: found.original.is_some(),
@@ -477,6 +517,8 @@ impl Args {
                 stages: joint_stages(&found),
                 joint_loss_first: pass_loss(&found, photos.len(), false),
                 joint_loss_last: pass_loss(&found, photos.len(), true),
+                placements: found.placed.iter().map(|p| Placement { lobes: p.lobes, plain: p.plain }).collect(),
+                discarded,
                 gain,
             };
             if self.json {
@@ -492,8 +534,9 @@ impl Args {
                     0 => String::new(),
                     faded => format!(", without {faded} that faded"),
                 };
+                let discarded = if discarded { " were made and discarded: it is the base as it was" } else { "" };
                 print(format_args!(
-                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}\n\
+                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
                      base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
                     seconds.base,
                     seconds.join,
@@ -509,6 +552,11 @@ impl Args {
             }
             Ok(())
         })
+    }
+
+    /// Whether the way and the budget are left to glint.
+    fn asks_for_nothing(&self) -> bool {
+        self.method == Way::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
     }
 
     /// What is to be done within the budget that was given.

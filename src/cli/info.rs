@@ -90,7 +90,7 @@ impl Args {
             }
             Some(kind) if kind.may_be_scene() => {
                 let scene = self.lenient.open(path)?;
-                let plan = |context: &Context| Ok(RenderPlan::of(context.info(), &scene, self.resolution, self.half));
+                let plan = |context: &Context| Ok(RenderPlan::of(context.info(), &scene, self.resolution, self.half)?);
                 let plan = if self.plan { Some(Box::new(self.device.with(plan)?)) } else { None };
                 Found::Scene { scene: Box::new(SceneSummary::of(&scene)), plan }
             }

@@ -358,9 +358,8 @@ impl Args {
                 deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part)));
                 trainer.submit_at_most(time / SUBMISSIONS);
             }
-            let mut history = test.map(|test| {
-                History::new(context, &self.output, test, background, seed, self.photos.holdout().to_owned())
-            });
+            let mut history =
+                test.map(|test| History::new(context, &self.output, test, background, seed, self.photos.holdout()));
             if let Some(history) = &mut history {
                 history.begin(found.as_ref().map(|_| had), &self.replace, &inputs)?;
             }

@@ -1,5 +1,6 @@
 //! Photos with their cameras, read from COLMAP or transforms.json datasets or made in memory.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -67,6 +68,18 @@ impl FromStr for Holdout {
                 Ok(n) if n >= 2 => Ok(Holdout::Every(n)),
                 _ => Err("expected sector, none or a number from 2".into()),
             },
+        }
+    }
+}
+
+impl fmt::Display for Holdout {
+    /// As histories and pages name it: equal where the same photos are held out.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Holdout::Dataset => f.write_str("default"),
+            Holdout::Every(n) => write!(f, "every {n}"),
+            Holdout::Sector => f.write_str("sector"),
+            Holdout::Nothing => f.write_str("none"),
         }
     }
 }

@@ -80,7 +80,8 @@ pub use scene_file::{
 };
 #[cfg(feature = "train")]
 pub use scene_file::{write_scene_as, write_scene_file};
-pub use sound::Dropped;
+pub(crate) use sound::lengths;
+pub use sound::{Dropped, check_scene};
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
 #[cfg(feature = "train")]

@@ -1,7 +1,10 @@
 //! What a scene's numbers must be.
 
 use super::ply::{BASE, FIXED, LOBE, SUPPLEMENT, beyond};
-use crate::scene::{Gaussians, Lobes, Scene, layout::BETAS};
+use crate::{
+    Error, Result,
+    scene::{Gaussians, Lobes, Scene, layout::BETAS},
+};
 
 /// Lobe widths T are kept in this range by the method (section 1).
 const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
@@ -17,10 +20,28 @@ pub struct Dropped {
     pub first: Option<String>,
 }
 
+/// Whether a scene is one that a file could hold: lists of one length, finite numbers, rotations and lobes with a direction. For scenes
+/// that come from elsewhere; those that were read are.
+///
+/// # Errors
+/// [`Error::Usage`], which names what is wrong as a PLY file has it: `vertex` is the base, `augmented` the supplement.
+pub fn check_scene(scene: &Scene) -> Result<()> {
+    check(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))
+}
+
 /// Lengths, finiteness, rotations and lobes; what is wrong names element, row and property.
 pub(super) fn check(scene: &Scene) -> Result<(), String> {
-    check_lengths(BASE, &scene.base)?;
+    lengths(scene)?;
     let mut first = faults(BASE, &scene.base, None).next();
+    if let Some(supplement) = &scene.supplement {
+        first = first.or_else(|| faults(SUPPLEMENT, &supplement.gaussians, Some(&supplement.lobes)).next());
+    }
+    first.map_or(Ok(()), |(_, fault)| Err(fault))
+}
+
+/// Lengths and degrees alone.
+pub(crate) fn lengths(scene: &Scene) -> Result<(), String> {
+    check_lengths(BASE, &scene.base)?;
     if let Some(supplement) = &scene.supplement {
         let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
         check_lengths(SUPPLEMENT, &supplement.gaussians)?;
@@ -30,9 +51,8 @@ pub(super) fn check(scene: &Scene) -> Result<(), String> {
         if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
             return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
         }
-        first = first.or_else(|| faults(SUPPLEMENT, &supplement.gaussians, Some(lobes)).next());
     }
-    first.map_or(Ok(()), |(_, fault)| Err(fault))
+    Ok(())
 }
 
 /// Removes the rows that are not sound from a scene whose lengths are.

@@ -17,8 +17,9 @@ use gpu_allocator::{
 use super::{
     DeviceInfo, Feature, GpuError, Recorder, Requirements, Twin,
     device::{self, Limits, Physical, Subgroups},
+    functions::{check_device, check_instance},
     instance::{create_instance, create_messenger},
-    memory::{BLOCK, Budget},
+    memory::{BLOCK, Budget, types_of_buffers},
     pipeline::Made,
     recorder::{CommandSlot, destroy_slot},
 };
@@ -78,7 +79,7 @@ impl ContextOptions {
 pub struct BorrowedDevice {
     /// Of the loader that `instance` was made with.
     pub entry: ash::Entry,
-    /// Of Vulkan 1.1 at least.
+    /// Of Vulkan 1.2 at least, as its application said when it was made.
     pub instance: ash::Instance,
     /// What `device` was made of.
     pub physical_device: vk::PhysicalDevice,
@@ -103,7 +104,10 @@ pub struct BorrowedDevice {
 /// Calls what it is given, once, while nobody else uses the queue.
 type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
 
-/// An engine's own lock of a queue that it shares with glint.
+/// An engine's own lock of a queue that it shares with glint. It is taken for each submission, by the thread that submits (uploads that
+/// wait, downloads, [`Recorder::submit`]; neither [`Frames`](crate::pipelines::frames::Frames) nor
+/// [`Upload`](crate::pipelines::model::Upload) do), so a thread that holds it already must not call what submits: unless the lock may be
+/// taken twice, that would wait for itself.
 #[derive(Clone)]
 pub struct QueueLock(pub Arc<WithQueue>);
 
@@ -190,10 +194,17 @@ impl Context {
 
     /// Of the caller's instance the physical device that [`Context::new`] would open, and the features that it offers: those that
     /// are not required may be named in [`BorrowedDevice::optional`].
+    ///
+    /// # Errors
+    /// What there is none of, or what the first that could be used lacks; [`GpuError::Missing`] too where the instance is of an older
+    /// Vulkan than 1.2 and has not the functions for the question.
     pub fn choose(
+        entry: &ash::Entry,
         instance: &ash::Instance,
         options: &ContextOptions,
     ) -> Result<(vk::PhysicalDevice, BTreeSet<Feature>), GpuError> {
+        // SAFETY: both are live, as whoever has them says.
+        unsafe { check_instance(entry, instance) }?;
         device::pick(instance, options).map(|(physical, _)| (physical.handle, physical.offered))
     }
 
@@ -204,13 +215,17 @@ impl Context {
     /// What [`Context::borrow`] would say of it.
     ///
     /// # Safety
-    /// `physical_device` comes from `instance`.
+    /// `physical_device` comes from `instance`, and that from `entry`.
     pub unsafe fn describe(
+        entry: &ash::Entry,
         instance: &ash::Instance,
         physical_device: vk::PhysicalDevice,
     ) -> Result<DeviceInfo, GpuError> {
         // SAFETY: by the contract above.
-        let physical = unsafe { Physical::query(instance, physical_device) };
+        let physical = unsafe {
+            check_instance(entry, instance)?;
+            Physical::query(instance, physical_device)
+        };
         let subgroups = physical.check(&ContextOptions::default(), &physical.offered)?;
         Ok(physical.info(Some(subgroups), &physical.offered, physical.timestamp_bits()))
     }
@@ -296,29 +311,32 @@ impl Context {
     /// Uses the caller's device.
     ///
     /// # Errors
-    /// [`GpuError::Missing`] and [`GpuError::Limit`] name what the physical device lacks. Features and extensions that exist
-    /// but were not enabled cannot be seen from here: enable what [`Context::requirements`] lists.
+    /// [`GpuError::Missing`] and [`GpuError::Limit`] name what the physical device lacks, or a function of Vulkan that instance or
+    /// device do not have; [`GpuError::Null`] what is not there. Features and extensions without functions that exist but were not enabled cannot be seen from here: enable
+    /// what [`Context::requirements`] lists.
     ///
     /// # Safety
     /// The handles belong together, outlive every clone of the context and all that is made from it, and nobody else
     /// uses the queue while glint submits. The device was made as [`Context::requirements`] and `optional` say.
     pub unsafe fn borrow(device: BorrowedDevice) -> Result<Self, GpuError> {
-        // SAFETY: by the contract above.
-        let physical = unsafe { Physical::query(&device.instance, device.physical_device) };
-        let subgroups = physical.check(&ContextOptions::default(), &device.optional)?;
-        // Of what is not enabled, the one extension that has functions can be seen.
-        // SAFETY: a query on live handles.
-        let push = unsafe {
-            let get = device.instance.fp_v1_0().get_device_proc_addr;
-            get(device.device.handle(), c"vkCmdPushDescriptorSetKHR".as_ptr())
-        };
-        if push.is_none() {
-            let feature = "extension VK_KHR_push_descriptor, enabled".into();
-            return Err(GpuError::Missing {
-                device: physical.info(Some(subgroups), &BTreeSet::new(), 0).name,
-                feature,
-            });
+        for (what, is_null) in [
+            ("the physical device", device.physical_device == vk::PhysicalDevice::null()),
+            ("the device", device.device.handle() == vk::Device::null()),
+            ("the queue", device.queue == vk::Queue::null()),
+        ] {
+            if is_null {
+                return Err(GpuError::Null(what));
+            }
         }
+        // SAFETY: by the contract above.
+        let physical = unsafe {
+            check_instance(&device.entry, &device.instance)?;
+            Physical::query(&device.instance, device.physical_device)
+        };
+        let subgroups = physical.check(&ContextOptions::default(), &device.optional)?;
+        // Of what is not enabled, that can be seen which has functions.
+        // SAFETY: by the contract above.
+        unsafe { check_device(&device.instance, device.physical_device, &device.device, device.labels) }?;
         Self::assemble(device, &physical, subgroups, Own::default())
     }
 
@@ -330,6 +348,7 @@ impl Context {
         // SAFETY: a query on live handles.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical_device) };
         let timestamp_bits = families.get(queue_family as usize).map_or(0, |f| f.timestamp_valid_bits);
+        let types = types_of_buffers(&device)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -354,7 +373,7 @@ impl Context {
             features,
             timestamp_mask: u64::MAX.checked_shr(64 - timestamp_bits.min(64)).unwrap_or(0),
             allocator: Mutex::new(Some(allocator)),
-            budget: Budget::new(physical, from.memory_budget),
+            budget: Budget::new(physical, types, from.memory_budget),
             free_slots: Mutex::default(),
             submissions: AtomicU64::new(0),
             waits: AtomicU64::new(0),

@@ -188,8 +188,15 @@ pub(super) struct Limits {
     push_descriptors: u32,
     pub shared_bytes: u32,
     pub push_bytes: u32,
-    pub storage_bytes: u32,
+    /// Of a buffer: what can be bound at once, be made, and have memory.
+    pub storage_bytes: u64,
     pub timestamp_period: f32,
+}
+
+/// Drivers may let more be bound than they let be allocated (AMD's own: 4 GiB and 2 GiB). 0 is not said.
+fn largest_buffer(storage_range: u32, allocation: u64, buffer: u64) -> u64 {
+    let said = [u64::from(storage_range), allocation, buffer].into_iter().filter(|&bytes| bytes > 0);
+    said.min().unwrap_or(0)
 }
 
 impl Limits {
@@ -230,7 +237,13 @@ impl Physical {
             let mut driver = vk::PhysicalDeviceDriverProperties::default();
             let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
             let mut push = vk::PhysicalDevicePushDescriptorPropertiesKHR::default();
-            let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+            let mut allocations = vk::PhysicalDeviceMaintenance3Properties::default();
+            let mut buffers = vk::PhysicalDeviceMaintenance4Properties::default();
+            let mut properties =
+                vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut allocations);
+            if api_version >= vk::API_VERSION_1_3 {
+                properties = properties.push_next(&mut buffers);
+            }
             if api_version >= vk::API_VERSION_1_2 {
                 properties = properties.push_next(&mut driver).push_next(&mut floats);
             }
@@ -263,7 +276,11 @@ impl Physical {
                     stage_resources: limits.max_per_stage_resources,
                     push_descriptors: push.max_push_descriptors,
                     push_bytes: limits.max_push_constants_size,
-                    storage_bytes: limits.max_storage_buffer_range,
+                    storage_bytes: largest_buffer(
+                        limits.max_storage_buffer_range,
+                        allocations.max_memory_allocation_size,
+                        buffers.max_buffer_size,
+                    ),
                     timestamp_period: limits.timestamp_period,
                 },
                 queue_family: compute.map(|i| (i as u32, families[i].timestamp_valid_bits)),
@@ -365,7 +382,12 @@ impl Physical {
     pub fn info(&self, subgroups: Option<Subgroups>, enabled: &BTreeSet<Feature>, timestamp_bits: u32) -> DeviceInfo {
         let Limits { workgroup_subgroups, storage_bytes, timestamp_period, .. } = self.limits;
         let lanes = subgroups.map_or(self.preferred_lanes, |s| s.lanes).max(1);
-        let most = if subgroups.is_some_and(|s| s.software) { u32::MAX } else { lanes * workgroup_subgroups };
+        let most = if subgroups.is_some_and(|s| s.software) {
+            u32::MAX
+        } else {
+            // Some drivers (RADV) say 2^32 - 1 for "any number".
+            lanes.saturating_mul(workgroup_subgroups)
+        };
         DeviceInfo {
             name: self.name.clone(),
             kind: match self.device_type {
@@ -380,7 +402,7 @@ impl Physical {
             reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
             preserves_nan: self.preserves_nan,
             max_workgroup: self.limits.workgroup().min(most) / lanes * lanes,
-            max_storage_bytes: storage_bytes.into(),
+            max_storage_bytes: storage_bytes,
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
             driver: self.driver.clone(),
@@ -523,6 +545,23 @@ mod tests {
     /// Lanes, and whether they are required at each pipeline.
     fn lanes(p: &Physical, wanted: Option<u32>) -> Option<(u32, bool)> {
         p.check(&wants(wanted), &p.offered).ok().map(|s| (s.lanes, s.require))
+    }
+
+    #[test]
+    fn a_workgroup_may_have_any_number_of_subgroups() {
+        let limits = Limits { workgroup_subgroups: u32::MAX, ..physical().limits };
+        let p = Physical { limits, subgroup_sizes: [64, 64], preferred_lanes: 64, ..physical() };
+        let subgroups = p.check(&wants(None), &p.offered).ok();
+        assert_eq!(p.info(subgroups, &p.offered, 64).max_workgroup, 1024);
+    }
+
+    #[test]
+    fn a_buffer_is_no_larger_than_what_can_be_bound_made_and_allocated() {
+        assert_eq!(largest_buffer(1 << 27, 1 << 31, u64::MAX), 1 << 27);
+        assert_eq!(largest_buffer(u32::MAX, 1 << 31, 1 << 40), 1 << 31);
+        assert_eq!(largest_buffer(u32::MAX, 1 << 40, 1 << 30), 1 << 30);
+        // Vulkan 1.2 says nothing of the last.
+        assert_eq!(largest_buffer(u32::MAX, 1 << 40, 0), u64::from(u32::MAX));
     }
 
     #[test]

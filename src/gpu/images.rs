@@ -14,7 +14,8 @@ const UPDATE_BYTES: usize = 65_536;
 pub struct ImageRegion {
     /// Made with `TRANSFER_DST` where it is written, `TRANSFER_SRC` where it is read.
     pub image: vk::Image,
-    /// That it has at the time: `GENERAL`, or `TRANSFER_DST_OPTIMAL` and `TRANSFER_SRC_OPTIMAL`.
+    /// That it has at the time: `GENERAL`, or where it is written alone `TRANSFER_DST_OPTIMAL`, where it is read alone
+    /// `TRANSFER_SRC_OPTIMAL` (or `SHARED_PRESENT_KHR`).
     pub layout: vk::ImageLayout,
     /// That it was made with: texels are copied as they are. Of one with depths these are meant, which a queue without graphics does not
     /// copy.
@@ -23,7 +24,7 @@ pub struct ImageRegion {
     pub level: u32,
     /// Array layer: an eye, a face of a cube.
     pub layer: u32,
-    /// Pixels, of the upper left corner.
+    /// Pixels, of the upper left corner; 0 or more.
     pub offset: [i32; 2],
 }
 

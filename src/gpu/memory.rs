@@ -28,6 +28,33 @@ pub enum Location {
     Upload,
 }
 
+impl Location {
+    const ALL: [Self; 3] = [Location::Device, Location::Readback, Location::Upload];
+
+    /// As the allocator has it. What is staged is the host's memory: [`MemoryLocation::CpuToGpu`] would take the device's own wherever the
+    /// host can write to it, for a copy that is read once.
+    fn kind(self) -> MemoryLocation {
+        match self {
+            Location::Device => MemoryLocation::GpuOnly,
+            Location::Readback | Location::Upload => MemoryLocation::GpuToCpu,
+        }
+    }
+
+    /// The heap that the allocator takes it from: that of the first type of memory with what it would like, or else with what it needs.
+    /// `types` are those that buffers may have.
+    fn heap(self, memory: &vk::PhysicalDeviceMemoryProperties, types: u32) -> Option<usize> {
+        use vk::MemoryPropertyFlags as Flags;
+        let host = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+        let wanted = match self {
+            Location::Device => [Flags::DEVICE_LOCAL; 2],
+            Location::Readback | Location::Upload => [host | Flags::HOST_CACHED, host],
+        };
+        let list = &memory.memory_types[..memory.memory_type_count as usize];
+        let find = |flags| (0..).zip(list).find(|(i, t)| types >> i & 1 != 0 && t.property_flags.contains(flags));
+        wanted.into_iter().find_map(find).map(|(_, found): (u32, _)| found.heap_index as usize)
+    }
+}
+
 /// Bytes of the blocks of memory that small buffers share. A buffer that is larger has memory of its own, which goes back to the device
 /// with it. It is the least that gpu-allocator makes: with its usual 256 and 64 MiB a scene of 1 MiB would keep so much from its host.
 pub(super) const BLOCK: u64 = 4 << 20;
@@ -54,8 +81,8 @@ pub(super) struct Budget {
     most: u64,
     /// `VK_EXT_memory_budget` says what others leave of it.
     shared: bool,
-    /// Host memory is of the same heap.
-    unified: bool,
+    /// By location, whether its memory is of that heap: the host's too, where there is one heap, or the host sees no other.
+    counted: [bool; Location::ALL.len()],
     used: AtomicU64,
     most_used: AtomicU64,
     /// Changes with the allocator only, under its lock.
@@ -65,22 +92,23 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    pub fn new(physical: &Physical, cap: Option<u64>) -> Self {
+    /// `types` are the types of memory that buffers may have.
+    pub fn new(physical: &Physical, types: u32, cap: Option<u64>) -> Self {
         let heaps = &physical.memory.memory_heaps[..physical.memory.memory_heap_count as usize];
-        let local = |h: &&(usize, &vk::MemoryHeap)| h.1.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
-        let largest = heaps.iter().enumerate().filter(|h| local(&h)).max_by_key(|h| h.1.size);
-        let (heap, mut most) = largest.map_or((0, u64::MAX), |(i, h)| (i, h.size));
+        let heap = Location::Device.heap(&physical.memory, types).unwrap_or(0);
+        let mut most = heaps.get(heap).map_or(u64::MAX, |heap| heap.size);
+        let counted = Location::ALL.map(|location| location.heap(&physical.memory, types) == Some(heap));
         let shared = has_extension(&physical.extensions, ash::ext::memory_budget::NAME);
         if physical.device_type == vk::PhysicalDeviceType::CPU && !shared {
             most = host_memory().unwrap_or(most);
         }
         let most = cap.map_or(most, |cap| cap.min(most));
         let [used, most_used, taken] = [const { AtomicU64::new(0) }; 3];
-        Budget { heap, most, shared, unified: heaps.len() == 1, used, most_used, taken, blocks: AtomicU32::new(0) }
+        Budget { heap, most, shared, counted, used, most_used, taken, blocks: AtomicU32::new(0) }
     }
 
     fn counts(&self, location: Location) -> bool {
-        self.unified || location == Location::Device
+        self.counted[location as usize]
     }
 }
 
@@ -428,16 +456,30 @@ impl<T: Pod> Buffer<T> {
     }
 }
 
+/// The types of memory that buffers may have: Vulkan gives all of one usage the same.
+pub(super) fn types_of_buffers(device: &ash::Device) -> Result<u32, GpuError> {
+    // SAFETY: a live device; the buffer is destroyed at once.
+    unsafe {
+        let buffer = device.create_buffer(&description(256), None).check("vkCreateBuffer")?;
+        let types = device.get_buffer_memory_requirements(buffer).memory_type_bits;
+        device.destroy_buffer(buffer, None);
+        Ok(types)
+    }
+}
+
 /// A buffer without memory.
 fn without_memory(context: &Context, bytes: u64) -> Result<vk::Buffer, GpuError> {
-    let info = vk::BufferCreateInfo::default().size(bytes).usage(
+    // SAFETY: a live device and a structure that lives for the call.
+    unsafe { context.0.device.create_buffer(&description(bytes), None) }.check("vkCreateBuffer")
+}
+
+fn description(bytes: u64) -> vk::BufferCreateInfo<'static> {
+    vk::BufferCreateInfo::default().size(bytes).usage(
         vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST,
-    );
-    // SAFETY: a live device and a structure that lives for the call.
-    unsafe { context.0.device.create_buffer(&info, None) }.check("vkCreateBuffer")
+    )
 }
 
 /// Within the budget: where a new block would go beyond it, and the buffer alone does not, it has memory of its own.
@@ -476,11 +518,7 @@ unsafe fn allocate(
     let mut description = AllocationCreateDesc {
         name,
         requirements,
-        location: match location {
-            Location::Device => MemoryLocation::GpuOnly,
-            Location::Readback => MemoryLocation::GpuToCpu,
-            Location::Upload => MemoryLocation::CpuToGpu,
-        },
+        location: location.kind(),
         linear: true,
         allocation_scheme: AllocationScheme::GpuAllocatorManaged,
     };
@@ -530,6 +568,44 @@ impl Drop for RawBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A device's memory: heaps by size, and of each type its flags and heap.
+    fn memory(heaps: &[u64], types: &[(vk::MemoryPropertyFlags, u32)]) -> vk::PhysicalDeviceMemoryProperties {
+        let mut memory = vk::PhysicalDeviceMemoryProperties {
+            memory_heap_count: heaps.len() as u32,
+            memory_type_count: types.len() as u32,
+            ..Default::default()
+        };
+        memory.memory_heaps.iter_mut().zip(heaps).for_each(|(heap, &size)| heap.size = size);
+        for (to, &(property_flags, heap_index)) in memory.memory_types.iter_mut().zip(types) {
+            *to = vk::MemoryType { property_flags, heap_index };
+        }
+        memory
+    }
+
+    #[test]
+    fn what_is_staged_counts_where_it_lies_in_the_devices_heap() {
+        use vk::MemoryPropertyFlags as F;
+        let (local, host) = (F::DEVICE_LOCAL, F::HOST_VISIBLE | F::HOST_COHERENT);
+        let cached = host | F::HOST_CACHED;
+        let heaps = |memory: &vk::PhysicalDeviceMemoryProperties, types| {
+            Location::ALL.map(|location| location.heap(memory, types))
+        };
+        // A graphics card, whose memory the host sees all of: staging is the host's all the same.
+        let card = memory(&[24 << 30, 32 << 30], &[(local, 0), (host, 1), (cached, 1), (local | host, 0)]);
+        assert_eq!(heaps(&card, !0), [Some(0), Some(1), Some(1)]);
+        // One of which it sees a window.
+        let window = memory(&[24 << 30, 32 << 30, 256 << 20], &[(host, 1), (local, 0), (cached, 1), (local | host, 2)]);
+        assert_eq!(heaps(&window, !0), [Some(0), Some(1), Some(1)]);
+        // One memory for all, and a device whose host sees nothing but the device's.
+        assert_eq!(heaps(&memory(&[16 << 30], &[(local | cached, 0)]), !0), [Some(0); 3]);
+        let only = memory(&[8 << 30, 8 << 30], &[(local, 1), (local | host, 1), (local, 0)]);
+        assert_eq!(heaps(&only, !0), [Some(1); 3]);
+        // A type that buffers may not have is none.
+        assert_eq!(heaps(&card, 0b1011), [Some(0), Some(1), Some(1)]);
+        assert_eq!(heaps(&card, 0b1001), [Some(0); 3]);
+        assert_eq!(heaps(&card, 0b0110)[0], None);
+    }
 
     /// No CPU device here has `VK_EXT_memory_budget`.
     #[test]

@@ -4,6 +4,7 @@
 mod context;
 mod device;
 mod features;
+mod functions;
 mod images;
 mod instance;
 mod memory;
@@ -26,7 +27,7 @@ pub use images::{BufferRange, ImageRegion, Pixels};
 #[cfg(feature = "view")]
 pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
-pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, Pipeline, Unit, Words};
+pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, MadePipeline, Pipeline, Unit, Words};
 pub use recorder::{Kept, Recorder, StageTime, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 
@@ -51,6 +52,9 @@ pub enum GpuError {
          use fewer Gaussians or smaller images"
     )]
     BufferTooLarge { name: String, bytes: u64, limit: u64 },
+    /// A handle of the caller's.
+    #[error("{0} is null")]
+    Null(&'static str),
     /// A limit of the device's is below what a kernel takes.
     #[error("device {device} allows {has} {what}, {needs} are needed")]
     Limit { device: String, what: String, needs: u64, has: u64 },

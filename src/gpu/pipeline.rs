@@ -188,6 +188,38 @@ impl RawPipeline {
     }
 }
 
+/// A pipeline that a context has made, for whoever records commands of their own beside glint's. It lives as long as the context.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MadePipeline {
+    /// [`Kernel::NAME`].
+    pub kernel: &'static str,
+    /// Ids and values of the specialisation constants that it was made with; constant 0 is the workgroup size.
+    pub constants: Vec<(u32, u32)>,
+    /// Of compute.
+    pub pipeline: vk::Pipeline,
+    /// Of set 0 and the push constants, from byte 0 on.
+    pub layout: vk::PipelineLayout,
+    /// Of set 0, which takes push descriptors: a storage buffer for each of [`Kernel::BINDINGS`].
+    pub set_layout: vk::DescriptorSetLayout,
+}
+
+impl Context {
+    /// The pipelines that were made so far, by kernel and constants, those of other contexts of the device that share them too.
+    pub fn pipelines(&self) -> Vec<MadePipeline> {
+        let made = self.0.pipelines.lock().unwrap_or_else(|e| e.into_inner());
+        let all = made.iter().map(|((kernel, constants), raw)| MadePipeline {
+            kernel,
+            constants: constants.clone(),
+            pipeline: raw.handle,
+            layout: raw.layout,
+            set_layout: raw.set_layout,
+        });
+        let mut all: Vec<_> = all.collect();
+        all.sort();
+        all
+    }
+}
+
 /// A kernel with its specialisation constants set.
 pub struct Pipeline<K: Kernel> {
     pub(super) raw: RawPipeline,
@@ -363,7 +395,7 @@ mod tests {
         // Software subgroups make no demand.
         let options = ContextOptions { validation: true, device: env.device, ..Default::default() };
         let mut context = Context::new(&options).unwrap();
-        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false };
+        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false, row_lanes: 8 };
         radix_upsweep::Stage::new(&context, &spec).unwrap();
         assert_eq!(context.validation_messages(), [""; 0]);
         let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;

@@ -176,6 +176,12 @@ impl Kept {
         stamps.read(context)
     }
 
+    /// Room for so many buffers: to record with no more takes nothing from the heap.
+    pub fn reserve(&mut self, buffers: usize) {
+        self.touched.reserve(buffers);
+        self.buffers.reserve(buffers);
+    }
+
     fn keep(&mut self, buffer: &Arc<RawBuffer>) {
         self.buffers.entry(buffer.handle).or_insert_with(|| buffer.clone());
     }
@@ -244,6 +250,8 @@ impl Recorder {
     /// The recorder inserts barriers between its own stages only. Before its first stage the caller must have made its
     /// writes to shared buffers available to `COMPUTE_SHADER` (`SHADER_READ | SHADER_WRITE`), and `TRANSFER` for copies
     /// and fills; after the last stage results must be awaited from `COMPUTE_SHADER`/`SHADER_WRITE`.
+    ///
+    /// The compute pipeline that is bound, descriptor set 0 of compute and the push constants are the recorder's afterwards.
     ///
     /// Twins stand in for no kernel here: the commands before it would have to run first, and they are the caller's to submit.
     ///

@@ -9,7 +9,7 @@ use super::{
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
     plan::buffers,
-    raster::{Grid, Raster},
+    raster::{Between, Grid, Raster},
     session::Session,
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     views::Views,
@@ -219,23 +219,27 @@ impl DensityOptions {
 }
 
 buffers! {
-    /// By number of a Gaussian, of `limit` at most.
+    /// Beside [`ByNumber`].
     struct DensityBuffers(limit: u32) {
         words: u32 = WORDS,
         args: u32 = 3,
-        alive: u32 = *limit,
-        ranks: u32 = *limit,
-        keys: u32 = *limit,
-        sources: u32 = *limit,
-        copies: u32 = *limit,
-        sorted_keys: u32 = *limit,
-        sorted: u32 = *limit,
-        sorted_keys_1: u32 = *limit,
-        sorted_1: u32 = *limit,
         block_sums: u32 = block_sums_len(*limit),
         block_counts: u32 = block_counts_len(*limit, KEY_BITS),
         digit_totals: u32 = DIGIT_TOTALS,
     }
+}
+
+/// By number of a Gaussian. A refinement comes when a step is done, so all of it lies in memory of the step's splats.
+struct ByNumber {
+    alive: Buffer<u32>,
+    ranks: Buffer<u32>,
+    keys: Buffer<u32>,
+    sources: Buffer<u32>,
+    copies: Buffer<u32>,
+    sorted_keys: Buffer<u32>,
+    sorted: Buffer<u32>,
+    sorted_keys_1: Buffer<u32>,
+    sorted_1: Buffer<u32>,
 }
 
 const KEY_BITS: u32 = 32;
@@ -246,6 +250,7 @@ pub struct Density {
     seed: u32,
     extent: f32,
     buffers: DensityBuffers,
+    by_number: ByNumber,
     /// Sums over the views since the last refinement.
     pub scores: Planes,
     /// Gaussians after the last refinement; 0 before the first. In host memory.
@@ -276,11 +281,11 @@ pub(super) struct ScoredView<'a> {
 }
 
 impl Density {
-    /// For `model`, which has room for `options.limit` Gaussians in its base.
+    /// For `model`, which has room for `options.limit` Gaussians in its base, and `raster`, which all its steps go through.
     ///
     /// # Errors
     /// [`Error::Usage`] where it has not; else what the device lacks.
-    pub fn new(session: &Session, model: &Model, options: &DensityOptions) -> Result<Self> {
+    pub fn new(session: &Session, model: &Model, raster: &Raster, options: &DensityOptions) -> Result<Self> {
         let (context, limit) = (&session.context, options.limit);
         let part = model.part(Segment::Base);
         if part.capacity() < limit || limit == 0 {
@@ -294,6 +299,8 @@ impl Density {
         };
         let replacement = strategy == MCMC;
         let packed = session.policy.packed;
+        let Between { quads, words } = raster.between_frames()?;
+        let [alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1] = words;
         let told = Buffer::new(context, "told", 1, Location::Readback)?;
         told.write_mapped(&[0]);
         Ok(Density {
@@ -301,12 +308,17 @@ impl Density {
             seed: session.seed as u32 ^ (session.seed >> 32) as u32,
             extent: session.extent,
             buffers: DensityBuffers::new(context, &part.capacity())?,
+            by_number: ByNumber { alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1 },
             scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
             told,
             image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
             score: density_score::Stage::new(
                 context,
-                &density_score::Spec { workgroup_size, pulls: options.strategy == Strategy::Adc },
+                &density_score::Spec {
+                    workgroup_size,
+                    pulls: options.strategy == Strategy::Adc,
+                    packed_records: packed,
+                },
             )?,
             weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
             scan: Scan::new(context, false)?,
@@ -314,7 +326,7 @@ impl Density {
             plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
             draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
             place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,
-            rearrange: Rearrange::new(context, part.capacity())?,
+            rearrange: Rearrange::with(context, part.capacity(), quads)?,
             apply: density_apply::Stage::new(
                 context,
                 &density_apply::Spec {
@@ -357,7 +369,7 @@ impl Density {
                 &density_image::Push { frame: view },
                 camera.pixels(),
             );
-            raster.record_blend_backward(recorder, grid, &views.frames, &model.population, 0);
+            raster.record_scores(recorder, grid, &views.frames, &model.population);
         }
         for (k, dispatch, page) in model.pages(Segment::Base) {
             self.score.record_indirect(
@@ -371,6 +383,7 @@ impl Density {
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
                     record_colours: &raster.records.record_colours,
+                    record_words: &raster.records.record_words,
                     scores: self.scores.page(k),
                 },
                 &density_score::Push {
@@ -437,11 +450,11 @@ impl Density {
         event: &Event,
         status: &Buffer<u32>,
     ) {
-        let (b, seed, part) = (&self.buffers, self.seed, model.part(Segment::Base));
+        let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(Segment::Base));
         let replacement = self.options.strategy == Strategy::Mcmc;
         let threads = self.draw.workgroup_size();
         recorder.copy(&model.population, 1, &b.words, OLD as usize, 1);
-        recorder.fill(&b.copies, 0);
+        recorder.fill(&n.copies, 0);
         for (k, dispatch, page) in model.pages(Segment::Base) {
             self.weigh.record_indirect(
                 recorder,
@@ -449,8 +462,8 @@ impl Density {
                     population: &model.population,
                     geometry: part.geometry.page(k),
                     scores: self.scores.page(k),
-                    alive: &b.alive,
-                    keys: &b.keys,
+                    alive: &n.alive,
+                    keys: &n.keys,
                 },
                 &density_weigh::Push {
                     segment: page.segment,
@@ -473,17 +486,17 @@ impl Density {
             dispatch: model.blocks_dispatch(Segment::Base),
         };
         let scan = |values, offsets| ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets };
-        self.scan.record(recorder, &scan(&b.alive, &b.ranks), extent, ALIVE);
+        self.scan.record(recorder, &scan(&n.alive, &n.ranks), extent, ALIVE);
         let order = if replacement {
-            self.scan.record(recorder, &scan(&b.keys, &b.sorted), extent, CANDIDATES);
-            &b.sorted
+            self.scan.record(recorder, &scan(&n.keys, &n.sorted), extent, CANDIDATES);
+            &n.sorted
         } else {
             let pairs = [
-                Pairs { keys: &b.sorted_keys, values: &b.sorted },
-                Pairs { keys: &b.sorted_keys_1, values: &b.sorted_1 },
+                Pairs { keys: &n.sorted_keys, values: &n.sorted },
+                Pairs { keys: &n.sorted_keys_1, values: &n.sorted_1 },
             ];
             let scratch = RadixScratch { block_counts: &b.block_counts, digit_totals: &b.digit_totals };
-            let input = Pairs { keys: &b.keys, values: &b.keys };
+            let input = Pairs { keys: &n.keys, values: &n.keys };
             self.sort.record(recorder, input, pairs, scratch, extent, CANDIDATES).values
         };
         self.plan.record(
@@ -499,7 +512,7 @@ impl Density {
         );
         self.draw.record_indirect(
             recorder,
-            &density_draw::Buffers { words: &b.words, order, sources: &b.sources, copies: &b.copies },
+            &density_draw::Buffers { words: &b.words, order, sources: &n.sources, copies: &n.copies },
             &density_draw::Push { step: event.number, seed },
             &b.args,
             0,
@@ -507,13 +520,13 @@ impl Density {
         for (_, dispatch, page) in model.pages(Segment::Base) {
             self.place.record_indirect(
                 recorder,
-                &density_place::Buffers { words: &b.words, alive: &b.alive, ranks: &b.ranks, sources: &b.sources },
+                &density_place::Buffers { words: &b.words, alive: &n.alive, ranks: &n.ranks, sources: &n.sources },
                 &density_place::Push { page_first: page.first, stride: page.capacity },
                 &model.population_args,
                 dispatch,
             );
         }
-        let sources = Sources { sources: &b.sources, count: &b.words, index: NEW };
+        let sources = Sources { sources: &n.sources, count: &b.words, index: NEW };
         self.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
         for (k, dispatch, page) in model.pages(Segment::Base) {
             self.apply.record_indirect(
@@ -522,8 +535,8 @@ impl Density {
                     population: &model.population,
                     status,
                     words: &b.words,
-                    sources: &b.sources,
-                    copies: &b.copies,
+                    sources: &n.sources,
+                    copies: &n.copies,
                     geometry: part.geometry.page(k),
                     geometry_moments: moments.geometry.page(k),
                     sh_moments: moments.sh.page(k),

@@ -336,7 +336,8 @@ impl Enhancer {
                     }
                     let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
                     // What it was is known once it has been looked at.
-                    self.training_on = Some(TrainingOn { before: f64::NAN, after, steps });
+                    let seconds = self.times.weigh.as_secs_f64();
+                    self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
                     let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
                     pursuit.start_within(gaussians, bytes)?;
                     self.next = Next::Place(None);
@@ -599,13 +600,14 @@ impl Enhancer {
         Some((batches.len(), batches.get(batch)?.clone()))
     }
 
-    /// A copy of the base that learns on for one pass over the photographs, all rates falling as they do in the joint phase.
+    /// A copy of the base that learns on for some passes over the photographs, all rates falling as they do in the joint phase.
     fn pilot(&self, views: &Views) -> Result<Pilot> {
         let base = Scene { base: self.original.clone(), supplement: None };
         let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
         // So few steps are no time for moments to settle in, where they are Adam's.
-        let options = JoinOptions { bias_correction: true, steps_per_view: 1, ..self.options.join };
-        let mut trainer = join_for(&self.session, &model, views, &options, views.cameras.len() as u32)?;
+        let options = JoinOptions { bias_correction: true, steps_per_view: TRIAL_PASSES, ..self.options.join };
+        let steps = TRIAL_PASSES * views.cameras.len() as u32;
+        let mut trainer = join_for(&self.session, &model, views, &options, steps)?;
         trainer.start(false)?;
         Ok(Pilot { model, trainer })
     }
@@ -645,6 +647,10 @@ fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
     let Some(supplement) = model.supplement()? else { return Ok(0) };
     Ok(greatest_opacities(&supplement, views).into_iter().filter(|&opacity| opacity < least.into()).count() as u32)
 }
+
+/// Passes over the photographs of the trial that tells what training on gains. One is too few: the first steps of a base that has settled
+/// disturb it, and what they gain is less than nothing.
+pub const TRIAL_PASSES: u32 = 3;
 
 /// Name of the number of placements in a checkpoint.
 const PLACEMENTS: &str = "placements";

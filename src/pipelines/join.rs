@@ -26,6 +26,8 @@ pub struct JoinOptions {
     /// What part of the way to the minimum Newton's steps go at first, see [`Rates::newton`]; 0 for Adam's steps. Where not everything
     /// learns, steps are Adam's whatever it is.
     pub newton: f32,
+    /// Rates of lobes' directions, widths and sharpnesses, as multiples of what they are else: 0 keeps what placement gave.
+    pub lobe_rates: [f32; 3],
 }
 
 impl Default for JoinOptions {
@@ -38,6 +40,7 @@ impl Default for JoinOptions {
             pace: 1.0,
             decay: 1.0,
             newton: 0.0,
+            lobe_rates: [1.0; 3],
         }
     }
 }
@@ -45,6 +48,7 @@ impl Default for JoinOptions {
 impl JoinOptions {
     /// At a share `done` of the run; `extent` is the session's.
     pub fn rates(&self, extent: f32, done: f32) -> Rates {
+        let [direction, width, sharpness] = self.lobe_rates;
         let rates = Rates {
             mean: 1.6e-5 * extent,
             log_scale: 0.002,
@@ -52,9 +56,9 @@ impl JoinOptions {
             opacity: 0.02,
             dc: 1e-3,
             sh: 1e-3 / 20.0,
-            direction: 1e-3,
-            width: 2e-4,
-            sharpness: 2e-3,
+            direction: 1e-3 * direction,
+            width: 2e-4 * width,
+            sharpness: 2e-3 * sharpness,
             ..Default::default()
         };
         let left = self.decay.powf(done);

@@ -69,7 +69,7 @@ pub struct Lesson {
     pub bias_correction: bool,
     /// As the projection had it.
     pub compensate: bool,
-    /// See [`Policy::packed`](super::session::Policy::packed).
+    /// See [`Policy::packed`](super::session::Policy::packed); that of the raster whose gradients it learns from.
     pub packed: bool,
     /// Steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's. Those see one view each.
     pub newton: bool,
@@ -226,6 +226,7 @@ impl Learner {
                 sparse: sparse && !accumulate,
                 accumulate,
                 packed,
+                packed_records: packed,
                 newton: newton && !accumulate,
                 sh_degree,
             };
@@ -359,6 +360,7 @@ impl Learner {
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
                     record_colours: &raster.records.record_colours,
+                    record_words: &raster.records.record_words,
                     splat_colours: &raster.buffers.splat_colours,
                     geometry: part.geometry.page(k),
                     sh: part.sh.page(k),

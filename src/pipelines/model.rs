@@ -1,5 +1,7 @@
 //! A scene on the device: base and supplement as segments of pages, and how many Gaussians each has.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::DVec3;
 
 use super::{
@@ -7,6 +9,7 @@ use super::{
     views::Views,
 };
 use crate::{
+    data::lengths,
     error::{Error, Result},
     gpu::{Buffer, Context, DeviceInfo, GpuError, Location, Recorder, Unused},
     scene::{
@@ -198,7 +201,7 @@ impl Room {
     }
 
     /// Gaussians of a page.
-    fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
+    pub(super) fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
         // A page's largest buffer holds two moments of every SH plane.
         let quads = 2 * layout::quads(layout::sh_planes(sh_degree).max(GEOMETRY_PLANES));
         let fits = (device.max_storage_bytes / (16 * quads as u64)).min(u64::from(u32::MAX)) as u32;
@@ -210,7 +213,8 @@ impl Room {
 const NAMES: [[&str; 3]; 2] =
     [["geometry", "sh", "lobes"], ["supplement geometry", "supplement sh", "supplement lobes"]];
 
-/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow.
+/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow. What is recorded with a model
+/// keeps its buffers (see [`Kept`](crate::gpu::Kept)), so that it may be dropped before that has run.
 pub struct Model {
     context: Context,
     parts: [Part; 2],
@@ -281,6 +285,7 @@ impl Model {
 
     /// All that a scene needs on the device, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
+        lengths(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))?;
         let degrees = room.degrees(scene);
         let sh_degree = degrees[0].max(degrees[1]);
         let counts = counts_of(scene);
@@ -300,6 +305,10 @@ impl Model {
             Ok(part)
         };
         let [base, supplement] = room.capacities(counts);
+        if base.checked_add(supplement).is_none() {
+            let what = format!("a model with room for {base} and {supplement} Gaussians: more than can be numbered");
+            return Err(Error::Usage(what));
+        }
         let parts = [part(Segment::Base, base)?, part(Segment::Supplement, supplement)?];
         let page_count = parts.iter().map(|p| p.pages.len()).sum();
         let words = |name, len| Buffer::new(context, name, len, Location::Device);
@@ -590,15 +599,42 @@ fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, O
 
 /// A scene on its way to the device, in the caller's own command buffer: nothing is submitted, nothing waited for. Any thread may
 /// prepare it while others draw.
+///
+/// The command buffer may be of another queue than the frames' if that takes compute; then a semaphore stands between the two. Buffers
+/// belong to one queue family: from a queue of another family each of [`Model::held`] is released there, and acquired by the frames' before
+/// the first of them. As with a frame, the compute pipeline, descriptor set 0 and push constants are others afterwards. What
+/// [`Recorder::finish`](crate::gpu::Recorder::finish) gives is kept until the commands have run.
 pub struct Upload {
     model: Model,
     /// Host memory, and what it goes to.
     staged: Vec<(Quads, Quads)>,
     status: Buffer<u32>,
+    /// Until then there is nothing on the device, nor a number of Gaussians.
+    recorded: AtomicBool,
 }
 
 impl Upload {
-    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's.
+    /// What an upload of `scene` takes beside its model until it is recorded and its commands have run: host memory, of which a
+    /// context's budget knows where device and host share theirs. It is as much again as the pages that are filled;
+    /// [`Model::upload_around`], which waits, stages 64 MiB at most.
+    pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
+        let (degrees, counts) = (room.degrees(scene), counts_of(scene));
+        let limit = room.page_limit(device, degrees[0].max(degrees[1]));
+        let mut plan = Plan::default();
+        for (segment, capacity) in Segment::ALL.into_iter().zip(room.capacities(counts)) {
+            let s = segment as usize;
+            // Whole pages.
+            let elements = capacity.min(counts[s].div_ceil(limit).saturating_mul(limit)).into();
+            let rows = NAMES[s].into_iter().zip(room.bytes(segment, degrees[s]));
+            let rows = rows.map(|(name, element_bytes)| Planned { name, elements, element_bytes });
+            plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
+        }
+        plan.0.push(Planned { name: "recount status", elements: status::WORDS as u64, element_bytes: 4 });
+        plan
+    }
+
+    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's: see [`Model::plan`] and
+    /// [`Upload::plan`].
     ///
     /// # Errors
     /// Where memory does not suffice.
@@ -615,11 +651,17 @@ impl Upload {
             }
         }
         let status = Buffer::new(context, "recount status", status::WORDS, Location::Device)?;
-        Ok(Upload { model, staged, status })
+        Ok(Upload { model, staged, status, recorded: AtomicBool::new(false) })
     }
 
     /// Records the copies, and the kernel that makes dispatches of the counts. The command buffer's queue takes compute.
-    pub fn record(&self, recorder: &mut Recorder) {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the recorder is of another context; nothing is recorded then.
+    pub fn record(&self, recorder: &mut Recorder) -> Result<()> {
+        if !recorder.context().is_same(&self.model.context) {
+            return Err(Error::Usage("a recorder of another context than the upload's".into()));
+        }
         for (staging, planes) in &self.staged {
             recorder.copy(staging, 0, planes, 0, staging.len());
         }
@@ -630,12 +672,25 @@ impl Upload {
         self.model.record_recount(recorder, None, &self.status);
         // Whatever comes next on the queue may read it.
         recorder.barrier();
+        self.recorded.store(true, Ordering::Release);
+        Ok(())
     }
 
-    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. The host
-    /// memory is freed here, so not before the commands have run.
-    pub fn finish(self) -> Model {
-        self.model
+    /// Whether [`Upload::record`] has recorded it.
+    pub fn is_recorded(&self) -> bool {
+        self.recorded.load(Ordering::Acquire)
+    }
+
+    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. What was
+    /// recorded keeps the host memory until then (see [`Kept`](crate::gpu::Kept)).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where it was not recorded: what a frame then drew would be whatever the memory holds, in whatever number.
+    pub fn finish(self) -> Result<Model> {
+        match self.is_recorded() {
+            true => Ok(self.model),
+            false => Err(Error::Usage("an upload that was not recorded has nothing on the device".into())),
+        }
     }
 }
 
@@ -668,11 +723,16 @@ pub struct Sources<'a> {
 impl Rearrange {
     /// For up to `targets` Gaussians.
     pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
+        Self::with(context, targets, Buffer::new(context, "gathered", targets as usize, Location::Device)?)
+    }
+
+    /// The same, which puts what it moves into `gathered` for a moment, a quad for each Gaussian.
+    pub(super) fn with(context: &Context, targets: u32, gathered: Quads) -> Result<Self, GpuError> {
         Ok(Rearrange {
             gather: gather::Stage::new(context, &gather::Spec { workgroup_size: context.info().workgroup(WORKGROUP) })?,
             dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             args: Buffer::new(context, "rearrange_args", 3, Location::Device)?,
-            gathered: Buffer::new(context, "gathered", targets as usize, Location::Device)?,
+            gathered,
             targets,
         })
     }

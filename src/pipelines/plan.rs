@@ -22,7 +22,7 @@ impl Planned {
     /// Bytes of device memory.
     pub fn bytes(&self) -> u64 {
         // A buffer has one element at least: Vulkan has no empty ones.
-        self.elements.max(1) * self.element_bytes
+        self.elements.max(1).saturating_mul(self.element_bytes)
     }
 }
 
@@ -34,7 +34,7 @@ pub struct Plan(pub Vec<Planned>);
 impl Plan {
     /// Of all its buffers.
     pub fn bytes(&self) -> u64 {
-        self.0.iter().map(Planned::bytes).sum()
+        self.0.iter().map(Planned::bytes).fold(0, u64::saturating_add)
     }
 
     /// Both together.

@@ -67,6 +67,8 @@ pub struct PursuitOptions {
     /// How much less a candidate's gain in a view counts the more its colour comes from that view alone: 0 as it was fitted, 1 as the
     /// other views predict it.
     pub caution: f32,
+    /// Standard errors, as the views by themselves tell them, that a gain counts less: what few views gain by, others need not.
+    pub doubt: f32,
     /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
     pub least_opacity: f32,
     /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes are what depends on the view: more bands gain
@@ -89,6 +91,7 @@ impl Default for PursuitOptions {
             placements: 3,
             least_gain: 0.0,
             caution: 1.0,
+            doubt: 0.5,
             least_opacity: 0.1,
             lobe_degree: 0,
             page: None,
@@ -172,6 +175,8 @@ buffers! {
         pub(crate) spent: u32 = o.candidates,
         pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
         pub(crate) gains: f32 = o.candidates,
+        /// Of gains in each view.
+        pub(crate) gain_squares: f32 = o.candidates,
         pub(crate) beaten: u32 = o.candidates,
         pub(crate) gain_keys: u32 = o.candidates,
         pub(crate) sorted_keys: u32 = o.candidates,
@@ -664,6 +669,7 @@ impl Placer {
                 plain_worth,
                 lobe_price,
                 plain_price,
+                doubt: self.options.doubt,
             },
             count,
         );
@@ -685,13 +691,16 @@ impl Placer {
                     fits: &w.fits,
                     gain_keys: &w.gain_keys,
                     gains: &w.gains,
+                    gain_squares: &w.gain_squares,
                 },
                 &pursuit_gain::Push {
                     count,
                     view_first: page.views.start,
                     view_end: page.views.end,
                     begin: u32::from(k == 0),
+                    last: u32::from(k + 1 == self.pages.len()),
                     caution: self.options.caution,
+                    doubt: self.options.doubt,
                 },
                 count,
             );

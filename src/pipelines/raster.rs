@@ -30,7 +30,7 @@ pub enum Reduction {
     /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
     #[default]
     Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, some of which sorting uses before.
+    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, or 16 packed, some of which sorting uses before.
     Deterministic,
     /// By float atomics in any order. Takes 36 bytes for each Gaussian.
     Atomic,
@@ -138,7 +138,9 @@ pub struct RasterOptions {
     pub occluded: bool,
     /// Gradients will be asked for.
     pub backward: bool,
-    /// Which variants run; of it, the reduction and the tile.
+    /// And sums by blend weight, see [`Raster::record_scores`].
+    pub scores: bool,
+    /// Which variants run; of it, the reduction, whether records are packed, and the tile.
     pub policy: Policy,
 }
 
@@ -152,15 +154,41 @@ impl RasterOptions {
         if what { elements } else { 1 }
     }
 
-    /// Elements of each buffer of gradient records.
-    fn records(&self, by_gaussian: bool) -> u32 {
-        self.only_if(self.backward, if by_gaussian { self.splats } else { self.room() })
+    /// Gradient records of intersections are packed: of all but batches, whose reader knows them as floats only.
+    fn packed(&self) -> bool {
+        self.policy.packed && !self.batch
     }
 
-    /// As many as the intersections, rounded up so that lists that share memory begin where a device lets buffers begin.
-    fn room(&self) -> u32 {
-        self.isects.checked_next_multiple_of(LIST_ALIGNMENT).unwrap_or(self.isects)
+    /// Elements of each buffer of gradient records by intersection.
+    fn records(&self, packed: bool) -> u32 {
+        self.only_if(self.backward && self.packed() == packed, self.room())
     }
+
+    /// Intersections of which a device binds a list with so many bytes for each.
+    pub(super) fn most_isects(device: &DeviceInfo, bytes: u64) -> u32 {
+        let whole = |isects: u64| isects / u64::from(LIST_ALIGNMENT) * u64::from(LIST_ALIGNMENT);
+        whole((device.max_storage_bytes / bytes).min(u32::MAX.into())) as u32
+    }
+
+    /// Elements of lists by intersection: as many as there are, and as splats, which are sorted in the same memory before; rounded up so
+    /// that lists that share memory begin where a device lets buffers begin.
+    fn room(&self) -> u32 {
+        aligned(self.isects.max(self.splats))
+    }
+
+    /// Elements of what is by splat and serves something else between frames of a raster that learns.
+    fn splat_room(&self) -> u32 {
+        if self.backward { aligned(self.splats) } else { self.splats }
+    }
+
+    /// Bytes of the widest of an intersection's gradient records.
+    fn record_bytes(&self) -> u64 {
+        if self.packed() { 16 } else { 12 }
+    }
+}
+
+fn aligned(elements: u32) -> u32 {
+    elements.checked_next_multiple_of(LIST_ALIGNMENT).unwrap_or(elements)
 }
 
 /// Words of `count`.
@@ -174,6 +202,8 @@ const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
 /// Bits of a depth key.
 const DEPTH_BITS: u32 = 32;
+/// Bytes of an intersection in a list that is sorted.
+pub(super) const LIST_BYTES: u64 = 4;
 /// Words: 256 bytes, where every driver at hand lets a buffer begin in memory. Else [`Buffer::over`] takes memory of its own.
 const LIST_ALIGNMENT: u32 = 64;
 
@@ -181,19 +211,19 @@ buffers! {
     /// What is by splat, by pixel and by tile.
     pub struct RasterBuffers(o: RasterOptions) {
         /// By Gaussian index, where `tile_counts` is not 0.
-        pub splats: Splat = o.splats,
+        pub splats: Splat = o.splat_room(),
         /// sRGB, ≥ 0.
-        pub splat_colours: [f32; 3] = o.splats,
+        pub splat_colours: [f32; 3] = o.splat_room(),
         /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view.
         pub depth_keys: u32 = o.splats,
         /// Tiles that a splat touches.
         pub tile_counts: u32 = o.splats,
-        /// By Gaussian index: where its intersection slots begin. Valid where `tile_counts` is not 0.
-        pub first_slot: u32 = o.splats,
+        /// By Gaussian index: where its intersection slots, and with them its gradient records, begin. Valid where `tile_counts` is not 0.
+        pub first_slot: u32 = o.only_if(o.backward, o.splats),
         /// RGB with the background, and transmittance.
         pub image: [f32; 4] = o.pixels,
         /// ∂loss/∂RGB by pixel, interleaved.
-        pub image_grad: f32 = 3 * o.only_if(o.backward, o.pixels),
+        pub image_grad: f32 = 3 * u64::from(o.only_if(o.backward, o.pixels)),
         /// RGB and transmittance of what lies behind all splats.
         pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
         /// Gaussian index of each pixel's median; NONE: none.
@@ -203,11 +233,7 @@ buffers! {
         pub(crate) tile_ranges: [u32; 2] = o.tiles,
         pub(crate) count: u32 = 4,
         args: u32 = 9,
-        sorted_keys: u32 = o.splats,
-        sorted_keys_1: u32 = o.splats,
-        global_from_rank: u32 = o.splats,
-        global_from_rank_1: u32 = o.splats,
-        rank_first_slot: u32 = o.splats,
+        global_from_rank: u32 = o.only_if(o.backward, o.splats),
         block_sums: u32 = block_sums_len(o.splats),
         depth_block_counts: u32 = block_counts_len(o.splats, DEPTH_BITS),
         digit_totals: u32 = DIGIT_TOTALS,
@@ -218,7 +244,7 @@ buffers! {
     /// What is by intersection, while the view is blended and after. In `isect_slots` sorting ends; where gradients are asked for it sorts
     /// slots, as records lie by slot, and `rank_blocks` says whose they are; else Gaussian indices.
     struct Isects(o: RasterOptions) {
-        isect_slots: u32 = o.isects,
+        isect_slots: u32 = o.room(),
         rank_blocks: [u32; 2] = o.only_if(o.backward, o.isects.div_ceil(SLOTS_PER_BLOCK)),
         isect_block_counts: u32 = block_counts_len(o.isects, o.tile_bits()),
     }
@@ -227,9 +253,9 @@ buffers! {
 buffers! {
     /// What is by intersection until they are sorted. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on.
     struct Sorting(o: RasterOptions) {
-        isect_tiles: u32 = o.isects,
-        isect_keys: u32 = o.isects,
-        isect_slots_1: u32 = o.isects,
+        isect_tiles: u32 = o.room(),
+        isect_keys: u32 = o.room(),
+        isect_slots_1: u32 = o.room(),
     }
 }
 
@@ -237,8 +263,11 @@ impl Sorting {
     /// In the memory of records by intersection, which are written when all is sorted.
     fn over(context: &Context, options: &RasterOptions, records: &Records) -> Result<Self, GpuError> {
         let list = |name, place: u64| {
-            let first = place * 4 * u64::from(options.room());
-            Buffer::over(context, name, &records.record_shapes, first, options.isects as usize)
+            let (first, len) = (place * LIST_BYTES * u64::from(options.room()), options.room() as usize);
+            match options.packed() {
+                true => Buffer::over(context, name, &records.record_words, first, len),
+                false => Buffer::over(context, name, &records.record_shapes, first, len),
+            }
         };
         Ok(Sorting {
             isect_tiles: list("isect_tiles", 0)?,
@@ -262,43 +291,114 @@ buffers! {
         pub record_shapes: [f32; 3] = o.records(false),
         /// ∂loss/∂rgb.
         pub record_colours: [f32; 3] = o.records(false),
+        /// All of these in four words, where they are packed (`glsl/shared/packed_record.glsl`).
+        pub record_words: [u32; 4] = o.records(true),
+    }
+}
+
+impl Records {
+    /// How many of either kind there are.
+    fn len(&self) -> usize {
+        self.record_centres.len().max(self.record_words.len())
     }
 }
 
 buffers! {
     /// Gradient records added up by Gaussian.
     struct GaussianRecords(o: RasterOptions) {
-        record_centres: [f32; 3] = o.records(true),
-        record_shapes: [f32; 3] = o.records(true),
-        record_colours: [f32; 3] = o.records(true),
+        record_centres: [f32; 3] = o.only_if(o.backward, o.splats),
+        record_shapes: [f32; 3] = o.only_if(o.backward, o.splats),
+        record_colours: [f32; 3] = o.only_if(o.backward, o.splats),
     }
 }
 
-/// The blend's backward pass.
+/// What splats are sorted by depth in, and what the lists by intersection are made from.
+struct DepthSorting {
+    keys: [Buffer<u32>; 2],
+    /// Gaussian index by rank; one of both once all are sorted.
+    global_from_rank: [Buffer<u32>; 2],
+    rank_first_slot: Buffer<u32>,
+}
+
+impl DepthSorting {
+    /// In the memory of the lists by intersection. `emit` writes `isect_tiles` and `values`, place 2 or 3, and reads the ranks and their
+    /// first slots, so these lie in the others; gradients need the ranks until the end, so there they have memory of their own.
+    fn over(raster: &RasterParts<'_>) -> Result<Self, GpuError> {
+        let RasterParts { context, options, buffers, isects, sorting, records, last, values } = *raster;
+        let list = |name, place: usize| {
+            let (first, len) = (place as u64 * LIST_BYTES * u64::from(options.room()), options.splats as usize);
+            match (place, records) {
+                (3, _) => Buffer::over(context, name, &isects.isect_slots, 0, len),
+                (_, Some(records)) if options.packed() => {
+                    Buffer::over(context, name, &records.record_words, first, len)
+                }
+                (_, Some(records)) => Buffer::over(context, name, &records.record_shapes, first, len),
+                (0, _) => Buffer::over(context, name, &sorting.isect_tiles, 0, len),
+                (1, _) => Buffer::over(context, name, &sorting.isect_keys, 0, len),
+                _ => Buffer::over(context, name, &sorting.isect_slots_1, 0, len),
+            }
+        };
+        let free = 5 - values;
+        let ranks = match options.backward {
+            true => buffers.global_from_rank.clone(),
+            false => list("global_from_rank", 1)?,
+        };
+        let mut global_from_rank = [ranks, list("global_from_rank_1", values)?];
+        if last == 1 {
+            global_from_rank.swap(0, 1);
+        }
+        Ok(DepthSorting {
+            keys: [list("sorted_keys", 0)?, list("sorted_keys_1", free)?],
+            global_from_rank,
+            // When keys are sorted they are not needed any more.
+            rank_first_slot: list("rank_first_slot", free)?,
+        })
+    }
+
+    /// Nothing.
+    fn none(unused: &Unused) -> Self {
+        let none = || unused.of();
+        DepthSorting { keys: [none(), none()], global_from_rank: [none(), none()], rank_first_slot: none() }
+    }
+}
+
+/// What [`DepthSorting`] lies in.
+#[derive(Clone, Copy)]
+struct RasterParts<'a> {
+    context: &'a Context,
+    options: &'a RasterOptions,
+    buffers: &'a RasterBuffers,
+    isects: &'a Isects,
+    sorting: &'a Sorting,
+    /// In whose memory `sorting` lies, if in any.
+    records: Option<&'a Records>,
+    /// Which of both pairs the depths' sort ends in.
+    last: usize,
+    /// Place of the values that `emit` writes.
+    values: usize,
+}
+
+/// The blend's backward pass: of gradients, and of scores where these are asked for.
 enum Backward {
     /// Records by intersection slot.
-    Deterministic(blend_backward::Stage),
+    Deterministic(blend_backward::Stage, Option<blend_backward::Stage>),
     /// Records by Gaussian.
-    Atomic(blend_backward_atomic::Stage),
+    Atomic(blend_backward_atomic::Stage, Option<blend_backward_atomic::Stage>),
 }
 
 impl Backward {
     /// With the records' buffers.
     fn new(context: &Context, options: &RasterOptions, tile: TileShape) -> Result<(Self, Records), GpuError> {
-        let workgroup_size = WORKGROUP;
-        let TileShape { width: tile_width, height: tile_height, pixels } = tile;
-        let unrolled = unrolled(context.info());
         let deterministic = || {
-            let spec = blend_backward::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
             let records = Records::new(context, options)?;
-            Ok((Backward::Deterministic(blend_backward::Stage::new(context, &spec)?), records))
+            Ok((Self::stages(context, options, tile, false)?, records))
         };
         let atomic = || {
             let GaussianRecords { record_centres, record_shapes, record_colours } =
                 GaussianRecords::new(context, options)?;
-            let spec = blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled };
-            let records = Records { record_centres, record_shapes, record_colours };
-            Ok((Backward::Atomic(blend_backward_atomic::Stage::new(context, &spec)?), records))
+            let record_words = Unused::new(context)?.of();
+            let records = Records { record_centres, record_shapes, record_colours, record_words };
+            Ok((Self::stages(context, options, tile, true)?, records))
         };
         match options.policy.reduction {
             // guard: deterministic or nothing
@@ -321,6 +421,33 @@ impl Backward {
             }),
         }
     }
+
+    fn stages(context: &Context, options: &RasterOptions, tile: TileShape, atomic: bool) -> Result<Self, GpuError> {
+        let (workgroup_size, unrolled, packed_records) = (WORKGROUP, unrolled(context.info()), options.packed());
+        let TileShape { width: tile_width, height: tile_height, pixels } = tile;
+        Ok(if atomic {
+            let stage = |scores| {
+                let spec =
+                    blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled, scores };
+                blend_backward_atomic::Stage::new(context, &spec)
+            };
+            Backward::Atomic(stage(false)?, options.scores.then(|| stage(true)).transpose()?)
+        } else {
+            let stage = |scores| {
+                let spec = blend_backward::Spec {
+                    workgroup_size,
+                    tile_width,
+                    tile_height,
+                    pixels,
+                    unrolled,
+                    scores,
+                    packed_records,
+                };
+                blend_backward::Stage::new(context, &spec)
+            };
+            Backward::Deterministic(stage(false)?, options.scores.then(|| stage(true)).transpose()?)
+        })
+    }
 }
 
 /// How many splats there are: word `index` of `count` on the device, and the dispatch over their blocks.
@@ -336,6 +463,13 @@ pub struct SplatCount<'a> {
     pub dispatch: u32,
 }
 
+/// Lists for each splat, in memory that a frame needs and nothing between frames.
+#[cfg(feature = "train")]
+pub(super) struct Between {
+    pub quads: Buffer<[f32; 4]>,
+    pub words: [Buffer<u32>; 9],
+}
+
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
 pub struct Raster {
     context: Context,
@@ -346,6 +480,7 @@ pub struct Raster {
     pub buffers: RasterBuffers,
     isects: Isects,
     sorting: Sorting,
+    by_depth: DepthSorting,
     /// Where gradients are asked for; by Gaussian where [`Raster::by_gaussian`].
     pub records: Records,
     depth_sort: RadixSort,
@@ -392,14 +527,16 @@ impl Raster {
             false => (None, Records::new(context, &options)?),
         };
         let sorting = match backward {
-            Some(Backward::Deterministic(_)) => Sorting::over(context, &options, &records)?,
+            Some(Backward::Deterministic(..)) => Sorting::over(context, &options, &records)?,
             _ => Sorting::new(context, &options)?,
         };
-        Ok(Raster {
+        let unused = Unused::new(context)?;
+        let mut raster = Raster {
             tile,
             buffers: RasterBuffers::new(context, &options)?,
             isects: Isects::new(context, &options)?,
             sorting,
+            by_depth: DepthSorting::none(&unused),
             records,
             depth_sort: RadixSort::new(context, DEPTH_BITS, Input::Keys)?,
             tile_sort: RadixSort::new(
@@ -413,10 +550,26 @@ impl Raster {
             ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size })?,
             blend: blend::Stage::new(context, &blend_spec)?,
             backward,
-            unused: Unused::new(context)?,
+            unused,
             context: context.clone(),
             options,
-        })
+        };
+        raster.by_depth = DepthSorting::over(&raster.parts())?;
+        Ok(raster)
+    }
+
+    fn parts(&self) -> RasterParts<'_> {
+        let records = matches!(self.backward, Some(Backward::Deterministic(..))).then_some(&self.records);
+        RasterParts {
+            context: &self.context,
+            options: &self.options,
+            buffers: &self.buffers,
+            isects: &self.isects,
+            sorting: &self.sorting,
+            records,
+            last: self.depth_sort.last_pair(),
+            values: if self.tile_sort.last_pair() == 0 { 2 } else { 3 },
+        }
     }
 
     /// What a raster of these options holds, its records by intersection.
@@ -429,7 +582,7 @@ impl Raster {
         }
     }
 
-    /// All its buffers, but for gradient records.
+    /// All its buffers, but for gradient records and for what lies in the memory of others.
     pub fn held(&self) -> Vec<Held> {
         [self.buffers.held(), self.isects.held(), self.sorting.held()].concat()
     }
@@ -463,36 +616,97 @@ impl Raster {
         Ok(())
     }
 
+    /// What is by splat serves a frame alone: between frames its memory is for other lists, by splat too. Of a raster with a backward pass.
+    #[cfg(feature = "train")]
+    pub(super) fn between_frames(&self) -> Result<Between, GpuError> {
+        let (context, f, len) = (&self.context, &self.buffers, self.options.splats as usize);
+        let each = LIST_BYTES * u64::from(self.options.splat_room());
+        let word = |k: usize| match k {
+            // Behind the quads.
+            0 | 1 => Buffer::over(context, "between", &f.splats, (4 + k as u64) * each, len),
+            2..5 => Buffer::over(context, "between", &f.splat_colours, (k as u64 - 2) * each, len),
+            5 => Buffer::over(context, "between", &f.depth_keys, 0, len),
+            6 => Buffer::over(context, "between", &f.tile_counts, 0, len),
+            7 => Buffer::over(context, "between", &f.first_slot, 0, len),
+            _ => Buffer::over(context, "between", &f.global_from_rank, 0, len),
+        };
+        let [a, b, c, d, e, g, h, i, j] = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(word);
+        let words = [a?, b?, c?, d?, e?, g?, h?, i?, j?];
+        Ok(Between { quads: Buffer::over(context, "between", &f.splats, 0, len)?, words })
+    }
+
     /// The stage that makes gradient records, if there is one.
     pub fn backward_stage(&self) -> Option<&'static str> {
         self.backward.as_ref().map(|backward| match backward {
-            Backward::Deterministic(_) => blend_backward::Kernel::NAME,
-            Backward::Atomic(_) => blend_backward_atomic::Kernel::NAME,
+            Backward::Deterministic(..) => blend_backward::Kernel::NAME,
+            Backward::Atomic(..) => blend_backward_atomic::Kernel::NAME,
         })
     }
 
     /// Records are by Gaussian, added up by atomics.
     pub fn by_gaussian(&self) -> bool {
-        matches!(self.backward, Some(Backward::Atomic(_)))
+        matches!(self.backward, Some(Backward::Atomic(..)))
     }
 
-    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare. Nothing of this raster may
-    /// be in flight.
+    /// Records are by intersection and packed.
+    pub fn packs_records(&self) -> bool {
+        self.options.packed() && matches!(self.backward, Some(Backward::Deterministic(..)))
+    }
+
+    /// From now on [`Raster::record_scores`] does something.
+    pub fn make_scores(&mut self) -> Result<(), GpuError> {
+        self.options.scores = true;
+        let Some(backward) = &self.backward else { return Ok(()) };
+        let atomic = matches!(backward, Backward::Atomic(..));
+        self.backward = Some(Backward::stages(&self.context, &self.options, self.tile, atomic)?);
+        Ok(())
+    }
+
+    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare: as far as the device binds that much
+    /// and has the memory. Nothing of this raster may be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
-        let before = self.options.isects;
+        let (before, room) = (self.options.isects, self.room_for(needed));
+        match self.grow_to(room) {
+            Err(error) if error.is_no_room() && (before..room).contains(&needed) => self.grow_to(needed),
+            grown => grown,
+        }
+    }
+
+    fn room_for(&self, needed: u32) -> u32 {
+        let most = |bytes| RasterOptions::most_isects(self.context.info(), bytes);
+        // What is added up in a fixed order stays so while it can.
+        let most = match self.options.backward && needed <= most(self.options.record_bytes()) {
+            true => most(self.options.record_bytes()),
+            false => most(LIST_BYTES),
+        };
         // guard: room that stops growing
-        self.options.isects = needed.saturating_add(needed / 4);
+        needed.saturating_add(needed / 4).min(most).max(needed)
+    }
+
+    /// Room for so many intersections, no more.
+    fn grow_to(&mut self, isects: u32) -> Result<(), GpuError> {
+        let before = self.options.isects;
+        self.options.isects = isects;
+        // What lies in old lists would keep their memory.
+        self.by_depth = DepthSorting::none(&self.unused);
         let grown = self.remake();
         if grown.is_err() {
             // Lists that are new have at least the old room; records made way and come back, or nothing fits from now on.
             self.options.isects = before;
-            let made_way = self.records.record_centres.len() < before as usize;
-            if let (Some(Backward::Deterministic(_)), true) = (&self.backward, made_way) {
+            let made_way = self.records.len() < before as usize;
+            if let (Some(Backward::Deterministic(..)), true) = (&self.backward, made_way) {
                 let again = Records::new(&self.context, &self.options);
                 match again.and_then(|r| Sorting::over(&self.context, &self.options, &r).map(|sorting| (r, sorting))) {
                     Ok((records, sorting)) => (self.records, self.sorting) = (records, sorting),
                     Err(_) => self.options.isects = 0,
                 }
+            }
+        }
+        match DepthSorting::over(&self.parts()) {
+            Ok(by_depth) => self.by_depth = by_depth,
+            Err(error) => {
+                self.options.isects = 0;
+                return grown.and(Err(error));
             }
         }
         grown
@@ -510,14 +724,14 @@ impl Raster {
     fn remake(&mut self) -> Result<(), GpuError> {
         let (context, options) = (&self.context, &self.options);
         self.isects.remake(context, options)?;
-        let Some(Backward::Deterministic(_)) = self.backward else { return self.sorting.remake(context, options) };
+        let Some(Backward::Deterministic(..)) = self.backward else { return self.sorting.remake(context, options) };
         // What there was makes room for what comes.
         self.sorting = Sorting::none(&self.unused);
         self.records = Records::new(context, &RasterOptions { backward: false, ..*options })?;
         let (stage, records) = Backward::new(context, options, self.tile)?;
         self.sorting = match stage {
-            Backward::Deterministic(_) => Sorting::over(context, options, &records)?,
-            Backward::Atomic(_) => Sorting::new(context, options)?,
+            Backward::Deterministic(..) => Sorting::over(context, options, &records)?,
+            Backward::Atomic(..) => Sorting::new(context, options)?,
         };
         (self.backward, self.records) = (Some(stage), records);
         Ok(())
@@ -541,14 +755,20 @@ impl Raster {
     ) {
         let per_block = items_per_group(self.context.info());
         let (f, isects, sorting, capacity) = (&self.buffers, &self.isects, &self.sorting, self.options.isects);
+        let d = &self.by_depth;
+        if capacity == 0 {
+            // Growing has failed, and what there was could not be had again.
+            recorder.fill(&f.tile_ranges, 0);
+            return;
+        }
         let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
         recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
         let by_depth = self.depth_sort.record(
             recorder,
             Pairs { keys: &f.depth_keys, values: &f.depth_keys },
             [
-                Pairs { keys: &f.sorted_keys, values: &f.global_from_rank },
-                Pairs { keys: &f.sorted_keys_1, values: &f.global_from_rank_1 },
+                Pairs { keys: &d.keys[0], values: &d.global_from_rank[0] },
+                Pairs { keys: &d.keys[1], values: &d.global_from_rank[1] },
             ],
             RadixScratch { block_counts: &f.depth_block_counts, digit_totals: &f.digit_totals },
             Extent { args: splats.args, dispatch: splats.dispatch, ..extent(SPLATS, 0) },
@@ -564,7 +784,7 @@ impl Raster {
                 values: &f.tile_counts,
                 index: Some(global_from_rank),
                 block_sums: &f.block_sums,
-                offsets: &f.rank_first_slot,
+                offsets: &d.rank_first_slot,
             },
             extent(VISIBLE, VISIBLE_BLOCKS),
             ISECTS,
@@ -585,7 +805,7 @@ impl Raster {
                 frames,
                 count: &f.count,
                 global_from_rank,
-                rank_first_slot: &f.rank_first_slot,
+                rank_first_slot: &d.rank_first_slot,
                 splats: &f.splats,
                 tile_counts: &f.tile_counts,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
@@ -686,22 +906,52 @@ impl Raster {
         population: &Buffer<u32>,
         frozen: u32,
     ) {
+        self.record_backward(recorder, grid, frames, population, frozen, false);
+    }
+
+    /// Sums the first two parts of `image_grad` by blend weight, as `density_image` makes them, into the records' colours. Once
+    /// [`Raster::make_scores`] was called.
+    pub fn record_scores(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        population: &Buffer<u32>,
+    ) {
+        self.record_backward(recorder, grid, frames, population, 0, true);
+    }
+
+    fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        grid: &Grid,
+        frames: &Buffer<Frame>,
+        population: &Buffer<u32>,
+        frozen: u32,
+        scores: bool,
+    ) {
         let Some(backward) = &self.backward else { return };
         let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
         let Isects { isect_slots, rank_blocks, .. } = &self.isects;
         let RasterBuffers { tile_ranges, splats, splat_colours, image, image_grad, .. } = f;
-        let Records { record_centres, record_shapes, record_colours } = &self.records;
+        let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
-        // guard: sums begin at 0 (3 lines)
-        recorder.fill(record_centres, 0);
-        recorder.fill(record_shapes, 0);
-        recorder.fill(record_colours, 0);
+        // guard: sums begin at 0 (10 lines)
+        if self.packs_records() {
+            recorder.fill(record_words, 0);
+        } else {
+            recorder.fill(record_colours, 0);
+            if !scores {
+                recorder.fill(record_centres, 0);
+                recorder.fill(record_shapes, 0);
+            }
+        }
         match backward {
-            Backward::Deterministic(stage) => stage.record(
-                recorder,
-                &blend_backward::Buffers {
+            Backward::Deterministic(all, of_scores) => {
+                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
+                let buffers = blend_backward::Buffers {
                     frames,
                     tile_ranges,
                     isect_slots,
@@ -715,13 +965,14 @@ impl Raster {
                     record_centres,
                     record_shapes,
                     record_colours,
-                },
-                &blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
-                tile_count,
-            ),
-            Backward::Atomic(stage) => stage.record(
-                recorder,
-                &blend_backward_atomic::Buffers {
+                    record_words,
+                };
+                let push = blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
+                stage.record(recorder, &buffers, &push, tile_count);
+            }
+            Backward::Atomic(all, of_scores) => {
+                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
+                let buffers = blend_backward_atomic::Buffers {
                     frames,
                     tile_ranges,
                     isect_slots,
@@ -735,16 +986,16 @@ impl Raster {
                     record_centres,
                     record_shapes,
                     record_colours,
-                },
-                &blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen },
-                tile_count,
-            ),
+                };
+                let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
+                stage.record(recorder, &buffers, &push, tile_count);
+            }
         }
     }
 
     /// Gaussian index by depth rank.
     pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
-        [&self.buffers.global_from_rank, &self.buffers.global_from_rank_1][self.depth_sort.last_pair()]
+        &self.by_depth.global_from_rank[self.depth_sort.last_pair()]
     }
 
     /// Tiles of the sorted intersections.

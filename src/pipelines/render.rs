@@ -143,6 +143,8 @@ pub(super) struct Placed<'a> {
     pub upto: Segment,
     /// Bands of harmonics.
     pub degree: u32,
+    /// Of the model in the world of the view.
+    pub scale: f32,
 }
 
 impl ModelStages {
@@ -197,7 +199,7 @@ impl ModelStages {
 
     /// Splats, colours, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
-        let Placed { model, splat_first, views, view, upto, degree } = *placed;
+        let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
             let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
@@ -240,10 +242,8 @@ impl ModelStages {
         placed: &Placed<'_>,
         pixels: u32,
     ) {
-        let (Some(median_depth), Placed { model, splat_first, views, view, upto, .. }) = (&self.median_depth, *placed)
-        else {
-            return;
-        };
+        let Placed { model, splat_first, views, view, upto, scale, .. } = *placed;
+        let Some(median_depth) = &self.median_depth else { return };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             for (k, _, page) in model.pages(segment) {
                 median_depth.record(
@@ -262,6 +262,7 @@ impl ModelStages {
                         view,
                         depth_first: 0,
                         splat_first,
+                        scale,
                     },
                     pixels,
                 );
@@ -311,6 +312,7 @@ impl Renderer {
             median: options.depth,
             occluded: false,
             backward: options.backward,
+            scores: false,
             policy: options.policy,
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };
@@ -357,7 +359,7 @@ impl Renderer {
         view: u32,
         show: &Show,
     ) -> Result<()> {
-        self.check(model, views, view, show)?;
+        self.check(recorder, model, views, view, show)?;
         if !self.options.depth {
             return Err(Error::Usage("depths are asked for, the renderer was made without".into()));
         }
@@ -385,7 +387,7 @@ impl Renderer {
         show: &Show,
         status: &Buffer<u32>,
     ) -> Result<Grid> {
-        let camera = self.check(model, views, view, show)?;
+        let camera = self.check(recorder, model, views, view, show)?;
         if status.len() < status::WORDS {
             let words = status.len();
             return Err(Error::Usage(format!("a status of {words} words, expected {}", status::WORDS)));
@@ -404,7 +406,17 @@ impl Renderer {
     }
 
     /// Whether there is such a view, and the renderer was made for it and for the model.
-    fn check<'a>(&self, model: &Model, views: &'a Views, view: u32, show: &Show) -> Result<&'a Camera> {
+    fn check<'a>(
+        &self,
+        recorder: &Recorder,
+        model: &Model,
+        views: &'a Views,
+        view: u32,
+        show: &Show,
+    ) -> Result<&'a Camera> {
+        if ![recorder.context(), model.context()].into_iter().all(|context| context.is_same(self.raster.context())) {
+            return Err(Error::Usage("a recorder or a model of another context than the renderer's".into()));
+        }
         model.check_origin(views)?;
         self.stages.check(model, show.upto, show.degree)?;
         let Some(camera) = views.cameras.get(view as usize) else {
@@ -458,5 +470,5 @@ impl Renderer {
 
 /// A model by itself.
 fn placed<'a>(model: &'a Model, views: &'a Views, view: u32, show: &Show) -> Placed<'a> {
-    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree }
+    Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree, scale: 1.0 }
 }

@@ -11,7 +11,8 @@ pub struct Policy {
     pub reduction: Reduction,
     /// Mip-Splatting-style opacity compensation.
     pub compensate: bool,
-    /// Adam's two moments of a number in one word of 32 bits, in place of one each: 4 bytes less for each number that learns.
+    /// Both moments of a number in one word of 32 bits, in place of one each, and gradient records of intersections in four words in
+    /// place of nine.
     pub packed: bool,
     /// What a subgroup covers; `None` is the shape that suits the device. The image does not depend on it.
     pub tile: Option<TileShape>,

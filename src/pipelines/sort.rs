@@ -133,13 +133,14 @@ impl RadixSort {
         let (passes, digit_bits) = blocks.passes_for(key_bits);
         let Blocks { block, workgroup: workgroup_size, .. } = blocks;
         let constant_lanes = context.info().constant_lanes().unwrap_or(0);
+        let row_lanes = context.info().subgroup_size;
         let upsweep = |compact| {
-            let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, compact };
+            let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, row_lanes, compact };
             radix_upsweep::Stage::new(context, &spec)
         };
         let downsweep = |compact, indexed| {
             let lanes = constant_lanes;
-            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, compact, lanes, indexed };
+            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, row_lanes, compact, lanes, indexed };
             radix_downsweep::Stage::new(context, &spec)
         };
         let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));

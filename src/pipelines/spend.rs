@@ -32,6 +32,8 @@ pub struct Allowance {
     pub bytes: Option<u64>,
     plain_bytes: u64,
     lobe_bytes: u64,
+    /// Gaussians of the base.
+    base: u32,
 }
 
 impl Allowance {
@@ -42,6 +44,7 @@ impl Allowance {
             bytes,
             plain_bytes: gaussian_bytes(base.sh_degree, false),
             lobe_bytes: gaussian_bytes(lobe_degree, true),
+            base: base.len() as u32,
         }
     }
 
@@ -98,6 +101,8 @@ pub struct TrainingOn {
     pub after: f64,
     /// Steps of it.
     pub steps: u32,
+    /// Seconds on the wall that they took.
+    pub seconds: f64,
 }
 
 impl TrainingOn {
@@ -127,6 +132,9 @@ pub struct Spent {
     pub db_per_thousand: f64,
     /// The same for a million bytes.
     pub db_per_megabyte: f64,
+    /// The same for a second of the joint phase that they take; null where no step was timed before.
+    #[serde(default)]
+    pub db_per_second: Option<f64>,
 }
 
 /// What is spent on which, known before the joint phase.
@@ -144,6 +152,9 @@ pub struct Spending {
     pub steps: u32,
     /// What training the base on for as many steps gains in the training views; null where that was not asked.
     pub training_on_db: Option<f64>,
+    /// The same for a second of it.
+    #[serde(default)]
+    pub training_on_db_per_second: Option<f64>,
     /// What a thousand Gaussians must gain at least, dB; 0: anything.
     pub least_db_per_thousand: f64,
     /// Gaussians with lobes.
@@ -208,6 +219,8 @@ impl Spending {
         };
         let placed = choice.chosen.iter().take(enough.min(first as usize)).take_while(within).count();
         let all = choice.squared_error;
+        // Of the joint phase.
+        let seconds = training_on.map(|on| on.seconds * f64::from(steps) / f64::from(on.steps.max(1)));
         let of = |lobe: bool, gain: fn(&Chosen) -> f32, bytes: u64| {
             let chosen = choice.chosen.iter().filter(|chosen| chosen.lobe == lobe).count() as u32;
             let gains =
@@ -216,8 +229,12 @@ impl Spending {
             let bytes = bytes as f64 * f64::from(count);
             let per = |much: f64| if count > 0 { gain_db / much } else { 0.0 };
             let (db_per_thousand, db_per_megabyte) = (per(f64::from(count) / 1e3), per(bytes / 1e6));
-            Spent { chosen, placed: count, gain_db, db_per_thousand, db_per_megabyte }
+            // A step takes longer by the share that they are of all, at most.
+            let takes = seconds.map(|seconds| seconds * f64::from(count) / f64::from(allowance.base.max(1)));
+            let db_per_second = takes.map(per).filter(|db| db.is_finite());
+            Spent { chosen, placed: count, gain_db, db_per_thousand, db_per_megabyte, db_per_second }
         };
+        let training_on_db = training_on.map(|on| decibels(on.gain(steps), all));
         let chosen = choice.chosen.len() as u32;
         let [lobes, plain] = allowance.most();
         let most = lobes.max(plain);
@@ -227,7 +244,11 @@ impl Spending {
             bytes_allowed: allowance.bytes,
             placements,
             steps,
-            training_on_db: training_on.map(|on| decibels(on.gain(steps), all)),
+            training_on_db,
+            training_on_db_per_second: training_on_db
+                .zip(seconds)
+                .map(|(db, seconds)| db / seconds)
+                .filter(|db| db.is_finite()),
             least_db_per_thousand: 1e3 * decibels(least.into(), all),
             lobes: of(true, |c| c.gain, allowance.lobe_bytes),
             without_lobes: of(true, |c| c.plain, allowance.plain_bytes),
@@ -304,7 +325,7 @@ mod tests {
 
     #[test]
     fn training_on_gains_with_the_root_of_its_steps() {
-        let on = TrainingOn { before: 100.0, after: 99.0, steps: 50 };
+        let on = TrainingOn { before: 100.0, after: 99.0, steps: 50, seconds: 1.0 };
         assert_eq!([on.gain(50), on.gain(450), on.gain(0)], [1.0, 3.0, 0.0]);
         assert_eq!(on.least_gain(450, 1000), 0.0015);
         for after in [101.0, f64::NAN] {
@@ -319,7 +340,7 @@ mod tests {
         let chosen =
             chosen.map(|(gain, lobe)| Chosen { gain, lobe, plain: if lobe { gain / 4.0 } else { gain } }).to_vec();
         let choice = Choice { chosen, drawn: 90, squared_error: 1000.0 };
-        let on = TrainingOn { before: 1000.0, after: 990.0, steps: 10 };
+        let on = TrainingOn { before: 1000.0, after: 990.0, steps: 10, seconds: 2.0 };
         let plan = Spending::new(&allowance, [3, 90], &choice, 1.0, Some(&on));
         assert_eq!((plan.gaussians_allowed, plan.gaussians_at_first), (8, 4));
         assert_eq!((plan.placed(), plan.lobes.placed, plan.plain.placed), (4, 3, 1));
@@ -328,6 +349,9 @@ mod tests {
         // A thousandth less squared error is 0.0043429 dB.
         let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
         assert!(near(plan.lobes.gain_db, 16.0) && near(plan.training_on_db.unwrap(), 30.0));
+        // 90 steps take 18 seconds, and one more Gaussian a fortieth of that.
+        assert!(near(plan.training_on_db_per_second.unwrap(), 30.0 / 18.0));
+        assert!(near(plan.plain.db_per_second.unwrap(), 5.0 / (18.0 / 40.0)));
         assert!(near(plan.plain.db_per_thousand, 5e3) && near(plan.plain.db_per_megabyte, 5e6 / 248.0));
         // Those with lobes without them.
         assert!(near(plan.without_lobes.gain_db, 4.0) && near(plan.without_lobes.db_per_megabyte, 4e6 / (3.0 * 248.0)));

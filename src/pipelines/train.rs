@@ -15,7 +15,7 @@ use super::{
     learn::{Learner, Lesson, PROBED_NTH, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Planes, Segment},
-    raster::Grid,
+    raster::{Grid, Raster},
     render::{Needs, RenderOptions, Renderer, Show},
     session::{Policy, Session},
     steps::{Looped, StepReport, Steps},
@@ -143,6 +143,11 @@ impl Trainer {
             },
             steps: Steps::new(context, BATCH)?,
         })
+    }
+
+    /// What its steps go through.
+    pub fn raster(&self) -> &Raster {
+        &self.work.renderer.raster
     }
 
     /// Begins, or begins anew with what has been learned so far.
@@ -602,7 +607,10 @@ pub fn dense_trainer(
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
     if density.strategy != Strategy::Fixed {
-        trainer.work.density = Some(Density::new(session, model, density)?);
+        trainer.work.density = Some(Density::new(session, model, trainer.raster(), density)?);
+        if density.strategy == Strategy::Budget {
+            trainer.work.renderer.raster.make_scores()?;
+        }
         trainer.let_counts_vary();
     }
     Ok(trainer)

@@ -16,8 +16,8 @@ pub enum DepthAt {
 }
 
 /// Camera z by pixel, scene units; 0 where there is no median Gaussian. A point that is not in front of the near plane, or is nowhere, falls
-/// back to the centre's z.
-pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -> Vec<f64> {
+/// back to the centre's z. `scale` is that of the model in the world, whose view's rows have it too; 1 for a view of the world itself.
+pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt, scale: f64) -> Vec<f64> {
     let mut depths = vec![0.0; median.len()];
     for (pixel, &global) in median.iter().enumerate() {
         if global == NONE {
@@ -27,7 +27,7 @@ pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt) -
         let (column, row) = (pixel % view.width as usize, pixel / view.width as usize);
         depths[pixel] = view.to_camera(params.mean(i)).z;
         if at == DepthAt::MaximumResponse {
-            let best = maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
+            let best = scale * scale * maximum_response(params, view, i, column as f64 + 0.5, row as f64 + 0.5);
             if best > view.near && best <= FLOAT_MAX {
                 depths[pixel] = best;
             }
@@ -65,8 +65,8 @@ mod tests {
         let view = View::from_camera(&camera);
         let rendered = render(&params, &view, &Options::default(), Background::Color([0.0; 3]));
         let median = &rendered.blended.median;
-        let depths = median_depth(&params, &view, median, DepthAt::MaximumResponse);
-        let centres = median_depth(&params, &view, median, DepthAt::Centre);
+        let depths = median_depth(&params, &view, median, DepthAt::MaximumResponse, 1.0);
+        let centres = median_depth(&params, &view, median, DepthAt::Centre, 1.0);
         let mut checked = 0;
         for (pixel, &global) in median.iter().enumerate() {
             if global == NONE {

@@ -42,6 +42,7 @@ pub mod lobe;
 pub mod loss_probe;
 pub mod loss_sum;
 pub mod median_depth;
+pub mod packed_record;
 pub mod project;
 pub mod project_backward;
 pub mod pursuit;

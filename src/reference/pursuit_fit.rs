@@ -7,7 +7,7 @@ use super::{
     pursuit::{Candidate, Fit, lobe_width, sigma_of},
     pursuit_score::Sums,
 };
-use crate::stages::constants::pursuit::WIDTHS;
+use crate::stages::constants::pursuit::{SUMS, WIDTHS};
 
 const OPACITY_FIRST: f64 = 0.6;
 const OPACITY_MIN: f64 = 0.1;
@@ -15,7 +15,7 @@ const OPACITY_MAX: f64 = 0.95;
 const ROUNDS: usize = 3;
 
 /// What gains most of one size and width; `None` where no view is within the lobe.
-pub fn best_of(x: &[f64; 9]) -> Option<(f64, DVec3, f64)> {
+pub fn best_of(x: &[f64; SUMS as usize]) -> Option<(f64, DVec3, f64)> {
     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
     if !(x[6] > 0.0) {
         return None;
@@ -32,8 +32,14 @@ pub fn best_of(x: &[f64; 9]) -> Option<(f64, DVec3, f64)> {
     Some((opacity, colour, gain))
 }
 
-/// `sums` by size; sizes in pixels of the view that the candidate was drawn in. `worth` is what a gain counts with a lobe and without.
-pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2]) -> Fit {
+/// What a gain counts beside one without doubt: less by so many of its standard errors, where views gain in proportion to a l².
+pub fn certain(x: &[f64; SUMS as usize], doubt: f64) -> f64 {
+    1.0 - doubt * x[9].sqrt() / x[6]
+}
+
+/// `sums` by size; sizes in pixels of the view that the candidate was drawn in. `worth` is what a gain counts with a lobe and without,
+/// `doubt` how many of its standard errors it counts less.
+pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2], doubt: f64) -> Fit {
     let (mut best, mut most, mut plain) = (Fit::default(), 0.0, 0.0f64);
     for (sums, &size) in sums.iter().zip(sizes) {
         for (w, x) in sums.iter().enumerate() {
@@ -43,8 +49,9 @@ pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2])
             if is_plain {
                 plain = plain.max(gain);
             }
-            if gain * worth > most {
-                most = gain * worth;
+            let counts = gain * worth * certain(x, doubt);
+            if counts > most {
+                most = counts;
                 let width = lobe_width(w as u32, c.theta_bar);
                 best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain, support: x[6], plain: 0.0 };
             }
@@ -72,8 +79,8 @@ mod tests {
         VIEWS.iter().map(one).sum()
     }
 
-    fn sums() -> [f64; 9] {
-        let mut x = [0.0; 9];
+    fn sums() -> [f64; SUMS as usize] {
+        let mut x = [0.0; SUMS as usize];
         for (r, b, l, a) in VIEWS {
             for k in 0..3 {
                 x[k] += a * l * r[k];
@@ -82,6 +89,7 @@ mod tests {
                 x[8] += a * l * l * b[k] * b[k];
             }
             x[6] += a * l * l;
+            x[9] += (a * l * l).powi(2);
         }
         x
     }
@@ -104,7 +112,7 @@ mod tests {
     #[test]
     fn nothing_is_gained_where_there_is_no_residual_or_no_view() {
         let mut x = sums();
-        assert!(best_of(&[0.0; 9]).is_none());
+        assert!(best_of(&[0.0; SUMS as usize]).is_none());
         x[..3].fill(0.0);
         x[7] = 0.0;
         assert!(best_of(&x).unwrap().2 <= 0.0);
@@ -116,11 +124,31 @@ mod tests {
         let c = Candidate { mean, toward: DVec3::X, px: 0.01, theta_bar: 0.2, view: 0, pixel: 0 };
         let all = [[sums(); WIDTHS as usize]; 2];
         let [lobes, plain, none] =
-            [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth));
+            [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth, 0.0));
         assert!(lobes.width > 0.0 && plain.width == 0.0 && plain.gain == lobes.gain && none.gain == 0.0);
         // Known whatever is taken.
         assert_eq!([lobes.plain, plain.plain, none.plain], [plain.gain; 3]);
         // The first of equals.
         assert_eq!(plain.sigma, sigma_of(1.0, 0.01));
+    }
+
+    /// Four views of equal weight know a gain to half of itself; one alone does not know it at all.
+    #[test]
+    fn what_few_views_gain_counts_less() {
+        let of_views = |n: f64| std::array::from_fn(|q| if q == 6 { n * 5.0 } else { n * 25.0 });
+        assert_eq!([1.0, 4.0, 100.0].map(|n| certain(&of_views(n), 1.0)), [0.0, 0.5, 0.9]);
+        assert_eq!(certain(&of_views(1.0), 0.0), 1.0);
+        // A lobe that gains a tenth more in one view alone than a plain Gaussian in all is not taken.
+        let c = Candidate { mean: DVec3::ZERO, toward: DVec3::X, px: 0.01, theta_bar: 0.2, view: 0, pixel: 0 };
+        let alone = |size: f64| {
+            let mut x = sums();
+            x[..3].iter_mut().for_each(|a| *a *= size);
+            x[9] = x[6] * x[6];
+            x
+        };
+        let mut all = [alone(1.1); WIDTHS as usize];
+        all[WIDTHS as usize - 1] = sums();
+        let of = |doubt| pursuit_fit(&c, &[all], &[1.0], [1.0; 2], doubt);
+        assert!(of(0.0).width > 0.0 && of(1.0).width == 0.0 && of(1.0).gain > 0.0);
     }
 }

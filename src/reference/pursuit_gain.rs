@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use super::pursuit::{Candidate, Fit, Ground, WHOLE};
 
-/// Over the views of a page; `explained` by pixel of the page.
-pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit, caution: f64) -> f64 {
+/// Over the views of a page, and the sum of squares; `explained` by pixel of the page.
+pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit, caution: f64) -> [f64; 2] {
     let one = |(v, s)| {
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
@@ -21,7 +21,7 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
         let alone = (before - after - hidden).min(0.0);
         Some(area * if others > 0.01 { before - after / (others * others) - hidden } else { alone })
     };
-    ground.sights(c).filter_map(one).sum()
+    ground.sights(c).filter_map(one).fold([0.0; 2], |[sum, squares], gain| [sum + gain, squares + gain * gain])
 }
 
 #[cfg(test)]
@@ -88,7 +88,7 @@ mod tests {
                 let width = lobe_width(w as u32, c.theta_bar);
                 for (opacity, colour) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
                     let fit = Fit { sigma, opacity, width, colour, gain: 1.0, support: 1.0, plain: 0.0 };
-                    let by_view = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit, 0.0);
+                    let [by_view, _] = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit, 0.0);
                     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
                     let o2 = opacity * opacity;
                     let by_sums = 2.0 * colour.dot(opacity * a + o2 * b)
@@ -114,12 +114,12 @@ mod tests {
         let fit =
             Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0, plain: 0.0 };
         let mut explained = vec![0; 256];
-        let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
+        let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         // s² = (0.1 · 20 / 2)² + 0.3 px². An even residual of 0.4 is that of a footprint which is 0.8 in the middle; a quarter is explained.
         assert!((before - PI * 1.3 * (0.8f64.powi(2) - 0.6f64.powi(2))).abs() < 1e-12, "{before}");
         pursuit_attenuate(&ground, &c, &fit, &mut explained);
         assert_eq!(explained[c.pixel as usize], WHOLE as u32 / 4);
-        let after = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
+        let after = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         assert!((after - PI * 1.3 * (0.6f64.powi(2) - 0.4f64.powi(2))).abs() < 1e-12, "{after}");
         // Two pixels beside; beyond 2.5 s = 2.85 px, so from 4 px on, nothing is explained.
         let beside = 0.25 * WHOLE * (-2.0f64 / 1.3).exp();
@@ -129,13 +129,13 @@ mod tests {
         // Four of them explain all; the fifth makes it worse.
         (0..3).for_each(|_| pursuit_attenuate(&ground, &c, &fit, &mut explained));
         assert_eq!(explained[c.pixel as usize], WHOLE as u32);
-        let fifth = pursuit_gain(&ground, &explained, &c, &fit, 0.0);
+        let fifth = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         assert!((fifth + PI * 1.3 * 0.2f64.powi(2)).abs() < 1e-12, "{fifth}");
         // What goes the wrong way explains nothing, though it is a loss.
         let worse = Fit { colour: DVec3::Y, ..fit };
         let mut same = explained.clone();
         pursuit_attenuate(&ground, &c, &worse, &mut same);
-        assert!(same == explained && pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0) < 0.0);
+        assert!(same == explained && pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0)[0] < 0.0);
     }
 
     /// A gain is the fall of the squared error of the image that the Gaussian is blended over, what it hides of the texture included.
@@ -186,7 +186,7 @@ mod tests {
             ] {
                 let sigma = (deviation * deviation - DILATION).sqrt() * c.px;
                 let fit = Fit { sigma, opacity, width: 0.0, colour, gain: 1.0, support: 1.0, plain: 0.0 };
-                let found = pursuit_gain(&ground, &vec![0; depths.len()], &c, &fit, 0.0);
+                let [found, _] = pursuit_gain(&ground, &vec![0; depths.len()], &c, &fit, 0.0);
                 let fall = |i: u32| {
                     let d = DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5 - at;
                     let alpha = opacity * (-0.5 * d.length_squared() / (deviation * deviation)).exp();

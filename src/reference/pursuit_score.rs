@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::pursuit::{Candidate, Ground, footprint_px, lobe_factor, lobe_width};
 use crate::stages::constants::pursuit::{SUMS, WIDTHS};
 
-/// A (rgb), B (rgb), C, D, E of the method, section 7, by width; over the views of a page.
+/// A (rgb), B (rgb), C, D, E and Σ (a l²)² of the method, section 7, by width; over the views of a page.
 pub type Sums = [[f64; SUMS as usize]; WIDTHS as usize];
 
 /// For a round Gaussian of `sigma` scene units.
@@ -26,6 +26,7 @@ pub fn pursuit_score(ground: &Ground<'_>, c: &Candidate, sigma: f64) -> Sums {
             sums[6] += l2;
             sums[7] += 2.0 * l1 * difference_render;
             sums[8] += l2 * (t.render.length_squared() + t.variance);
+            sums[9] += l2 * l2;
         }
     }
     sums

@@ -3,7 +3,7 @@
 use crate::{
     data::srgb::{linear_from_srgb, srgb_from_linear},
     gpu::f16,
-    stages::constants::resolve::{BGRA8, HALF_MAX, OPAQUE, OVER, RGBA8, RGBA16F},
+    stages::constants::resolve::{BGRA8, HALF_MAX, OPAQUE, OVER, PREMULTIPLIED, RGBA8, RGBA16F},
 };
 
 /// What is asked of a pixel, see `glsl/raster/resolve.comp`.
@@ -15,13 +15,20 @@ pub struct To {
     pub linear: bool,
     /// Factor of the Gaussians' linear light.
     pub exposure: f64,
+    /// sRGB-encoded, of [`OPAQUE`]; where nothing is exposed what is rendered has it in it already.
+    pub background: [f64; 3],
 }
 
 impl To {
-    /// RGBA of the target; `rendered` is RGB over its background and transmittance, `below` what the target holds.
+    /// What is rendered has the background in it, see [`To::background`].
+    pub fn whole(&self) -> bool {
+        self.blend == OPAQUE && self.exposure == 1.0
+    }
+
+    /// RGBA of the target; `rendered` is RGB and transmittance, `below` what the target holds.
     pub fn resolve(&self, rendered: [f64; 4], below: [f64; 4]) -> [f64; 4] {
         let transmittance = rendered[3];
-        let alpha = if self.blend == OPAQUE { 1.0 } else { 1.0 - transmittance };
+        let alpha = if self.whole() { 1.0 } else { 1.0 - transmittance };
         let colour = |c: usize| {
             let straight = if alpha > 0.0 { rendered[c] / alpha } else { 0.0 };
             let straight = if self.exposure == 1.0 {
@@ -29,29 +36,41 @@ impl To {
             } else {
                 srgb_from_linear(self.exposure * linear_from_srgb(straight))
             };
-            match (self.blend == OVER, self.linear) {
-                (true, true) => {
-                    linear_from_srgb(alpha * straight + transmittance * srgb_from_linear(below[c].max(0.0)))
-                }
-                (true, false) => alpha * straight + transmittance * below[c],
-                (false, true) => alpha * linear_from_srgb(straight),
-                (false, false) => alpha * straight,
+            let light = |c: f64| if self.linear { linear_from_srgb(c) } else { c };
+            if self.whole() || self.blend == PREMULTIPLIED {
+                return alpha * light(straight);
             }
+            let behind = match (self.blend == OVER, self.linear) {
+                (true, true) => srgb_from_linear(below[c].max(0.0)),
+                (true, false) => below[c],
+                (false, _) => self.background[c],
+            };
+            light(alpha * straight + transmittance * behind)
         };
-        let covered = if self.blend == OVER { alpha + transmittance * below[3] } else { alpha };
+        let covered = match self.blend {
+            OVER => alpha + transmittance * below[3],
+            OPAQUE => 1.0,
+            _ => alpha,
+        };
         [colour(0), colour(1), colour(2), covered]
     }
 }
 
-/// The depth a + b / z of camera z; of no Gaussian, 0, that of the farthest point.
+/// What a depth buffer is cleared to: the depth of the far plane.
+pub fn empty([_, b]: [f64; 2]) -> f64 {
+    if b < 0.0 { 1.0 } else { 0.0 }
+}
+
+/// The depth a + b / z of camera z, as far as a depth buffer can hold it; of no Gaussian, 0, that of the far plane.
 pub fn depth(z: f64, [a, b]: [f64; 2]) -> f64 {
-    if z > 0.0 { a + b / z } else { a }
+    if z > 0.0 { (a + b / z).clamp(0.0, 1.0) } else { empty([a, b]) }
 }
 
 /// The camera z of a depth; ∞ where it is that of nothing.
 pub fn camera_z(depth: f64, [a, b]: [f64; 2]) -> f64 {
     let z = b / (depth - a);
-    if z > 0.0 { z } else { f64::INFINITY }
+    let something = if b < 0.0 { depth < 1.0 } else { depth > 0.0 };
+    if something && z > 0.0 { z } else { f64::INFINITY }
 }
 
 /// Words of a texel.
@@ -92,7 +111,7 @@ pub fn pack(format: u32, c: [f64; 4], texel: &mut [u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stages::constants::resolve::{PREMULTIPLIED, RGBA32F};
+    use crate::stages::constants::resolve::RGBA32F;
 
     #[test]
     fn a_curve_and_its_inverse_meet() {
@@ -122,7 +141,7 @@ mod tests {
     fn over_an_opaque_texel_is_what_a_background_of_its_colour_gives() {
         let below = [0.3, 0.6, 0.9, 1.0];
         let (colour, t) = ([0.2, 0.1, 0.4], 0.25);
-        let over = To { blend: OVER, linear: false, exposure: 1.0 };
+        let over = To { blend: OVER, linear: false, exposure: 1.0, background: [0.0; 3] };
         let result = over.resolve([colour[0], colour[1], colour[2], t], below);
         for c in 0..3 {
             assert!((result[c] - (colour[c] + t * below[c])).abs() < 1e-12);
@@ -134,8 +153,30 @@ mod tests {
             assert!((srgb_from_linear(light[c]) - result[c]).abs() < 1e-6);
         }
         // Twice the light of a colour is not twice its value.
-        let brighter = To { blend: PREMULTIPLIED, linear: true, exposure: 2.0 }.resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
+        let to = To { blend: PREMULTIPLIED, linear: true, exposure: 2.0, background: [0.0; 3] };
+        let brighter = to.resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
         assert!((brighter[0] - 0.5 * 2.0 * linear_from_srgb(0.6)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_background_is_as_bright_as_it_was_whatever_is_exposed() {
+        let background = [0.2, 0.5, 0.9];
+        let to = |linear, exposure| To { blend: OPAQUE, linear, exposure, background };
+        for exposure in [0.0, 0.5, 2.0] {
+            // Where no Gaussian is, and where one is half of a pixel.
+            let empty = to(false, exposure).resolve([0.0, 0.0, 0.0, 1.0], [0.0; 4]);
+            assert_eq!(empty, [0.2, 0.5, 0.9, 1.0]);
+            let half = to(false, exposure).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
+            let own = srgb_from_linear(exposure * linear_from_srgb(0.6));
+            assert!((0..3).all(|c| (half[c] - 0.5 * (own + background[c])).abs() < 1e-9) && half[3] == 1.0);
+            let light = to(true, exposure).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
+            assert!((0..3).all(|c| (srgb_from_linear(light[c]) - half[c]).abs() < 1e-6));
+        }
+        // The image that has its background in it is the same one.
+        let over: Vec<f64> = background.iter().map(|b| 0.3 + 0.5 * b).collect();
+        let plain = to(false, 1.0).resolve([over[0], over[1], over[2], 0.5], [0.0; 4]);
+        let exposed = to(false, 1.0 + 1e-9).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
+        assert!((0..4).all(|c| (plain[c] - exposed[c]).abs() < 1e-6), "{plain:?} {exposed:?}");
     }
 
     #[test]
@@ -147,7 +188,12 @@ mod tests {
                 assert!((camera_z(depth(z, form), form) / z - 1.0).abs() < 1e-9, "{form:?} {z}");
             }
         }
-        // Nothing there: the far end of a reversed depth that goes on for ever.
-        assert_eq!((depth(0.0, [0.0, near]), camera_z(0.0, [0.0, near])), (0.0, f64::INFINITY));
+        // Nothing there: what a depth buffer is cleared to, also where the far plane is near.
+        for (form, cleared) in forms.into_iter().zip([1.0, 0.0, 1.0]) {
+            assert_eq!((depth(0.0, form), camera_z(cleared, form)), (cleared, f64::INFINITY));
+            // What is beyond the far plane, or before the near one, is as far as depths go.
+            let beyond = [0.5 * near, 2.0 * far].map(|z| depth(z, form));
+            assert!(beyond[0] == 1.0 - cleared && (0.0..=1.0).contains(&beyond[1]), "{form:?}: {beyond:?}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::coord::ranged1d::{AsRangedCoord, DefaultFormatting, KeyPointHint, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use serde::Deserialize;
 
@@ -225,7 +225,7 @@ pub fn plot(curves: &[Curve<'_>], cost: Cost, gain: Gain) -> Result<String> {
     let dy = margin(ys, if gain == Gain::Psnr { 0.05 } else { 5e-4 });
     let y = ys.least - dy..ys.largest + dy;
     let drawn = if xs.least > 0.0 && xs.largest > WIDE * xs.least {
-        draw(curves, cost, gain, (xs.least / 1.2..xs.largest * 1.2).log_scale(), y)
+        draw(curves, cost, gain, Decades(xs.least / 1.2..xs.largest * 1.2), y)
     } else {
         let dx = margin(xs, 0.01 * xs.largest.max(1.0));
         draw(curves, cost, gain, xs.least - dx..xs.largest + dx, y)
@@ -233,6 +233,43 @@ pub fn plot(curves: &[Curve<'_>], cost: Cost, gain: Gain) -> Result<String> {
     let svg = drawn.map_err(|error| Error::Usage(format!("the curves could not be drawn: {error}")))?;
     // Within a page it needs no name space, and the page names no address.
     Ok(svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1))
+}
+
+/// A logarithmic axis with ticks at 1, 2 and 5 times powers of ten, or at 1 alone where these are too many: plotters' own has powers of ten
+/// only, of which a range may hold one.
+struct Decades(std::ops::Range<f64>);
+
+impl Decades {
+    fn ticks(&self, most: usize) -> Vec<f64> {
+        let of = |steps: &[f64]| -> Vec<f64> {
+            let powers = self.0.start.log10().floor() as i32..=self.0.end.log10().ceil() as i32;
+            let all = powers.flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)));
+            all.filter(|tick| (self.0.start..=self.0.end).contains(tick)).collect()
+        };
+        [&[1.0, 2.0, 5.0][..], &[1.0, 3.0]]
+            .into_iter()
+            .map(of)
+            .find(|ticks| ticks.len() <= most)
+            .unwrap_or_else(|| of(&[1.0]))
+    }
+}
+
+impl Ranged for Decades {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (left, right): (i32, i32)) -> i32 {
+        let part = (value / self.0.start).ln() / (self.0.end / self.0.start).ln();
+        left + (f64::from(right - left) * part).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        self.ticks(hint.max_num_points().max(2))
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0.clone()
+    }
 }
 
 fn draw<X>(
@@ -390,6 +427,10 @@ mod tests {
             }
         }
         assert!(plot(&[], Cost::Bytes, Gain::Ssim).is_err());
+        let ticks = |least: f64, largest: f64| Decades(least..largest).ticks(7);
+        assert_eq!(ticks(0.6, 6.0), [1.0, 2.0, 5.0]);
+        assert_eq!(ticks(0.8, 120.0), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        assert_eq!(ticks(0.9, 1e6).len(), 7);
         assert_eq!([0.25, 3.0, 31.62, 100.0].map(round), ["0.25", "3", "31.6", "100"]);
     }
 }

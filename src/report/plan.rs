@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::{
+    Error, Result,
     gpu::DeviceInfo,
     pipelines::{
         frames::Limits,
@@ -76,14 +77,17 @@ pub struct RenderPlan {
 
 impl RenderPlan {
     /// Of one view of `width` × `height` pixels. `half`: harmonics of half width.
-    pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> RenderPlan {
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) where there can be no such view.
+    pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> Result<RenderPlan> {
         let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
-        let (model, frames) = (model_of(half), limits.plan(device));
+        let (model, frames) = (model_of(half), limits.plan(device)?);
         let more = |change: &dyn Fn(&mut Limits)| {
             let mut other = limits.clone();
             change(&mut other);
-            difference(&other.plan(device), &frames)
+            Ok::<_, Error>(difference(&other.plan(device)?, &frames))
         };
         let degree = scene.base.sh_degree;
         let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
@@ -140,8 +144,8 @@ impl RenderPlan {
                     feature("lobes", true, why, (supplementary * lobe) as i64)
                 }
             },
-            feature("depths and ids of pixels", false, "no view asks for them".into(), more(&|l| l.depth_out = true)),
-            feature("depths that hide", false, "no mesh is drawn before".into(), more(&|l| l.depth_in = true)),
+            feature("depths and ids of pixels", false, "no view asks for them".into(), more(&|l| l.depth_out = true)?),
+            feature("depths that hide", false, "no mesh is drawn before".into(), more(&|l| l.depth_in = true)?),
             feature(
                 "background image",
                 false,
@@ -157,9 +161,9 @@ impl RenderPlan {
         ]);
         let bytes = model.bytes() + frames.bytes();
         let many = 1 << 20;
-        let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many)) as f64 / f64::from(many);
+        let work_bytes = more(&|l| l.gaussians = l.gaussians.saturating_add(many))? as f64 / f64::from(many);
         let pixels = f64::from(width) * f64::from(height);
-        RenderPlan {
+        Ok(RenderPlan {
             device: device.name.clone(),
             width,
             height,
@@ -173,7 +177,7 @@ impl RenderPlan {
             features,
             model: buffers(&model),
             frames: buffers(&frames),
-        }
+        })
     }
 }
 

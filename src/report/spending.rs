@@ -18,20 +18,30 @@ fn table(plan: &Spending) -> Table {
         column("gain_db", "gain", "dB", 3),
         column("db_per_thousand", "a thousand", "dB", 3),
         column("db_per_megabyte", "a megabyte", "dB", 3),
+        column("db_per_second", "a second", "dB", 3),
     ]);
     let kinds = [
         ("Gaussians with lobes", &plan.lobes, true),
         ("the same without lobes", &plan.without_lobes, false),
         ("plain Gaussians", &plan.plain, true),
     ];
-    for (what, &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte }, is_placed) in kinds {
+    for (what, spent, is_placed) in kinds {
+        let &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte, db_per_second } = spent;
         let counts = [chosen, placed].map(|count| if is_placed { Cell::Count(count.into()) } else { Cell::Absent });
-        let gains =
-            if placed > 0 { [gain_db, db_per_thousand, db_per_megabyte].map(Cell::Number).to_vec() } else { vec![] };
+        let per_second = db_per_second.map_or(Cell::Absent, Cell::Number);
+        let gains = match placed {
+            0 => vec![],
+            _ => {
+                [gain_db, db_per_thousand, db_per_megabyte].map(Cell::Number).into_iter().chain([per_second]).collect()
+            }
+        };
         table.row(std::iter::once(Cell::from(what)).chain(counts).chain(gains));
     }
     if let Some(gain) = plan.training_on_db {
-        table.row([format!("training on, {} steps", plan.steps).into(), Cell::Absent, Cell::Absent, gain.into()]);
+        let per_second = plan.training_on_db_per_second.map_or(Cell::Absent, Cell::Number);
+        let name = format!("training on, {} steps", plan.steps).into();
+        let nothing = || Cell::Absent;
+        table.row([name, nothing(), nothing(), gain.into(), nothing(), nothing(), per_second]);
     }
     table
 }
@@ -89,7 +99,14 @@ mod tests {
 
     #[test]
     fn a_plan_tells_what_is_done_and_what_is_left_out() {
-        let spent = Spent { chosen: 9, placed: 4, gain_db: 0.25, db_per_thousand: 62.5, db_per_megabyte: 5.0 };
+        let spent = Spent {
+            chosen: 9,
+            placed: 4,
+            gain_db: 0.25,
+            db_per_thousand: 62.5,
+            db_per_megabyte: 5.0,
+            db_per_second: Some(0.75),
+        };
         let plan = Spending {
             gaussians_allowed: 10,
             gaussians_at_first: 5,
@@ -97,6 +114,7 @@ mod tests {
             placements: 3,
             steps: 600,
             training_on_db: Some(0.125),
+            training_on_db_per_second: Some(0.0156),
             least_db_per_thousand: 0.5,
             lobes: spent,
             without_lobes: Spent { gain_db: 0.0625, ..spent },
@@ -114,6 +132,8 @@ mod tests {
             "the same without lobes",
             "0.062",
             "62.500",
+            "0.750",
+            "0.016",
             "training on, 600 steps",
             "0.125",
             "left out of 120 candidates: 111 that gain nothing",

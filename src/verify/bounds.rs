@@ -110,10 +110,11 @@ pub const BOUNDS: [Bound; 60] = [
         terms: 3e-5,
         relative_l2: 2e-5,
         bias: 1e-5,
+        flips: 0.05,
         reason: "What lies behind is the final colour less all before it: roundings of 6e-8 of the colour, divided by 1 − α, \
                  0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further. Of its terms \
-                 w is known to some 1e-7, α to |w| ≤ 3.3 times that, and ww to both: ten such roundings, and for needles tenfold.",
-        ..EXACT
+                 w is known to some 1e-7, α to |w| ≤ 3.3 times that, and ww to both: ten such roundings, and for needles tenfold. \
+                 A packed number is a code of some 2^-9: an error of 1e-5 of terms that cancel puts one in fifty on the other side.",
     },
     Bound {
         stage: "blend_backward_atomic",
@@ -301,7 +302,8 @@ pub const BOUNDS: [Bound; 60] = [
         stage: "density_score",
         max: 2e-6,
         relative_l2: 1e-6,
-        reason: "Sums of up to nine terms, a length of two products, and the sum so far: a dozen roundings of 6e-8.",
+        reason: "Sums of up to nine terms, or of some per lane and as many more as there are lanes, a length of two products, and the sum so \
+                 far: two dozen roundings of 6e-8.",
         ..EXACT
     },
     Bound {

@@ -10,6 +10,7 @@ use crate::{
         density_draw::Draw,
         density_plan::Plan,
         density_weigh::Weigh,
+        packed_record::{pack_record, unpack_record},
         random_scene,
     },
     scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, quads, sh_planes},
@@ -34,8 +35,8 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let count = if quick { 3000 } else { 300_000 };
     image(bench, if quick { (101, 67) } else { (1000, 701) })?;
     let page = Page::new(bench, count)?;
-    for pulls in [false, true] {
-        score(bench, &page, pulls)?;
+    for (pulls, packed) in [(false, false), (true, false), (false, true), (true, true)] {
+        score(bench, &page, pulls, packed)?;
     }
     for (strategy, name) in STRATEGIES {
         weigh(bench, &page, strategy, name)?;
@@ -133,10 +134,12 @@ fn image(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     Ok(())
 }
 
-fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
+fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> Result<()> {
     let (context, count) = (bench.context, page.count);
     let before = (SEGMENT_FIRST + PAGE_FIRST) as usize;
-    let tile_counts: Vec<u32> = (0..(before + count) as u32).map(|i| noise(i) % 9).collect();
+    // One in a thousand over so many tiles that the whole subgroup sums.
+    let tiles_of = |i: u32| if i % 1000 == 7 { 300 + noise(i) % 99 } else { noise(i) % 9 };
+    let tile_counts: Vec<u32> = (0..(before + count) as u32).map(tiles_of).collect();
     let mut slots = 0;
     let first_slot: Vec<u32> = tile_counts
         .iter()
@@ -148,6 +151,14 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
     let triple = |k: u32, of: u32| [0, 1, 2].map(|c| if of == 0 { unit(3 * k + c) - 0.5 } else { unit(7 * k + c) });
     let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
     let colours: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
+    let words = |slot: usize| match pulls {
+        true => {
+            let parts = [centres[slot], [0.0; 3], [0.0; 3]];
+            pack_record(&std::array::from_fn(|k| f64::from(parts[k / 3][k % 3])), false)
+        }
+        false => [colours[slot][0].to_bits(), colours[slot][1].to_bits(), 0, 0],
+    };
+    let words: Vec<[u32; 4]> = (0..slots as usize).map(words).collect();
     let splats: Vec<types::Splat> = (0..(before + count) as u32)
         .map(|i| types::Splat { shape: [0.1 + unit(i), unit(i + 1) - 0.5, 0.1 + unit(i + 2), 0.5], centre: [1.0, 2.0] })
         .collect();
@@ -159,8 +170,9 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
         Buffer::from_slice(context, "centres", &centres)?,
         Buffer::from_slice(context, "colours", &colours)?,
         Buffer::from_slice(context, "scores", &start)?,
+        Buffer::from_slice(context, "words", &words)?,
     );
-    let spec = density_score::Spec { workgroup_size: page.workgroup_size, pulls };
+    let spec = density_score::Spec { workgroup_size: page.workgroup_size, pulls, packed_records };
     let stage = density_score::Stage::new(context, &spec)?;
     let buffers = density_score::Buffers {
         population: &page.population,
@@ -171,6 +183,7 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
         record_centres: &there.3,
         record_shapes: &there.3,
         record_colours: &there.4,
+        record_words: &there.6,
         scores: &there.5,
     };
     let push = density_score::Push {
@@ -187,9 +200,11 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
     for i in 0..count {
         let mut record = [0.0; 9];
         for slot in (first_slot[before + i]..).take(tile_counts[before + i] as usize) {
+            let slot = slot as usize;
+            let unpacked = unpack_record(words[slot]);
             for c in 0..3 {
-                record[c] += f64::from(centres[slot as usize][c]);
-                record[6 + c] += f64::from(colours[slot as usize][c]);
+                record[c] += if packed_records { unpacked[c] } else { f64::from(centres[slot][c]) };
+                record[6 + c] += f64::from(colours[slot][c]);
             }
         }
         let [l11, l12, l22, _] = splats[before + i].shape.map(f64::from);
@@ -198,13 +213,16 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool) -> Result<()> {
         let first = if pulls { PULL as usize } else { 0 };
         (0..2).for_each(|p| want[i][first + p] += add[p]);
     }
-    let mut row = bench.row("density_score", if pulls { "pulls" } else { "errors" });
+    let mut row = bench.row(
+        "density_score",
+        format!("{}{}", if pulls { "pulls" } else { "errors" }, if packed_records { ", packed" } else { "" }),
+    );
     let got = there.5.download()?;
     for p in 0..SCORES as usize {
         row.numbers(got.iter().zip(&want).map(|(got, want)| (got[p], want[p])));
     }
     row.time = times.of("density_score");
-    row.work.bytes = 12.0 * f64::from(slots) + 24.0 * count as f64;
+    row.work.bytes = if packed_records { 16.0 } else { 12.0 } * f64::from(slots) + 24.0 * count as f64;
     bench.push(row);
     Ok(())
 }

@@ -4,6 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::{
     Bench,
+    bounds::NEAR_THRESHOLD,
     judge::Work,
     raster::{BACKGROUND, compare_image},
     sort::noise,
@@ -18,6 +19,7 @@ use crate::{
     reference::{
         Background, Intersections, Options, Params, View,
         blend::{Margin, blend_before},
+        median_depth::{DepthAt, median_depth},
         project::project,
         random_camera, random_scene,
         resolve::{self as twin, To},
@@ -52,12 +54,13 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     let below: Vec<[f64; 4]> =
         (0..pixels).map(|p| [channels[5][p], channels[6][p], channels[0][p], channels[4][p]].map(f64::from)).collect();
     let context = bench.context;
-    let stage = resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP })?;
     let (image_there, depths_there) =
         (Buffer::from_slice(context, "image", &image)?, Buffer::from_slice(context, "depths", &depths)?);
     let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
+    let background = [0.2, 0.5, 0.9f32];
     let cases = [
         (RGBA32F, OPAQUE, false, 1.0, "opaque"),
+        (RGBA32F, OPAQUE, true, 1.7, "opaque, linear, exposed"),
         (RGBA32F, PREMULTIPLIED, true, 2.5, "premultiplied, linear, exposed"),
         (RGBA32F, OVER, false, 0.5, "over, exposed"),
         (RGBA32F, OVER, true, 1.0, "over, linear"),
@@ -66,6 +69,8 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
         (BGRA8, PREMULTIPLIED, false, 1.0, "8 bits, premultiplied"),
     ];
     for (format, blend, linear, exposure, name) in cases {
+        let curves = linear || exposure != 1.0;
+        let stage = resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP, curves })?;
         let words = twin::words(format);
         let mut texels = vec![0; words * pixels];
         texels.chunks_mut(words).zip(&below).for_each(|(texel, below)| twin::pack(format, *below, texel));
@@ -79,6 +84,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
             depth: 1,
             exposure,
             depth_form: form,
+            background,
         };
         let buffers = resolve::Buffers {
             image: &image_there,
@@ -91,7 +97,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
             |recorder| stage.record(recorder, &buffers, &push, push.pixels),
         )?;
         let (got, depths_got) = (target.download()?, depth_target.download()?);
-        let to = To { blend, linear, exposure: exposure.into() };
+        let to = To { blend, linear, exposure: exposure.into(), background: background.map(f64::from) };
         let mut row = bench.row("resolve", name);
         row.chosen = format == RGBA8;
         row.time = times.of("resolve");
@@ -121,8 +127,8 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     Ok(())
 }
 
-/// Two instances that stand turned in the world behind a mesh's depths, at both widths of harmonics, against a twin that shares nothing
-/// with the device but the scene.
+/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths of harmonics and with depths of its own,
+/// against a twin that shares nothing with the device but the scene.
 fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (1500, 500, 97, 71) } else { (20_000, 5_000, 403, 301) };
     let scene = random_scene(41, count, supplement, 3);
@@ -146,6 +152,7 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let context = bench.context;
     let (mesh, target) =
         (Buffer::from_slice(context, "mesh", &depths)?, Buffer::<[f32; 4]>::zeroed(context, "target", pixels)?);
+    let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
     let place = |buffer| Pixels::Buffer(BufferRange { buffer, offset: 0 });
     let view = FrameView {
         near: 0.2 * transform.scale,
@@ -158,16 +165,22 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         ..FrameView::new(moved)
     };
     let mut params = Params::from_scene(&scene)?;
-    for half in [false, true] {
+    for (half, depth_out, name) in [
+        (false, false, "turned, occluded"),
+        (false, true, "turned, occluded, with depths"),
+        (true, false, "turned, occluded, half width"),
+    ] {
         let model = Model::upload_around(context, DVec3::ZERO, &scene, Room { half, ..Default::default() })?;
         if half {
             // The twin is given what a half holds.
             let rounded = |p: &mut f64| *p = f64::from(layout::halves(layout::pack_halves(*p as f32, 0.0))[0]);
             params.sh.iter_mut().for_each(rounded);
         }
-        let limits = Limits { depth_in: true, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
+        let limits = Limits { depth_in: true, depth_out, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
         let mut frames = Frames::new(context, limits)?;
         let instances = [Instance { transform, ..Instance::of(&model) }];
+        let depth_to = depth_out.then(|| place(depth_target.raw().handle()));
+        let view = FrameView { depth_out: depth_to, ..view };
         let frame = Frame { slot: 0, instances: &instances, views: &[view] };
         frames.reserve(16 * (count + supplement) as u32)?;
         // SAFETY: mesh and target live, and nobody else uses them.
@@ -183,10 +196,25 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         let mut got = target.download()?;
         // Opaque texels have alpha 1; the transmittance is the twin's.
         got.iter_mut().zip(&want.image).for_each(|(got, want)| got[3] = want[3] as f32);
-        let mut row = bench.row("(frame)", if half { "turned, occluded, half width" } else { "turned, occluded" });
+        let mut row = bench.row("(frame)", name);
         row.chosen = true;
         row.time = times.sum();
         compare_image(&mut row, &got, &want, Margin::image);
+        if depth_out {
+            // Of the model's own units to those of the world.
+            let own = median_depth(&params, &seen, &want.median, DepthAt::MaximumResponse, 1.0);
+            let form = [form.a, form.b];
+            let wanted: Vec<f64> = own.iter().map(|z| twin::depth(transform.scale * z, form)).collect();
+            let got = depth_target.download()?;
+            // Where Gaussians change places, or a point meets the near plane, one side may take another depth.
+            let near = |depth: f64| (twin::camera_z(depth, form) / view.near - 1.0).abs() < NEAR_THRESHOLD;
+            let is_calm = |p: &usize| {
+                let margin = &want.margins[*p];
+                let calm = margin.image().min(margin.median) > NEAR_THRESHOLD;
+                calm && !near(wanted[*p]) && !near(got[*p].into())
+            };
+            row.numbers((0..pixels).filter(is_calm).map(|p| (got[p], wanted[p])));
+        }
         bench.push(row);
     }
     Ok(())

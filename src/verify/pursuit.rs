@@ -15,7 +15,7 @@ use crate::{
         self as twin, NONE, View,
         pursuit::{Candidate, Fit, Ground, REACH, Texel, WHOLE, lobe_width, sigma_of},
         pursuit_draw::Drawn,
-        pursuit_fit::best_of,
+        pursuit_fit::{best_of, certain},
         pursuit_score::Sums,
     },
     stages::{
@@ -319,7 +319,7 @@ impl Here<'_> {
             bytes: 4.0 * got.len() as f64 + 40.0 * count as f64,
             operations: items as f64 * f64::from(WIDTHS) * 100.0,
         };
-        let worth = self.placer.worth.map(f64::from);
+        let (worth, doubt) = (self.placer.worth.map(f64::from), f64::from(self.options.doubt));
         let (mut flips, mut wrong, mut same) = (0, 0, Vec::new());
         for (i, fit) in fits.iter().enumerate() {
             let c = &candidates[i];
@@ -332,26 +332,30 @@ impl Here<'_> {
             for (s, sums) in sums.iter_mut().enumerate() {
                 sums.as_flattened_mut().iter_mut().enumerate().for_each(|(at, sum)| *sum = sum_of(i, s, at).into());
             }
-            let best = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &sums, &pixels, worth);
+            let best = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &sums, &pixels, worth, doubt);
             let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 1e-5 * b.abs();
             // As far as float32 knows differences of such sums, as below.
-            let plain_terms = |s: &Sums| s[WIDTHS as usize - 1].iter().map(|x| x.abs()).sum::<f64>();
-            let terms = sums.iter().map(plain_terms).fold(0.0, f64::max);
+            let terms_of = |x: &[f64; SUMS as usize]| x[..9].iter().map(|x| x.abs()).sum::<f64>();
+            let terms = sums.iter().map(|s| terms_of(&s[WIDTHS as usize - 1])).fold(0.0, f64::max);
             wrong += u64::from((f64::from(fit.plain) - best.plain).abs() > 1e-3 * best.plain + 2e-6 * terms);
             if close(fit.sigma, best.sigma) && close(fit.width, best.width) {
                 same.push((fit, best));
             } else {
                 flips += 1;
-                // Another size or width of nearly the same gain, as far as float32 knows differences of such sums.
-                let size = |s: &usize| close(fit.sigma, sigma_of(pixels[*s], f64::from(c.px)));
-                let width = |w: &usize| close(fit.width, lobe_width(*w as u32, f64::from(c.theta_bar)));
-                let taken = (0..sizes).find(size).zip((0..WIDTHS as usize).find(width));
-                let counts = |width: f64| worth[usize::from(width == lobe_width(WIDTHS - 1, f64::from(c.theta_bar)))];
-                let sums = taken.map(|(s, w)| &sums[s][w]);
-                let gain = sums.and_then(best_of).map_or(0.0, |(_, _, gain)| gain);
-                let gain = taken.map_or(0.0, |(_, w)| gain * worth[usize::from(w as u32 == WIDTHS - 1)]);
-                let terms = sums.map_or(0.0, |x| x.iter().map(|x| x.abs()).sum::<f64>());
-                let most = best.gain * counts(best.width);
+                // Another size or width that counts nearly as much, as far as float32 knows differences of such sums.
+                let sums_of = |sigma: f64, width: f64| {
+                    let near = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs();
+                    let s = (0..sizes).find(|&s| near(sigma, sigma_of(pixels[s], f64::from(c.px))))?;
+                    let w = (0..WIDTHS).find(|&w| near(width, lobe_width(w, f64::from(c.theta_bar))))?;
+                    Some((&sums[s][w as usize], worth[usize::from(w == WIDTHS - 1)]))
+                };
+                let taken = sums_of(fit.sigma.into(), fit.width.into());
+                let terms = taken.map_or(0.0, |(x, _)| terms_of(x));
+                let counts = |of: Option<(&_, f64)>| {
+                    let (x, worth) = of?;
+                    best_of(x).map(|(_, _, gain)| gain * worth * certain(x, doubt))
+                };
+                let [gain, most] = [taken, sums_of(best.sigma, best.width)].map(|of| counts(of).unwrap_or(0.0));
                 wrong += u64::from(most - gain > 1e-3 * most + 2e-6 * terms);
             }
         }
@@ -392,7 +396,8 @@ impl Here<'_> {
             (
                 gains[i],
                 if live {
-                    twin::pursuit_gain::pursuit_gain(&ground, &explained, c, fit, self.options.caution.into())
+                    let of = twin::pursuit_gain::pursuit_gain(&ground, &explained, c, fit, self.options.caution.into());
+                    of[0] - f64::from(self.options.doubt) * of[1].sqrt()
                 } else {
                     0.0
                 },

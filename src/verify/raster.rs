@@ -8,7 +8,7 @@ use crate::{
     gpu::{Buffer, Recorder},
     pipelines::{
         model::{Model, Segment},
-        raster::{Grid, ISECTS, Records, TileShape, VISIBLE},
+        raster::{Grid, ISECTS, Raster, Records, TileShape, VISIBLE},
         render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer, Show},
         session::{Policy, Reduction},
         views::Views,
@@ -21,6 +21,7 @@ use crate::{
         blend_backward_atomic::blend_backward_atomic,
         emit::{emit, globals},
         median_depth::{DepthAt, median_depth},
+        packed_record::{pack_record, unit_of, unpack_record},
         project::project,
         random_camera, random_scene,
         tile_ranges::tile_ranges,
@@ -143,6 +144,7 @@ impl Ordered {
             options.depth = true;
             options.backward = true;
         })?;
+        renderer.raster.make_scores()?;
         renderer.render_on_device(&scene.model, &scene.views, 0, &scene.show)?;
         let mut ordered = Ordered {
             grid: renderer.raster.grid(0, 1, view.width, view.height),
@@ -192,9 +194,17 @@ impl Ordered {
         Ok(())
     }
 
-    pub fn record_blend_backward(&self, recorder: &mut Recorder, scene: &Scene, frozen: u32) {
-        let raster = &self.renderer.raster;
-        raster.record_blend_backward(recorder, &self.grid, &scene.views.frames, &scene.model.population, frozen);
+    pub fn record_blend_backward(&self, recorder: &mut Recorder, scene: &Scene) {
+        self.record_sought(recorder, scene, Sought::All);
+    }
+
+    fn record_sought(&self, recorder: &mut Recorder, scene: &Scene, what: Sought) {
+        let (raster, frames, population) = (&self.renderer.raster, &scene.views.frames, &scene.model.population);
+        match what {
+            Sought::Scores => raster.record_scores(recorder, &self.grid, frames, population),
+            Sought::Opacity => raster.record_blend_backward(recorder, &self.grid, frames, population, FROZEN),
+            Sought::All => raster.record_blend_backward(recorder, &self.grid, frames, population, 0),
+        }
     }
 
     /// Every index that the twins follow lies within what it indexes.
@@ -306,6 +316,11 @@ fn case(
     bench.push(row);
     let calm = blends(bench, scene, &ordered, &image, times.of("blend"), &variant, chosen && !compensate)?;
     blend_backwards(bench, scene, &ordered, &calm, &variant, chosen && !compensate)?;
+    if chosen && !compensate {
+        let packed = Ordered::new(bench, scene, Policy { packed: true, ..policy }, tile)?;
+        blend_backwards(bench, scene, &packed, &calm, &format!("{variant}, packed"), false)?;
+        step::packed_cases(bench, scene, &packed, &options)?;
+    }
     if chosen {
         step::cases(bench, scene, &ordered, twin, &options)?;
     }
@@ -490,7 +505,7 @@ fn median_depths(bench: &mut Bench<'_>, scene: &Scene, renderer: &Renderer, cent
     let (name, at) = if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
     let mut row = bench.row("median_depth", name);
     row.chosen = !centre;
-    let want = median_depth(&scene.params, &scene.view, &ids, at);
+    let want = median_depth(&scene.params, &scene.view, &ids, at, 1.0);
     let got = renderer.depths.download_range(0, pixels)?;
     // At the near plane one side may take the centre instead.
     let near = |z: f64| (z / NEAR - 1.0).abs() < NEAR_THRESHOLD;
@@ -539,15 +554,25 @@ impl Wanted {
         })
     }
 
-    /// What it takes to make so many records: all parts, or the opacity alone.
-    fn work(&self, scene: &Scene, ordered: &Ordered, records: usize, all: bool) -> Work {
+    /// What it takes to make so many records.
+    fn work(&self, scene: &Scene, ordered: &Ordered, records: usize, what: Sought, packed: bool) -> Work {
         let (isects, visible) = (ordered.isects.isect_slots.len() as f64, ordered.isects.global_from_rank.len() as f64);
-        let of_record = if all { 36.0 } else { 12.0 };
+        let of_record = match (what, packed) {
+            (_, true) => 16.0,
+            (Sought::All, false) => 36.0,
+            (Sought::Scores | Sought::Opacity, false) => 12.0,
+        };
+        // Of blended pairs, beside the forward pass.
+        let of_pair = match what {
+            Sought::Scores => 6.0,
+            Sought::Opacity => 14.0,
+            Sought::All => 26.0,
+        };
         Work {
             bytes: 8.0 * isects + of_record * records as f64 + 36.0 * visible + 28.0 * scene.pixels() as f64,
             // The forward pass's, and: share, pull (3), behind, ∂α (3), and the sums: opacity; where all are wanted g,
             // colour (3), w (2), w wᵀ (6).
-            operations: 9.0 * self.tested + if all { 26.0 } else { 14.0 } * self.blended,
+            operations: 9.0 * self.tested + of_pair * self.blended,
         }
     }
 }
@@ -571,6 +596,32 @@ fn compare_records(row: &mut super::Row, got: &[Record32], want: &[Record], magn
     }
 }
 
+/// Packed records by slot: numbers that are the same, and flips where what float32 rounds falls on the other side of a code.
+fn compare_packed(row: &mut super::Row, got: &[[u32; 4]], want: &[Record], magnitudes: &[Record], all: bool) {
+    let (mut same, mut flips) = (Vec::new(), 0);
+    let parts: &[usize] = if all { &[0, 1, 2, 3, 4, 5, 6, 7, 8] } else { &[2] };
+    for ((&got, want), terms) in got.iter().zip(want).zip(magnitudes) {
+        let wanted = pack_record(want, !all);
+        let [got_parts, want_parts] = [got, wanted].map(unpack_record);
+        let blended = want.iter().any(|&part| part != 0.0);
+        row.unequal(u64::from(!all && blended && got_parts[0] != 1.0));
+        for &k in parts {
+            if got_parts[k] == want_parts[k] {
+                same.push((got_parts[k] as f32, want_parts[k]));
+                continue;
+            }
+            flips += 1;
+            // A code beside it, of the larger unit where the largest number of the part is at a power of two; and what the sums themselves
+            // are off by where their terms cancel, ten times what all but one in a thousand are.
+            let near = 1.01 * unit_of(got, k).max(unit_of(wanted, k)) + 1e-4 * terms[k];
+            let off = (got_parts[k] - want_parts[k]).abs();
+            row.unequal(u64::from(off.is_nan() || off > near));
+        }
+    }
+    row.gradients(same);
+    row.flips(flips, want.len() * parts.len());
+}
+
 fn blend_backwards(
     bench: &mut Bench<'_>,
     scene: &Scene,
@@ -581,31 +632,66 @@ fn blend_backwards(
 ) -> Result<()> {
     let wanted = Wanted::new(scene, ordered, own)?;
     let raster = &ordered.renderer.raster;
+    let packed = raster.packs_records();
     let by_gaussian = |records: Vec<Record>| match raster.by_gaussian() {
         true => blend_backward_atomic(&ordered.isects, &records, scene.params.count),
         false => records,
     };
     let (want, magnitudes) = (by_gaussian(wanted.records.clone()), by_gaussian(wanted.magnitudes.clone()));
     let Some(stage) = raster.backward_stage() else { return Ok(()) };
-    for (name, frozen) in [("opacity only", FROZEN), ("all", 0)] {
-        let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, frozen))?;
-        let got = read_records(&raster.records, want.len())?;
+    let (bits, count) = (|| read_bits(&raster.records, packed, want.len()), want.len());
+    for what in [Sought::Scores, Sought::Opacity, Sought::All] {
+        let times = bench.time(|recorder| ordered.record_sought(recorder, scene, what))?;
+        let got = bits()?;
+        let name = match what {
+            Sought::Scores => "scores",
+            Sought::Opacity => "opacity only",
+            Sought::All => "all",
+        };
         let mut row = bench.row(stage, format!("{variant}, {name}"));
         if ordered.policy.reduction == Reduction::Deterministic {
             // Sums in a fixed order: another run gives the same bits.
             let mut recorder = bench.context.recorder("again")?;
-            ordered.record_blend_backward(&mut recorder, scene, frozen);
+            ordered.record_sought(&mut recorder, scene, what);
             recorder.submit()?.wait()?;
-            let bits = |values: &[Record32]| -> Vec<u32> { values.iter().flatten().map(|v| v.to_bits()).collect() };
-            row.words(&bits(&read_records(&raster.records, want.len())?), &bits(&got));
+            row.words(&bits()?, &got);
         }
-        compare_records(&mut row, &got, &want, &magnitudes, frozen == 0);
+        match (what, packed) {
+            (Sought::Scores, packed) => {
+                let colours: Vec<[f32; 3]> = match packed {
+                    true => {
+                        let words = raster.records.record_words.download_range(0, count)?;
+                        words.into_iter().map(|w| [w[0], w[1], w[2]].map(f32::from_bits)).collect()
+                    }
+                    false => raster.records.record_colours.download_range(0, count)?,
+                };
+                for c in 0..2 {
+                    row.sums((0..count).map(|s| (colours[s][c], want[s][6 + c], magnitudes[s][6 + c])));
+                }
+            }
+            (_, true) => {
+                let words = raster.records.record_words.download_range(0, count)?;
+                compare_packed(&mut row, &words, &want, &magnitudes, what == Sought::All);
+            }
+            (_, false) => {
+                let got = read_records(raster, count)?;
+                compare_records(&mut row, &got, &want, &magnitudes, what == Sought::All);
+            }
+        }
         row.chosen = chosen;
         row.time = times.sum();
-        row.work = wanted.work(scene, ordered, want.len(), frozen == 0);
+        row.work = wanted.work(scene, ordered, count, what, packed);
         bench.push(row);
     }
     Ok(())
+}
+
+/// What a backward pass is asked for: sums by blend weight, or gradients, of the opacity alone or all.
+#[derive(Clone, Copy, PartialEq)]
+enum Sought {
+    Scores,
+    Opacity,
+    All,
 }
 
 /// As many segments as learn their opacity only: all of them.
@@ -615,10 +701,29 @@ const FROZEN: u32 = Segment::ALL.len() as u32;
 pub(super) type Record32 = [f32; 9];
 
 /// The first `count` records, by slot or by Gaussian.
-pub(super) fn read_records(records: &Records, count: usize) -> Result<Vec<Record32>> {
+pub(super) fn read_records(raster: &Raster, count: usize) -> Result<Vec<Record32>> {
+    let records = &raster.records;
+    if raster.packs_records() {
+        let words = records.record_words.download_range(0, count)?;
+        return Ok(words.into_iter().map(|words| unpack_record(words).map(|part| part as f32)).collect());
+    }
     let centres = records.record_centres.download_range(0, count)?;
     let shapes = records.record_shapes.download_range(0, count)?;
     let colours = records.record_colours.download_range(0, count)?;
     let record = |i: usize| std::array::from_fn(|k| [centres[i], shapes[i], colours[i]][k / 3][k % 3]);
     Ok((0..count).map(record).collect())
+}
+
+/// All words of the first `count` records.
+fn read_bits(records: &Records, packed: bool, count: usize) -> Result<Vec<u32>> {
+    if packed {
+        return Ok(records.record_words.download_range(0, count)?.into_flattened());
+    }
+    let parts = [&records.record_centres, &records.record_shapes, &records.record_colours];
+    let parts = parts.map(|part| part.download_range(0, count));
+    let mut bits = Vec::new();
+    for part in parts {
+        bits.extend(part?.into_iter().flatten().map(f32::to_bits));
+    }
+    Ok(bits)
 }

@@ -248,7 +248,7 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
 
     r.image_grad.upload(0, &image_grad)?;
     let times = bench.time(|recorder| screen.record_blend_backward(recorder))?;
-    let got = read_records(&raster.records, isect_count)?;
+    let got = read_records(raster, isect_count)?;
     let mut row = bench.row("blend_backward", format!("{tile}, batch, all"));
     for parts in [0..2, 2..3, 3..6, 6..9] {
         let (got, records, sizes) = (&got, &records, &sizes);

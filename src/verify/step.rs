@@ -60,8 +60,50 @@ pub(super) fn cases(
     twin: &reference::Rendered,
     options: &Options,
 ) -> Result<()> {
-    let suffix = scene.suffix(options.compensate);
-    let own = read_records(&ordered.renderer.raster.records, ordered.isects.isect_slots.len())?;
+    let touched = gradients(bench, scene, ordered, options)?;
+    for part in &parts(scene) {
+        for opacity_only in [true, false] {
+            // A compensated step is the same step.
+            if options.compensate || opacity_only && part.segment == Segment::Supplement {
+                continue;
+            }
+            for sparse in [false, true] {
+                step(bench, scene, ordered, part, part.lesson(options, opacity_only, sparse), &touched)?;
+            }
+        }
+        if !options.compensate && scene.degree != BETAS {
+            newton(bench, scene, ordered, part, false)?;
+        }
+    }
+    if scene.model.has_supplement() && !options.compensate {
+        steps_done(bench)?;
+    }
+    whole(bench, scene, ordered, twin, options, &format!("{DETERMINISTIC}{}", scene.suffix(options.compensate)))
+}
+
+/// What a raster that packs its records is asked, with moments that are packed too.
+pub(super) fn packed_cases(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, options: &Options) -> Result<()> {
+    let touched = gradients(bench, scene, ordered, options)?;
+    for part in &parts(scene) {
+        for opacity_only in [true, false] {
+            if opacity_only && part.segment == Segment::Supplement {
+                continue;
+            }
+            let lesson = Lesson { packed: true, ..part.lesson(options, opacity_only, false) };
+            step(bench, scene, ordered, part, lesson, &touched)?;
+        }
+        if scene.degree != BETAS {
+            newton(bench, scene, ordered, part, true)?;
+        }
+    }
+    Ok(())
+}
+
+/// What project_backward makes of the raster's own records, and which Gaussians they are of.
+fn gradients(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, options: &Options) -> Result<Vec<bool>> {
+    let raster = &ordered.renderer.raster;
+    let packed = raster.packs_records();
+    let own = read_records(raster, ordered.isects.isect_slots.len())?;
     let own: Vec<Record> = own.iter().map(|record| record.map(f64::from)).collect();
     let sizes: Vec<Record> = own.iter().map(|record| record.map(f64::abs)).collect();
     let Ordered { splats, tile_counts, isects, .. } = ordered;
@@ -73,32 +115,19 @@ pub(super) fn cases(
             if opacity_only && part.segment == Segment::Supplement {
                 continue;
             }
-            let lesson = part.lesson(options, opacity_only, false);
-            let mut row = bench.row("project_backward", format!("{}{name}{suffix}", part.name));
-            row.chosen = !options.compensate;
+            let lesson = Lesson { packed, ..part.lesson(options, opacity_only, false) };
+            let how = if packed { ", packed records" } else { "" };
+            let variant = format!("{}{name}{how}{}", part.name, scene.suffix(options.compensate));
+            let mut row = bench.row("project_backward", variant);
+            row.chosen = !options.compensate && !packed;
             let (gradients, time) = part.gradients(bench, scene, ordered, lesson)?;
             compare(&mut row, scene, part, &gradients, &want.params, &terms);
             row.time = time;
             row.work = part.work(scene, ordered, &lesson, false);
             bench.push(row);
-            // A compensated step is the same step.
-            for (sparse, packed) in [(false, false), (true, false), (false, true)] {
-                if !options.compensate {
-                    let lesson = Lesson { packed, ..part.lesson(options, opacity_only, sparse) };
-                    step(bench, scene, ordered, part, lesson, &want.touched)?;
-                }
-            }
-            if !options.compensate && !opacity_only && scene.degree != BETAS {
-                for packed in [false, true] {
-                    newton(bench, scene, ordered, part, packed)?;
-                }
-            }
         }
     }
-    if scene.model.has_supplement() && !options.compensate {
-        steps_done(bench)?;
-    }
-    whole(bench, scene, ordered, twin, options, &format!("{DETERMINISTIC}{suffix}"))
+    Ok(want.touched)
 }
 
 /// From scene to gradients, against a twin that shares nothing with the device but the scene.
@@ -120,7 +149,7 @@ pub(super) fn whole(
     let sizes = blend_backward_magnitudes(splats, isects, &twin.blended.image, &grad);
     let sizes = sum_records(&twin.projected.tile_counts, isects, &sizes);
     let terms = magnitudes(&scene.params, &scene.view, options, splats, &sizes);
-    let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene, 0))?;
+    let times = bench.time(|recorder| ordered.record_blend_backward(recorder, scene))?;
     let mut total = times.sum();
     for part in &parts(scene) {
         let (gradients, time) = part.gradients(bench, scene, ordered, part.lesson(options, false, false))?;
@@ -188,7 +217,11 @@ impl Part {
     fn work(&self, scene: &Scene, ordered: &Ordered, lesson: &Lesson, step: bool) -> Work {
         let count = self.count as f64;
         let slots: f64 = ordered.tile_counts[self.first..][..self.count].iter().map(|&n| f64::from(n)).sum();
-        let records = if lesson.opacity_only { 12.0 } else { 36.0 };
+        let records = match (ordered.renderer.raster.packs_records(), lesson.opacity_only) {
+            (true, _) => 16.0,
+            (false, true) => 12.0,
+            (false, false) => 36.0,
+        };
         let lobes = if self.segment == Segment::Supplement { LOBE_PLANES } else { 0 };
         let planes = if lesson.opacity_only { 1 } else { GEOMETRY_PLANES + layout::sh_planes(scene.degree) + lobes };
         // Parameter and both moments, read and written; or the gradient added to what there was.
@@ -342,8 +375,9 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
     let parameters = model.part(part.segment);
     let parameters = [&parameters.geometry, &parameters.sh, &parameters.lobes];
     let before = read(parameters)?;
-    let (own, _) = part.gradients(bench, scene, ordered, Lesson::new(part.segment))?;
-    let learner = Learner::new(model, Lesson { newton: true, packed: is_packed, ..Lesson::new(part.segment) }, false)?;
+    let lesson = Lesson { packed: is_packed, ..Lesson::new(part.segment) };
+    let (own, _) = part.gradients(bench, scene, ordered, lesson)?;
+    let learner = Learner::new(model, Lesson { newton: true, ..lesson }, false)?;
     let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
     // Curvatures of which a step of some rates follows, or one that is cut off; of a third nothing is known, and of a fifth so little is
     // there that gradients are far beyond its root.

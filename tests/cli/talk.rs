@@ -158,6 +158,7 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let added = number("supplementary_gaussians") + number("plain_gaussians");
     assert!(added > 0 && added <= plan["gaussians_allowed"].as_u64().unwrap(), "{report}");
     assert!(number("bytes_added") <= 2500 && plan["bytes_allowed"] == 2500 && number("budget") < 90, "{report}");
+    assert_eq!(number("file_bytes"), fs::metadata(work.path("a.ply")).unwrap().len());
     assert!(plan["training_on_db"].is_number() && plan["least_db_per_thousand"] == 0.0);
     let gain = |kind: &str| plan[kind]["gain_db"].as_f64().unwrap();
     assert!(gain("lobes") > gain("without_lobes") && gain("without_lobes") >= 0.0, "{plan}");
@@ -197,6 +198,28 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
         let command = format!("enhance data --base base.ply -o x.ply --method augs {option}");
         work.refused(&command, &[&option[..6], "--method pursuit"]);
     }
+}
+
+/// Test photos that are the base's own renders: whatever is learned makes them worse. With no budget given the base stays as it was.
+#[test]
+fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 100 --sh-degree 1");
+    work.ok("render base.ply data --split test -o renders");
+    for name in ["a.png", "i.png"] {
+        fs::copy(work.path(&format!("renders/{name}")), work.path(&format!("data/images/{name}"))).unwrap();
+    }
+    let enhance = "enhance data --base base.ply";
+    let report = work.json(&format!("{enhance} -o a.ply --json"));
+    let psnr = |what: &str| report["gain"][what]["psnr"].as_f64().unwrap();
+    assert!(report["discarded"] == true && psnr("after") < psnr("before") - 0.02, "{report}");
+    assert!(report["placements"].as_array().unwrap().len() == 3 && report["supplementary_gaussians"].is_u64());
+    assert!(fs::read(work.path("a.ply")).unwrap() == fs::read(work.path("base.ply")).unwrap());
+    assert!(stderr(&work, &format!("{enhance} -o b.ply")).contains("the base is what was written"));
+    // What was asked for is done; what other viewers show is the base all the same.
+    let report = work.json(&format!("{enhance} --ratio 0.1 -o c.ply --json"));
+    assert!(report["discarded"] == false && report["original_kept"] == true, "{report}");
+    assert_eq!(report["gain"]["base_alone"], report["gain"]["before"]);
 }
 
 #[test]

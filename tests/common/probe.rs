@@ -49,6 +49,8 @@ pub struct Setup {
     pub tile: Option<TileShape>,
     pub origin: DVec3,
     pub reduction: Reduction,
+    /// Moments and gradient records are packed.
+    pub packed: bool,
     /// Gaussians of a page at most.
     pub page: Option<u32>,
 }
@@ -62,6 +64,7 @@ impl Default for Setup {
             tile: None,
             origin: DVec3::ZERO,
             reduction: Reduction::Deterministic,
+            packed: false,
             page: None,
         }
     }
@@ -104,8 +107,8 @@ impl<'a> Probe<'a> {
     /// For up to `gaussians` Gaussians and images up to the size of `largest`.
     pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
         let views = Views::upload(gpu, &[*largest], &[]).unwrap();
-        let Setup { compensate, tile, reduction, degree, .. } = setup;
-        let policy = Policy { reduction, compensate, tile, packed: false };
+        let Setup { compensate, tile, reduction, degree, packed, .. } = setup;
+        let policy = Policy { reduction, compensate, tile, packed };
         let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
         let needs = Needs { gaussians, degrees: vec![degree], lobe_degrees: vec![degree], half: false };
         Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
@@ -152,8 +155,8 @@ impl<'a> Probe<'a> {
         let segments = Segment::ALL.into_iter().filter(|&s| model.count_of(s) > 0);
         let learners: Vec<_> = segments
             .map(|segment| {
-                let Setup { opacity_only, compensate, .. } = self.setup;
-                let lesson = Lesson { opacity_only, compensate, ..Lesson::new(segment) };
+                let Setup { opacity_only, compensate, packed, .. } = self.setup;
+                let lesson = Lesson { opacity_only, compensate, packed, ..Lesson::new(segment) };
                 [true, false].map(|accumulate| Learner::new(&model, lesson, accumulate).unwrap())
             })
             .collect();

@@ -360,7 +360,8 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     assert!(trained[0].3 != filling.base.opacities);
 }
 
-/// Of Gaussians that may come there are no records yet: of these a trainer of a limit of 300,000 would hold 48 MB.
+/// Of Gaussians that may come there is room for one intersection each, in whose memory they are sorted, and not for four: these would be
+/// 332 bytes in place of 212.
 #[test]
 fn a_trainer_begins_with_room_for_what_is_there() {
     let gpu = Gpu::new();
@@ -377,9 +378,9 @@ fn a_trainer_begins_with_room_for_what_is_there() {
         drop(trainer);
         taken
     };
-    // Splats, their order and moments are by Gaussian: less than 200 bytes each.
+    // Splats and moments are by Gaussian, too. Blocks of memory are counted whole.
     let more = taken(room) - taken(0);
-    assert!(more < 200 * u64::from(room), "{more} bytes");
+    assert!(more < 220 * u64::from(room), "{more} bytes");
 }
 
 /// Memory that ends in the middle of a run: an error, and what was learned until then is there to go on with.

@@ -122,6 +122,9 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let mut broken = vec![[0.0; 3]; camera.pixels() as usize];
     broken[25 * WIDTH as usize + 30] = [f64::NAN, 0.0, 0.0];
     assert_eq!(probe.shoot(&before, &camera, &broken).stepped, before);
+    // Out of packed records too.
+    let mut packed = Probe::new(&gpu, 8, &camera, Setup { packed: true, ..Default::default() });
+    assert_eq!(packed.shoot(&before, &camera, &broken).stepped, before);
     // Of those that learn their opacity alone too.
     let mut frozen = Probe::new(&gpu, 8, &camera, Setup { opacity_only: true, ..Default::default() });
     assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);

@@ -241,7 +241,7 @@ fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
             let params = glint::reference::Params::from_scene(&scene(&[blob])).unwrap();
             let view = glint::reference::View::from_camera(&camera).rounded();
             let median = &twin.rendered.blended.median;
-            let want = median_depth(&params, &view, median, DepthAt::MaximumResponse);
+            let want = median_depth(&params, &view, median, DepthAt::MaximumResponse, 1.0);
             for (p, (&z, want)) in shot.depth.iter().zip(want).enumerate() {
                 assert!(z == 0.0 || (z > 0.2 && z.is_finite()), "{scale:?} {quat:?}: {z}");
                 if twin.rendered.blended.margins[p].median > 1e-3 && twin.image_grad[p] != [0.0; 3] && want > 0.0 {

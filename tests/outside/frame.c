@@ -65,6 +65,29 @@ static void transition(VkCommandBuffer commands, const VkImage images[4], VkImag
     vkCmdPipelineBarrier(commands, GLINT_SYNC_WRITTEN_STAGE, GLINT_SYNC_READ_STAGE | GLINT_SYNC_WRITTEN_STAGE, 0, 0, NULL, 0, NULL, 4, barriers);
 }
 
+/* A scene from nowhere but arrays: a base of one Gaussian, a supplement of one. */
+static void arrays(void) {
+    float mean[3] = { 0, 0, 4 }, scale[3] = { -2, -2, -2 }, rotation[4] = { 1, 0, 0, 0 }, opacity = 2, colour[3] = { 1, 0, 0 };
+    float direction[3] = { 0, 0, -1 }, lobe[2] = { 0.5f, 1 };
+    glint_gaussians base = { sizeof base, 1, 0, 0, mean, scale, rotation, &opacity, colour, NULL, NULL, NULL }, supplement = base;
+    supplement.lobe_directions = direction;
+    supplement.lobe_widths = &lobe[0];
+    supplement.lobe_sharpness = &lobe[1];
+    glint_scene *scene;
+    glint_scene_counts counts = { sizeof counts };
+    GLINT(glint_scene_from_arrays(&base, &supplement, &scene));
+    GLINT(glint_scene_info(scene, &counts));
+    if (counts.base != 1 || counts.supplement != 1 || counts.sh_degree != 0) FAIL("%u + %u Gaussians", counts.base, counts.supplement);
+    glint_scene_destroy(scene);
+    if (glint_scene_from_arrays(&base, &base, &scene) != 2 || !strstr(glint_last_error(), "lobe_directions")) FAIL("no lobes");
+    opacity = 1.0f / 0.0f;
+    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "opacity")) FAIL("an opacity that is infinite");
+    base.sh = NULL;
+    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "sh of 1")) FAIL("no colours");
+    base.sh_degree = 5;
+    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "degree 5")) FAIL("degree 5");
+}
+
 int main(int argc, char **argv) {
     if (argc != 4) FAIL("frame NUMBERS SCENE.ply OUT");
     if (glint_version() != GLINT_VERSION) FAIL("header %d, library %u", GLINT_VERSION, glint_version());
@@ -90,6 +113,10 @@ int main(int argc, char **argv) {
     VkPhysicalDeviceProperties properties;
     vkGetPhysicalDeviceProperties(physical, &properties);
     if (properties.apiVersion < required.api_version || required.least_lanes != 8 || required.most_lanes != 64) FAIL("requirements");
+    uint32_t features_seen = 0;
+    for (const char *name; (name = glint_required_feature(features_seen)); ++features_seen)
+        if (!name[0]) FAIL("feature %u has no name", features_seen);
+    if (features_seen < 4 || strcmp(glint_required_feature(0), "scalarBlockLayout")) FAIL("%u features", features_seen);
     uint32_t limits_seen = 0, least;
     for (const char *name; (name = glint_required_limit(limits_seen, &least)); ++limits_seen)
         if (!strcmp(name, "maxPerStageDescriptorStorageBuffers") &&
@@ -102,6 +129,10 @@ int main(int argc, char **argv) {
     const char *extension;
     for (uint32_t k = 0; glint_optional_feature(k, &extension); ++k)
         if (optional >> k & 1 && extension && extension_count < 16) extensions[extension_count++] = extension;
+    /* What is planned needs no device. */
+    glint_physical *told;
+    if (glint_describe(vkGetInstanceProcAddr, instance, NULL, &told) != 2) FAIL("a physical device that is null");
+    GLINT(glint_describe(vkGetInstanceProcAddr, instance, physical, &told));
     float priority = 1.0f;
     VkDeviceQueueCreateInfo queue_info = { VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO };
     queue_info.queueCount = 1; /* of family 0, which every driver has compute in */
@@ -173,27 +204,55 @@ int main(int argc, char **argv) {
     if (glint_scene_read("nowhere.ply", &scene) != 2 || !strstr(glint_last_error(), "nowhere.ply")) FAIL("a scene from nowhere");
     if (glint_scene_parse((const uint8_t *)"ply\n", 4, "four bytes", &scene) != 2) FAIL("a scene of four bytes");
     if (glint_context_create(NULL, &context) != 2) FAIL("a device that is null");
+    glint_device nothing[3] = { lent, lent, lent };
+    nothing[0].physical_device = NULL;
+    nothing[1].device = NULL;
+    nothing[2].queue = NULL;
+    glint_context *none = NULL;
+    for (int i = 0; i < 3; ++i)
+        if (glint_context_create(&nothing[i], &none) != 2 || none || !strstr(glint_last_error(), "is null")) FAIL("null handle %d", i);
     GLINT(glint_scene_read(argv[2], &scene));
     glint_scene_counts counts = { sizeof counts };
     GLINT(glint_scene_info(scene, &counts));
+    uint32_t dropped = 7;
+    glint_scene *same;
+    glint_scene_counts twice = { sizeof twice };
+    GLINT(glint_scene_read_lenient(argv[2], &same, &dropped));
+    GLINT(glint_scene_info(same, &twice));
+    if (dropped != 0 || memcmp(&counts, &twice, sizeof counts)) FAIL("%u Gaussians dropped of a scene that is sound", dropped);
+    glint_scene_destroy(same);
+    arrays();
     /* What it will take is known before it is there. */
     glint_limits limits = { sizeof limits }, early = { sizeof early };
     GLINT(glint_limits_for(scene, 0, width, height, &early));
-    uint64_t planned = glint_upload_bytes(context, scene, 0);
+    uint64_t planned = glint_upload_bytes(told, scene, 0), staged = glint_upload_staging_bytes(told, scene, 0);
+    if (staged < planned / 2 || staged > planned + 4096) FAIL("%llu bytes are staged", (unsigned long long)staged);
+    early.views = early.instances = 1u << 31;
+    if (glint_frames_bytes(told, &early) != 0 || !strstr(glint_last_error(), "too many")) FAIL("limits that cannot be counted");
+    early.views = early.instances = 1;
+    early.degrees |= 1 << 9;
+    if (glint_frames_bytes(told, &early) != 0 || !strstr(glint_last_error(), "degrees")) FAIL("harmonics of degree 9");
+    early.degrees &= ~(1u << 9);
     glint_memory before = { sizeof before }, memory_used = { sizeof memory_used };
     GLINT(glint_context_memory(context, &before));
     glint_upload *upload;
     GLINT(glint_upload_create(context, scene, NULL, 0, &upload));
+    glint_model *model;
+    if (glint_upload_finish(upload, &model) != 2 || !strstr(glint_last_error(), "not recorded")) FAIL("an upload that was not recorded");
     VkCommandBuffer commands = begin(device, pool);
+    if (glint_upload_record(upload, NULL) != 2 || !strstr(glint_last_error(), "null")) FAIL("no command buffer");
     GLINT(glint_upload_record(upload, commands));
     run(queue, commands);
-    glint_model *model;
     GLINT(glint_upload_finish(upload, &model));
 
     GLINT(glint_context_memory(context, &memory_used));
     uint64_t taken = memory_used.used - before.used;
     if (taken < planned || taken > planned + 4096 || memory_used.used > memory_used.budget || memory_used.taken < memory_used.used)
         FAIL("%llu bytes", (unsigned long long)taken);
+    glint_model_counts here = { sizeof here };
+    GLINT(glint_model_info(model, &here));
+    if (here.base != counts.base || here.supplement != counts.supplement || here.capacity != counts.base + counts.supplement || here.half)
+        FAIL("the model has %u + %u Gaussians", here.base, here.supplement);
     GLINT(glint_limits_of(model, width, height, &limits));
     if (memcmp(&limits, &early, sizeof limits)) FAIL("limits of the model are not those of its scene");
     limits.size = 4;
@@ -213,7 +272,7 @@ int main(int argc, char **argv) {
     memcpy(view.projection, numbers + 18, sizeof view.projection);
     view.width = width;
     view.height = height;
-    view.near_plane = 0.2;
+    view.near_plane = 0; /* the projection's */
     view.color.buffer = buffer;
     view.texel = GLINT_RGBA32F;
     view.exposure = 1.0f;
@@ -236,6 +295,7 @@ int main(int argc, char **argv) {
     view.size = 0;
     if (glint_frames_record(frames, commands, &frame) != 2) FAIL("a view of no size");
     view.size = sizeof view;
+    if (glint_frames_record(frames, NULL, &frame) != 2 || !strstr(glint_last_error(), "null")) FAIL("no command buffer");
     glint_report report = { sizeof report };
     if (glint_frames_report(frames, 0, &report) != 2) FAIL("a report of nothing");
     GLINT(glint_frames_record(frames, commands, &frame));
@@ -312,18 +372,27 @@ int main(int argc, char **argv) {
 
     /* The kernels as data, and the buffers that they are bound to. */
     glint_kernel_info kernel = { sizeof kernel };
-    uint32_t kernels = 0, blends = 0;
+    uint32_t kernels = 0, blends = 0, features = 0, barriers = 0;
     for (; glint_kernel(kernels, &kernel) == 0; ++kernels) {
         if (kernel.code[0] != 0x07230203 || kernel.code_bytes % 4 || kernel.binding_count == 0 || kernel.constant_count == 0)
             FAIL("kernel %u is no SPIR-V with an interface", kernels);
         if (kernel.constants[0].id != 0 || strcmp(kernel.constants[0].name, "workgroup_size")) FAIL("%s: constant 0", kernel.name);
+        for (uint32_t f = 0; f < kernel.feature_count; ++f) features += !strcmp(kernel.features[f], "computeFullSubgroups");
+        barriers += kernel.barriers;
         if (strcmp(kernel.name, "blend")) continue;
         for (uint32_t b = 0; b < kernel.binding_count; ++b)
             if (!strcmp(kernel.bindings[b].name, "image"))
                 blends += kernel.bindings[b].access == GLINT_WRITE && kernel.bindings[b].element_bytes == 16 && kernel.push_bytes == 40 &&
                           kernel.unit == GLINT_SUBGROUP && kernel.subgroups;
     }
-    if (blends != 1) FAIL("the blend is not as it was");
+    if (blends != 1 || features < 10 || barriers == 0 || barriers == kernels) FAIL("the kernels are not as they were");
+    glint_pipeline pipeline = { sizeof pipeline };
+    uint32_t pipelines = 0, seen = 0;
+    for (; glint_context_pipeline(context, pipelines, &pipeline) == 0; ++pipelines) {
+        if (!pipeline.pipeline || !pipeline.layout || !pipeline.set_layout || !pipeline.constant_count) FAIL("pipeline %u", pipelines);
+        seen += !strcmp(pipeline.kernel, "blend") && pipeline.constants[0][0] == 0 && pipeline.constants[0][1] > 0;
+    }
+    if (pipelines < 10 || seen == 0) FAIL("%u pipelines, %u that blend", pipelines, seen);
     glint_buffer held = { sizeof held };
     uint32_t buffers = 0, blended = 0;
     for (; glint_model_buffer(model, buffers, &held) == 0; ++buffers)
@@ -332,7 +401,8 @@ int main(int argc, char **argv) {
         blended += !strcmp(held.name, "image") && held.buffer && held.bytes == 16ull * width * height;
     if (buffers < (counts.supplement ? 9u : 6u) || blended != 1) FAIL("%u buffers, %u images", buffers, blended);
     printf("%u + %u Gaussians, %u visible, %u intersections, %u kernels, %llu bytes\n", counts.base, counts.supplement,
-           report.visible, report.intersections, kernels, (unsigned long long)glint_frames_bytes(context, &limits));
+           report.visible, report.intersections, kernels, (unsigned long long)glint_frames_bytes(told, &limits));
+    glint_physical_destroy(told);
 
     glint_frames_destroy(both);
     glint_frames_destroy(frames);

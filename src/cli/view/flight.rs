@@ -119,8 +119,8 @@ impl Flight {
         self.place(rotation, self.camera.eye() - self.distance * moved);
     }
 
-    /// The wheel was turned away by so many notches.
-    pub(super) fn wheel(&mut self, notches: f64) {
+    /// The wheel was turned away by so many notches. Whether the camera moved: in flight only its speed changes.
+    pub(super) fn wheel(&mut self, notches: f64) -> bool {
         match self.motion {
             Motion::Orbit => {
                 let [least, most] = REACH.map(|reach| reach * self.scale);
@@ -128,10 +128,12 @@ impl Flight {
                 let eye = self.camera.eye() + (self.distance - distance) * self.forward();
                 self.distance = distance;
                 self.place(self.camera.rotation, eye);
+                true
             }
             Motion::Fly | Motion::Walk => {
                 let [least, most] = REACH.map(|reach| reach * self.scale);
                 self.speed = (self.speed * NOTCH.powf(notches)).clamp(least, most);
+                false
             }
         }
     }
@@ -252,14 +254,16 @@ mod tests {
     #[test]
     fn the_wheel_goes_nearer_in_an_orbit_and_faster_in_flight() {
         let mut flight = flight();
-        flight.wheel(1.0);
+        assert!(flight.wheel(1.0));
         assert!((flight.camera().eye().length() - 4.0 / NOTCH).abs() < 1e-12);
-        (0..1000).for_each(|_| flight.wheel(1.0));
+        assert!((0..1000).all(|_| flight.wheel(1.0)));
         assert!(flight.camera().eye().length() >= 4.0 * REACH[0] * 0.999 && is_rotation(flight.camera()));
         flight.motion = Motion::Walk;
-        let speed = flight.speed;
-        flight.wheel(2.0);
+        let (speed, camera) = (flight.speed, *flight.camera());
+        // Nor has the camera left where a photograph was taken.
+        assert!(!flight.wheel(2.0));
         assert!((flight.speed - speed * NOTCH * NOTCH).abs() < 1e-12);
+        assert_eq!(*flight.camera(), camera);
     }
 
     #[test]

@@ -285,7 +285,7 @@ impl Screen {
     pub(super) fn new(window: Arc<Window>, options: &ContextOptions) -> Result<Self, GpuError> {
         let surface = Surface::new(window, options.validation)?;
         let instanced = surface.instanced.clone();
-        let (physical, offered) = Context::choose(&instanced.instance, options)?;
+        let (physical, offered) = Context::choose(&instanced.entry, &instanced.instance, options)?;
         let family = surface.queue_family(physical)?;
         let (format, texel) = surface.format(physical)?;
         let device = surface.device(physical, family, offered.iter().copied())?;

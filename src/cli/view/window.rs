@@ -319,11 +319,13 @@ impl Open {
             }
             WindowEvent::CursorMoved { position, .. } => self.mouse(*position),
             WindowEvent::MouseWheel { delta, .. } => {
-                self.flight.wheel(match delta {
+                let moved = self.flight.wheel(match delta {
                     MouseScrollDelta::LineDelta(_, lines) => (*lines).into(),
                     MouseScrollDelta::PixelDelta(moved) => moved.y / PIXELS_PER_NOTCH,
                 });
-                self.left();
+                if moved {
+                    self.left();
+                }
             }
             _ => {}
         }

@@ -132,6 +132,7 @@ impl Screen {
             median: false,
             occluded: false,
             backward: true,
+            scores: false,
             policy,
         }
     }

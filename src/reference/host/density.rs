@@ -10,6 +10,7 @@ use crate::{
         density_draw::Draw,
         density_plan::Plan,
         density_weigh::Weigh,
+        packed_record::unpack_record,
     },
     scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT},
     stages::{
@@ -54,11 +55,21 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
         let i = first + place;
         let mut record = [0.0; 9];
         for at in records_of(i, by_gaussian != 0, h.tile_counts, h.first_slot) {
-            let (centre, colour) =
-                if h.spec.pulls { (h.record_centres[at], [0.0; 3]) } else { ([0.0; 3], h.record_colours[at]) };
+            let (centre, colour) = match (h.spec.packed_records && by_gaussian == 0, h.spec.pulls) {
+                (true, true) => {
+                    let [a, b, c, ..] = unpack_record(h.record_words[at]);
+                    ([a, b, c], [0.0; 3])
+                }
+                (true, false) => {
+                    let [error, weight, ..] = h.record_words[at].map(|word| f64::from(f32::from_bits(word)));
+                    ([0.0; 3], [error, weight, 0.0])
+                }
+                (false, true) => (h.record_centres[at].map(f64::from), [0.0; 3]),
+                (false, false) => ([0.0; 3], h.record_colours[at].map(f64::from)),
+            };
             for c in 0..3 {
-                record[c] += f64::from(centre[c]);
-                record[6 + c] += f64::from(colour[c]);
+                record[c] += centre[c];
+                record[6 + c] += colour[c];
             }
         }
         let splat = match h.spec.pulls {

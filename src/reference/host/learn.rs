@@ -12,6 +12,7 @@ use crate::{
         },
         blend_backward::Record,
         lobe,
+        packed_record::unpack_record,
         project_backward::{regularise, sum_records},
         tiles::Tiling,
     },
@@ -286,6 +287,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         sparse,
         accumulate,
         packed,
+        packed_records,
         newton,
         sh_degree,
         ..
@@ -306,14 +308,19 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         starts.push(records.len() as u32);
         counts.push(own.len() as u32);
         for at in own {
-            let mut parts = [h.record_centres[at], [0.0; 3], [0.0; 3]];
+            let mut parts = match packed_records && by_gaussian == 0 {
+                true => {
+                    let record = unpack_record(h.record_words[at]);
+                    [0, 3, 6].map(|first| [0, 1, 2].map(|c| record[first + c] as f32))
+                }
+                false if opacity_only => [h.record_centres[at], [0.0; 3], [0.0; 3]],
+                false => [h.record_centres[at], h.record_shapes[at], h.record_colours[at]],
+            };
             if opacity_only {
                 // The first part is a mark, and the others are not there.
                 *mark |= parts[0][0] != 0.0;
                 parts[0][0] = 0.0;
                 parts[0][1] = 0.0;
-            } else {
-                (parts[1], parts[2]) = (h.record_shapes[at], h.record_colours[at]);
             }
             records.push(std::array::from_fn(|r| f64::from(parts[r / 3][r % 3])));
         }

@@ -173,7 +173,7 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
             };
             let all: Vec<Sums> = (0..sizes.len()).map(sums).collect();
             let worth = [p.lobe_worth, p.plain_worth].map(f64::from);
-            fit = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &all, &sizes, worth);
+            fit = twin::pursuit_fit::pursuit_fit(&Candidate::from(c), &all, &sizes, worth, p.doubt.into());
         }
         h.prices[i] = if fit.width > 0.0 { p.lobe_price } else { p.plain_price };
         h.fits[i] = types::Fit {
@@ -194,12 +194,15 @@ pub(super) fn pursuit_gain(h: kernels::pursuit_gain::Host<'_>) -> Outcome {
     let p = &h.push;
     let page = Page::new(h.views, h.plots, h.surface_depths, h.texels, (p.view_first, p.view_end));
     for i in 0..p.count as usize {
-        let mut gain = if p.begin != 0 { 0.0 } else { f64::from(h.gains[i]) };
+        let mut sums = if p.begin != 0 { [0.0; 2] } else { [h.gains[i], h.gain_squares[i]].map(f64::from) };
         if h.fits[i].gain > 0.0 && h.gain_keys[i] == NONE {
             let (c, fit) = (Candidate::from(&h.candidates[i]), Fit::from(&h.fits[i]));
-            gain += twin::pursuit_gain::pursuit_gain(&page.ground(), h.explained, &c, &fit, p.caution.into());
+            let more = twin::pursuit_gain::pursuit_gain(&page.ground(), h.explained, &c, &fit, p.caution.into());
+            sums = [sums[0] + more[0], sums[1] + more[1]];
         }
-        h.gains[i] = gain as f32;
+        let less = if p.last != 0 { f64::from(p.doubt) * sums[1].sqrt() } else { 0.0 };
+        h.gains[i] = (sums[0] - less) as f32;
+        h.gain_squares[i] = sums[1] as f32;
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use crate::{
         blend_backward::Record,
         emit::{Emitted, claim, globals},
         median_depth::DepthAt,
+        packed_record::pack_record,
         tiles::Tiling,
     },
     scene::layout,
@@ -76,10 +77,12 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
                 h.isect_globals[slot] = global;
             }
         }
-        if !direct && room > 0 {
-            claim(h.rank_blocks, rank, slot, room);
+        if !direct {
+            h.first_slot[i] = slot;
+            if room > 0 {
+                claim(h.rank_blocks, rank, slot, room);
+            }
         }
-        h.first_slot[i] = slot;
     }
     Ok(())
 }
@@ -252,11 +255,23 @@ fn parts(record: &Record) -> [[f32; 3]; 3] {
 pub(super) fn blend_backward(h: kernels::blend_backward::Host<'_>) -> Outcome {
     let backward = backward!(h);
     backward.for_each_record(|slot, global, record| {
-        let [centre, shape, colour] = parts(&record);
-        h.record_centres[slot] = centre;
-        if global >= backward.all_first {
-            h.record_shapes[slot] = shape;
-            h.record_colours[slot] = colour;
+        let [centre, shape, mut colour] = parts(&record);
+        let all = global >= backward.all_first;
+        if h.spec.scores {
+            // The third is nobody's.
+            colour[2] = 0.0;
+        }
+        match (h.spec.packed_records, h.spec.scores) {
+            (true, true) => h.record_words[slot] = [colour[0].to_bits(), colour[1].to_bits(), 0, 0],
+            (true, false) => h.record_words[slot] = pack_record(&record, !all),
+            (false, true) => h.record_colours[slot] = colour,
+            (false, false) => {
+                h.record_centres[slot] = centre;
+                if all {
+                    h.record_shapes[slot] = shape;
+                    h.record_colours[slot] = colour;
+                }
+            }
         }
     });
     Ok(())
@@ -270,6 +285,12 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
         isects.global_from_slot.push(global);
         records.push(record);
     });
+    if h.spec.scores {
+        // Of the colours' three sums two are wanted, and nothing else.
+        records
+            .iter_mut()
+            .for_each(|record| *record = std::array::from_fn(|k| if [6, 7].contains(&k) { record[k] } else { 0.0 }));
+    }
     let sums = twin::blend_backward_atomic::blend_backward_atomic(&isects, &records, h.splats.len());
     for (global, sum) in sums.iter().enumerate().filter(|(_, sum)| **sum != [0.0; 9]) {
         let to = [&mut h.record_centres[global], &mut h.record_shapes[global], &mut h.record_colours[global]];
@@ -281,7 +302,7 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
 }
 
 pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
-    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first } =
+    let kernels::median_depth::Push { segment, page_first, stride, view: view_index, depth_first, splat_first, scale } =
         h.push;
     let view = view(&h.views[view_index as usize]);
     let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
@@ -292,7 +313,7 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
     let params = params([h.geometry, &[], &[]], count, stride, false, 0);
     let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
-    let depths = twin::median_depth::median_depth(&params, &view, &median, at);
+    let depths = twin::median_depth::median_depth(&params, &view, &median, at, scale.into());
     let to = &mut h.depths[depth_first as usize..][..pixels];
     for (pixel, depth) in depths.into_iter().enumerate() {
         let nobodys = h.median_ids[pixel] == NONE && segment == 0 && page_first == 0 && splat_first == 0;
@@ -304,9 +325,10 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
 }
 
 pub(super) fn resolve(h: kernels::resolve::Host<'_>) -> Outcome {
-    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form } = h.push;
+    let kernels::resolve::Push { pixels, format, blend, linear, depth, exposure, depth_form, background } = h.push;
     let form = depth_form.map(f64::from);
-    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into() };
+    let background = background.map(f64::from);
+    let to = twin::resolve::To { blend, linear: linear != 0, exposure: exposure.into(), background };
     let words = twin::resolve::words(format);
     for pixel in 0..h.workgroups.threads().min(pixels as usize) {
         if depth != 0 {

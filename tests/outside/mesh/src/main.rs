@@ -124,12 +124,12 @@ impl Renderer {
         unsafe {
             self.run(|commands| {
                 let mut recorder = Recorder::borrow(&context, commands, Kept::default());
-                upload.record(&mut recorder);
+                upload.record(&mut recorder)?;
                 kept = recorder.finish();
                 Ok(())
             })?;
         }
-        let model = upload.finish();
+        let model = upload.finish()?;
         let limits = Limits { depth_in: true, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
         let mut frames = Frames::new(&context, limits)?;
 

@@ -1,0 +1,190 @@
+//! The functions of Vulkan that glint calls. ash ends the program where one is called that is not there, so of a device that is not
+//! glint's own each is asked for before.
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use super::GpuError;
+
+/// Of the instance.
+const OF_INSTANCE: [&CStr; 10] = [
+    c"vkCreateDevice",
+    c"vkDestroyInstance",
+    c"vkEnumerateDeviceExtensionProperties",
+    c"vkEnumeratePhysicalDevices",
+    c"vkGetPhysicalDeviceFeatures2",
+    c"vkGetPhysicalDeviceMemoryProperties",
+    c"vkGetPhysicalDeviceMemoryProperties2",
+    c"vkGetPhysicalDeviceProperties",
+    c"vkGetPhysicalDeviceProperties2",
+    c"vkGetPhysicalDeviceQueueFamilyProperties",
+];
+
+/// Of the device.
+const OF_DEVICE: [&CStr; 47] = [
+    c"vkAllocateCommandBuffers",
+    c"vkAllocateMemory",
+    c"vkBeginCommandBuffer",
+    c"vkBindBufferMemory",
+    c"vkCmdBindPipeline",
+    c"vkCmdCopyBuffer",
+    c"vkCmdCopyBufferToImage",
+    c"vkCmdCopyImageToBuffer",
+    c"vkCmdDispatch",
+    c"vkCmdDispatchIndirect",
+    c"vkCmdFillBuffer",
+    c"vkCmdPipelineBarrier",
+    c"vkCmdPushConstants",
+    PUSH_DESCRIPTORS,
+    c"vkCmdUpdateBuffer",
+    c"vkCmdWriteTimestamp",
+    c"vkCreateBuffer",
+    c"vkCreateCommandPool",
+    c"vkCreateComputePipelines",
+    c"vkCreateDescriptorSetLayout",
+    c"vkCreateFence",
+    c"vkCreatePipelineLayout",
+    c"vkCreateQueryPool",
+    c"vkCreateShaderModule",
+    c"vkDestroyBuffer",
+    c"vkDestroyCommandPool",
+    c"vkDestroyDescriptorSetLayout",
+    c"vkDestroyDevice",
+    c"vkDestroyFence",
+    c"vkDestroyPipeline",
+    c"vkDestroyPipelineLayout",
+    c"vkDestroyQueryPool",
+    c"vkDestroyShaderModule",
+    c"vkDeviceWaitIdle",
+    c"vkEndCommandBuffer",
+    c"vkFreeMemory",
+    c"vkGetBufferMemoryRequirements",
+    c"vkGetDeviceQueue",
+    c"vkGetFenceStatus",
+    c"vkGetQueryPoolResults",
+    c"vkMapMemory",
+    c"vkQueueSubmit",
+    c"vkResetCommandPool",
+    c"vkResetFences",
+    c"vkResetQueryPool",
+    c"vkUnmapMemory",
+    c"vkWaitForFences",
+];
+
+/// Of the device, where kernels and buffers have names.
+const OF_LABELS: [&CStr; 3] =
+    [c"vkCmdBeginDebugUtilsLabelEXT", c"vkCmdEndDebugUtilsLabelEXT", c"vkSetDebugUtilsObjectNameEXT"];
+
+/// The one function of an extension that every device must have.
+const PUSH_DESCRIPTORS: &CStr = c"vkCmdPushDescriptorSetKHR";
+
+/// What is missing where there is no such function.
+fn origin(function: &CStr) -> String {
+    match function {
+        _ if function == PUSH_DESCRIPTORS => "extension VK_KHR_push_descriptor, enabled".into(),
+        _ if OF_LABELS.contains(&function) => "extension VK_EXT_debug_utils, enabled on the instance".into(),
+        _ => format!("{}: the instance must be of Vulkan 1.2", function.to_string_lossy()),
+    }
+}
+
+/// Whether an instance has the functions that glint calls of one.
+///
+/// # Safety
+/// The handles are live and belong together.
+pub(super) unsafe fn check_instance(entry: &ash::Entry, instance: &ash::Instance) -> Result<(), GpuError> {
+    // SAFETY: by the contract above.
+    let has = |name: &CStr| unsafe { entry.get_instance_proc_addr(instance.handle(), name.as_ptr()) }.is_some();
+    match OF_INSTANCE.into_iter().find(|name| !has(name)) {
+        None => Ok(()),
+        Some(name) => Err(GpuError::Missing { device: "of this instance".into(), feature: origin(name) }),
+    }
+}
+
+/// Whether a device has the functions that glint calls of one, those of labels too where they are wanted.
+///
+/// # Safety
+/// The handles are live and belong together; `physical` is what the device was made of.
+pub(super) unsafe fn check_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    device: &ash::Device,
+    labels: bool,
+) -> Result<(), GpuError> {
+    let get = instance.fp_v1_0().get_device_proc_addr;
+    // SAFETY: by the contract above.
+    let has = |name: &CStr| unsafe { get(device.handle(), name.as_ptr()) }.is_some();
+    let all = OF_DEVICE.into_iter().chain(OF_LABELS.into_iter().filter(|_| labels));
+    match all.into_iter().find(|name| !has(name)) {
+        None => Ok(()),
+        Some(name) => {
+            // SAFETY: by the contract above.
+            let properties = unsafe { instance.get_physical_device_properties(physical) };
+            let device = properties.device_name_as_c_str().unwrap_or_default().to_string_lossy().into_owned();
+            Err(GpuError::Missing { device, feature: origin(name) })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::BTreeSet, fs, path::Path};
+
+    use super::*;
+
+    /// What stands behind a dot and before a bracket, of receivers of these names.
+    fn called(source: &str, receivers: &[&str]) -> BTreeSet<String> {
+        let mut names = BTreeSet::new();
+        for (at, _) in source.match_indices('.') {
+            let before = source[..at].trim_end();
+            let word = |text: &str| text.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').count();
+            let rest = &source[at + 1..];
+            let name = &rest[..word(rest)];
+            let of = receivers.iter().any(|receiver| before.ends_with(receiver));
+            if of && rest[name.len()..].starts_with('(') {
+                names.insert(name.to_owned());
+            }
+        }
+        names
+    }
+
+    /// As Vulkan calls it, without an extension's letters.
+    fn vulkan(name: &str) -> String {
+        let word = |word: &str| word[..1].to_uppercase() + &word[1..];
+        let words: String = name.split('_').map(word).collect();
+        format!("vk{words}")
+    }
+
+    #[test]
+    fn every_function_that_is_called_is_asked_for_and_none_beside() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/gpu");
+        let mut sources = String::new();
+        for entry in fs::read_dir(folder).unwrap() {
+            let text = fs::read_to_string(entry.unwrap().path()).unwrap();
+            let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+            sources.extend(code.lines().filter(|line| !line.trim_start().starts_with("//")).map(|l| format!("{l}\n")));
+        }
+        // Methods of ash's structures that are no functions of Vulkan's, and those of the window's instance, which is glint's own.
+        let ours = ["clone", "handle", "fp_v1_0", "is_some", "is_none", "as_ref", "as_deref"];
+        let check = |receivers: &[&str], lists: &[&[&CStr]], others: &[&str]| {
+            let listed: BTreeSet<String> = lists
+                .concat()
+                .iter()
+                .map(|name| name.to_str().unwrap().trim_end_matches(['E', 'X', 'T', 'K', 'H', 'R']).to_owned())
+                .collect();
+            let mut wanted: BTreeSet<String> = called(&sources, receivers)
+                .iter()
+                .filter(|name| !ours.contains(&name.as_str()))
+                .map(|name| vulkan(name))
+                .collect();
+            wanted.extend(others.iter().map(|&name| name.to_owned()));
+            assert_eq!(wanted, listed);
+        };
+        check(&["instance"], &[&OF_INSTANCE], &[]);
+        // gpu-allocator's own.
+        let allocators = ["vkAllocateMemory", "vkFreeMemory", "vkMapMemory", "vkUnmapMemory"];
+        check(&["device", "device()", "push", "debug"], &[&OF_DEVICE, &OF_LABELS], &allocators);
+        assert!(origin(c"vkResetQueryPool").contains("vkResetQueryPool"));
+        assert!(origin(OF_LABELS[0]).contains("VK_EXT_debug_utils"));
+    }
+}

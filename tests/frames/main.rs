@@ -1,0 +1,481 @@
+//! Frames in somebody else's renderer: images, depths, instances, slots, and what is refused.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/counting.rs"]
+mod counting;
+#[path = "../common/engine.rs"]
+mod engine;
+#[path = "../common/shared.rs"]
+mod shared;
+
+mod depths;
+mod instances;
+mod loading;
+mod refused;
+mod room;
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    cell::Cell,
+    collections::BTreeSet,
+    sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed},
+};
+
+use ash::vk::{self, Handle};
+use common::Gpu;
+use engine::Engine;
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use glint::{
+    Error,
+    data::{Dataset, DatasetOptions},
+    gpu::{
+        BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, ImageRegion, Kept, Location, Pixels, Recorder,
+        f16,
+    },
+    pipelines::{
+        frames::{
+            Blend, DEPTH_FORMATS, DepthForm, Frame, FrameView, Frames, Instance, Light, Limits, Room, Target, Texel,
+            Transform,
+        },
+        model::{self, Model, Upload},
+        plan::Held,
+        render::{Needs, RenderOptions, Renderer},
+        start::first_points,
+        views::Views,
+    },
+    reference::{
+        self, Background, Intersections, Options, Params, View,
+        blend::blend_before,
+        median_depth::{DepthAt, median_depth},
+        project::project,
+        random_camera, random_scene,
+        resolve::{To, depth},
+        tiles::{Tiling, for_each_tile},
+    },
+    scene::{
+        Camera, Gaussians, Lobes, Scene, Supplement, from_points,
+        layout::{self, BETAS, sh_planes},
+    },
+    stages::{
+        self,
+        constants::resolve::{OPAQUE, OVER, PREMULTIPLIED},
+    },
+};
+
+/// Counts what this thread takes from the heap.
+struct Counting;
+
+thread_local! {
+    static TAKEN: Cell<u64> = const { Cell::new(0) };
+}
+
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let _ = TAKEN.try_with(|taken| taken.set(taken.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static HEAP: Counting = Counting;
+
+const GREY: [f32; 3] = [0.5, 0.25, 0.75];
+
+/// A target that takes a frame's float32 colours.
+struct Float(Buffer<u32>);
+
+impl Float {
+    fn new(gpu: &Context, pixels: u32) -> Self {
+        Float(Buffer::new(gpu, "float", 4 * pixels as usize, Location::Device).unwrap())
+    }
+
+    fn target(&self, blend: Blend) -> Target {
+        let range = BufferRange { buffer: self.0.raw().handle(), offset: 0 };
+        Target { blend, ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) }
+    }
+
+    fn pixels(&self) -> Vec<[f32; 4]> {
+        let words: Vec<f32> = self.0.download().unwrap().into_iter().map(f32::from_bits).collect();
+        words.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect()
+    }
+}
+
+fn wide(limits: Limits) -> Limits {
+    Limits { texel: Texel::Rgba32F, ..limits }
+}
+
+/// What the renderer of the command line makes of it: RGB over grey, and transmittance.
+fn rendered(gpu: &Context, scene: &Scene, camera: &Camera) -> Vec<[f32; 4]> {
+    let views = Views::upload(gpu, &[*camera], &[]).unwrap();
+    let model = Model::upload(gpu, scene, 0).unwrap();
+    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+    let image = renderer.render(&model, &views, 0, GREY).unwrap();
+    image.color.chunks_exact(3).zip(image.transmittance).map(|(c, t)| [c[0], c[1], c[2], t]).collect()
+}
+
+fn largest_difference(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn images_of_every_format_have_what_glint_renders() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(7, 600, 150, 3), random_camera(61, 47));
+    let want = rendered(&gpu, &scene, &camera);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 80, 60))).unwrap();
+    let mut engine = Engine::new(&gpu, 1);
+    // Larger than the view: the rest must stay as it was.
+    let (width, height, offset) = (80, 60, [7, 5]);
+    let formats = [
+        vk::Format::R32G32B32A32_SFLOAT,
+        vk::Format::R16G16B16A16_SFLOAT,
+        vk::Format::R8G8B8A8_UNORM,
+        vk::Format::B8G8R8A8_UNORM,
+        vk::Format::B8G8R8A8_SRGB,
+    ];
+    for format in formats {
+        let texel = Texel::of(format).unwrap();
+        let words = texel.words() as usize;
+        let mut whole = engine.image(format, width, height);
+        engine.write(&whole, [width, height], &vec![0x3C00_3C00; words * (width * height) as usize]);
+        let place = ImageRegion { offset, ..whole };
+        let color = Some(Target { blend: Blend::Opaque(GREY), ..Target::new(Pixels::Image(place), texel) });
+        let view = FrameView { color, ..FrameView::new(camera) };
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+        assert_eq!(frames.report(0).unwrap().needed, None);
+        let got = engine.read(&mut whole, [width, height], texel.words());
+        let mut inside = 0;
+        for (at, word) in got.chunks_exact(words).enumerate() {
+            let (x, y) = (at as i32 % width as i32 - offset[0], at as i32 / width as i32 - offset[1]);
+            if !((0..61).contains(&x) && (0..47).contains(&y)) {
+                assert!(word.iter().all(|w| *w == 0x3C00_3C00), "{format:?} {x} {y}");
+                continue;
+            }
+            inside += 1;
+            let bytes: Vec<u8> = word.iter().flat_map(|w| w.to_le_bytes()).collect();
+            let want = want[(y * 61 + x) as usize];
+            for c in 0..3 {
+                match texel {
+                    Texel::Rgba32F => assert_eq!(f32::from_bits(word[c]), want[c]),
+                    // The nearest half, or where the rounding of a kernel is another's, the next.
+                    Texel::Rgba16F => {
+                        let got = u16::from_le_bytes([bytes[2 * c], bytes[2 * c + 1]]);
+                        assert!(got.abs_diff(f16::from_f32(want[c]).to_bits()) <= 1, "{got} {}", want[c]);
+                    }
+                    Texel::Rgba8 | Texel::Bgra8 => {
+                        let got = bytes[if texel == Texel::Bgra8 { 2 - c } else { c }];
+                        // Half a step, and the rounding of 255 times a float32.
+                        let off = f32::from(got) / 255.0 - want[c].clamp(0.0, 1.0);
+                        assert!(off.abs() <= 0.5 / 255.0 + 1e-6, "{got} {}", want[c]);
+                    }
+                }
+            }
+        }
+        assert_eq!(inside, 61 * 47);
+    }
+    assert_eq!(Texel::of(vk::Format::R8_UNORM), None);
+}
+
+/// The twin's image of what is before `farthest`, and the margin of each pixel's decisions.
+fn twin(scene: &Scene, view: &View, farthest: impl Fn(usize) -> f64 + Sync) -> Vec<([f64; 4], f64)> {
+    twin_of(&Params::from_scene(scene).unwrap(), view, farthest)
+}
+
+fn twin_of(params: &Params, view: &View, farthest: impl Fn(usize) -> f64 + Sync) -> Vec<([f64; 4], f64)> {
+    let options = Options { active_degree: params.sh_degree, ..Default::default() };
+    let projected = project(params, view, &options);
+    let isects = Intersections::new(&projected, Tiling::new(view.width, view.height, &options));
+    let black = Background::Color([0.0; 3]);
+    let blended = blend_before(&projected.splats, &isects, black, 0.5, farthest);
+    blended.image.into_iter().zip(&blended.margins).map(|(p, m)| (p, m.image())).collect()
+}
+
+/// A decision within this of its threshold may fall otherwise in float32: a thousand times its rounding, as sums of a hundred terms and
+/// differences of coordinates take away two or three digits.
+const NEAR: f64 = 1e-4;
+
+/// The far plane of projections that have one: nearer than a third of the Gaussians.
+const FAR: f64 = 7.0;
+
+/// Every kind of projection, of a near plane at 0.2.
+const FORMS: [(DepthForm, &str); 4] = [
+    (DepthForm { a: 0.0, b: 0.2 }, "reversed, infinite"),
+    (DepthForm { a: -0.2 / (FAR - 0.2), b: 0.2 * FAR / (FAR - 0.2) }, "reversed"),
+    (DepthForm { a: 1.0, b: -0.2 }, "infinite"),
+    (DepthForm { a: FAR / (FAR - 0.2), b: -0.2 * FAR / (FAR - 0.2) }, "standard"),
+];
+
+/// A camera of the world that sees a model which stands in it as `camera` sees the model alone.
+fn gone_with(camera: &Camera, transform: &Transform) -> Camera {
+    let rotation = camera.rotation * DMat3::from_quat(transform.rotation).transpose();
+    let translation = transform.scale * camera.translation - rotation * transform.translation;
+    Camera { rotation, translation, ..*camera }
+}
+
+#[test]
+fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(3, 500, 100, 1), random_camera(40, 30));
+    let plain = {
+        // Over black, as the frames' own.
+        let model = Model::upload(&gpu, &scene, 0).unwrap();
+        let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+        let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+        renderer.render(&model, &views, 0, [0.0; 3]).unwrap()
+    };
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 40, 30))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let below = |p: usize| [0.1 + 0.0005 * p as f32, 0.9 - 0.0005 * p as f32, 1.5, 0.5];
+    for (blend, number) in [(Blend::Opaque(GREY), OPAQUE), (Blend::Premultiplied, PREMULTIPLIED), (Blend::Over, OVER)] {
+        for linear in [false, true] {
+            for exposure in [1.0, 2.5] {
+                let words: Vec<u32> = (0..1200).flat_map(|p| below(p).map(f32::to_bits)).collect();
+                float.0.upload(0, &words).unwrap();
+                let light = if linear { Light::Linear } else { Light::Encoded };
+                let color = Some(Target { light, exposure, ..float.target(blend) });
+                let view = FrameView { color, ..FrameView::new(camera) };
+                let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+                engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+                let to = To { blend: number, linear, exposure: exposure.into(), background: GREY.map(f64::from) };
+                for (p, got) in float.pixels().iter().enumerate() {
+                    // Over black; an opaque target's own background does not become brighter.
+                    let t = f64::from(plain.transmittance[p]);
+                    let behind = |c: usize| if to.whole() { t * f64::from(GREY[c]) } else { 0.0 };
+                    let colour = [0, 1, 2].map(|c| f64::from(plain.color[3 * p + c]) + behind(c));
+                    let rendered = [colour[0], colour[1], colour[2], t];
+                    let want = to.resolve(rendered, below(p).map(f64::from));
+                    for k in 0..4 {
+                        // A power in float32 is good to 1e-5 of its value, which exposure and light make up to 6.
+                        let off = (f64::from(got[k]) - want[k]).abs();
+                        assert!(off < 2e-5 * want[k].max(1.0), "{blend:?} {linear} {exposure} {p}: {got:?} {want:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Base and supplement have degrees of their own, and pipelines, bytes and images are those of each.
+#[test]
+fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
+    let gpu = Gpu::new();
+    let camera = random_camera(61, 47);
+    let view = View::from_camera(&camera).rounded();
+    let betas = [false, true].map(|half| ([BETAS; 2], half));
+    for ([base, lobed], half) in
+        [([3, 0], false), ([3, 0], true), ([0, 2], false), ([1, 3], true)].into_iter().chain(betas)
+    {
+        let mut scene = random_scene(5, 400, 300, base.max(3));
+        scene.base = scene.base.with_degree(base);
+        scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
+        let model =
+            Model::upload_around(&gpu, DVec3::ZERO, &scene, model::Room { half, ..Default::default() }).unwrap();
+        let words = |degree: u32| if half { sh_planes(degree).div_ceil(2) } else { sh_planes(degree) };
+        let planes = model::Segment::ALL.map(|segment| model.part(segment).sh.planes());
+        assert_eq!(planes, [base, lobed].map(words));
+        // What the device was given, halves too.
+        let params = Params::from_scene(&model.download().unwrap()).unwrap();
+        for degree in [model.sh_degree, 1, 0] {
+            let options = Options { active_degree: degree, ..Default::default() };
+            let projected = project(&params, &view, &options);
+            let isects = Intersections::new(&projected, Tiling::new(61, 47, &options));
+            let want = blend_before(&projected.splats, &isects, Background::Color([0.0; 3]), 0.5, |_| f64::INFINITY);
+            let mut frames = Frames::new(&gpu, wide(Limits::for_needs(Needs::at(&model, [degree]), 61, 47))).unwrap();
+            let (engine, float) = (Engine::new(&gpu, 1), Float::new(&gpu, camera.pixels()));
+            let seen = FrameView { color: Some(float.target(Blend::Premultiplied)), ..FrameView::new(camera) };
+            let instances = [Instance { degree, ..Instance::of(&model) }];
+            let frame = Frame { slot: 0, instances: &instances, views: &[seen] };
+            engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+            let mut compared = 0;
+            for ((got, want), margin) in float.pixels().iter().zip(&want.image).zip(&want.margins) {
+                if margin.image() > NEAR {
+                    compared += 1;
+                    // float32's 6e-8 of colours up to 4, in sums of some hundred terms.
+                    (0..3).for_each(|c| assert!((f64::from(got[c]) - want[c]).abs() < 1e-4, "{got:?} {want:?}"));
+                }
+            }
+            assert!(compared > 2500, "{compared}");
+        }
+    }
+}
+
+#[test]
+fn a_model_of_half_width_takes_144_bytes_and_looks_the_same() {
+    let gpu = Gpu::new();
+    let (scene, camera) = (random_scene(5, 800, 200, 3), random_camera(61, 47));
+    let want = rendered(&gpu, &scene, &camera);
+    let half = model::Room { half: true, ..Default::default() };
+    let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, half).unwrap();
+    let bytes = |part: &model::Part| {
+        let planes = [&part.geometry, &part.sh, &part.lobes].into_iter().filter(|planes| planes.planes() > 0);
+        planes.map(|planes| 16 * planes.page(0).len() / part.pages[0].capacity as usize).sum::<usize>()
+    };
+    assert_eq!(bytes(model.part(model::Segment::Base)), 144);
+    assert_eq!(bytes(model.part(model::Segment::Supplement)), 176);
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let view = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let got: Vec<[f32; 4]> = float.pixels().iter().zip(&want).map(|(p, w)| [p[0], p[1], p[2], w[3]]).collect();
+    let off = largest_difference(&got, &want);
+    // A coefficient of 2 is off by 2^-11 of itself at most: a colour by half a step of 8 bits, at most.
+    assert!(off > 0.0 && off < 0.5 / 255.0, "{off}");
+    // What comes back is what a half can hold.
+    let back = model.download().unwrap();
+    let close = |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= b.abs() / 2048.0 + 1e-7);
+    assert!(back.base.sh.iter().zip(&scene.base.sh).all(|(a, b)| close(a, b)));
+    assert_eq!((&back.base.means, &back.base.opacities), (&scene.base.means, &scene.base.opacities));
+}
+
+/// The device as an engine would lend it, with counters before its functions.
+fn lent(gpu: &Gpu) -> Context {
+    let entry = unsafe { ash::Entry::load() }.unwrap();
+    let (instance, device) = counting::counted(&entry, gpu.instance(), gpu.device());
+    let lent = BorrowedDevice {
+        physical_device: gpu.physical_device(),
+        queue_family: gpu.queue_family(),
+        queue: unsafe { device.get_device_queue(gpu.queue_family(), 0) },
+        optional: gpu.features().clone(),
+        pipeline_cache: vk::PipelineCache::null(),
+        queue_lock: None,
+        labels: false,
+        memory_budget: None,
+        entry,
+        instance,
+        device,
+    };
+    unsafe { Context::borrow(lent) }.unwrap()
+}
+
+#[test]
+fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
+    let owner = Gpu::new();
+    let gpu = lent(&owner);
+    let scene = random_scene(21, 300, 80, 2);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let limits = Limits { in_flight: 3, views: 2, timings: true, depth_in: true, ..wide(Limits::of(&model, 48, 40)) };
+    let mut frames = Frames::new(&gpu, limits.clone()).unwrap();
+    let mut engine = Engine::new(&gpu, 3);
+    // Of each slot and eye a buffer, and an image for every second frame, in which a wall hides what is farther than 3 units.
+    let buffers = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
+    let mut images = [0, 1, 2].map(|_| [0, 1].map(|_| engine.image(vk::Format::R8G8B8A8_UNORM, 48, 40)));
+    let walls = Buffer::from_slice(&gpu, "wall", &[(0.2f32 / 3.0).to_bits(); 48 * 40]).unwrap();
+    let wall = BufferRange { buffer: walls.raw().handle(), offset: 0 };
+    let view = |n: u32, camera: Camera, buffer: &Float, image: ImageRegion| match n % 2 {
+        0 => FrameView { color: Some(buffer.target(Blend::Opaque(GREY))), ..FrameView::new(camera) },
+        _ => FrameView {
+            color: Some(Target { blend: Blend::Premultiplied, ..Target::new(Pixels::Image(image), Texel::Rgba8) }),
+            depth_in: Some(Pixels::Buffer(wall)),
+            ..FrameView::new(camera)
+        },
+    };
+    let camera = |n: u32| {
+        let mut camera = random_camera(16 + n % 33, 16 + n * 7 % 25);
+        camera.translation.z += f64::from(n % 17) * 0.05;
+        camera.rotation = DMat3::from_rotation_y(f64::from(n % 29) * 0.01) * camera.rotation;
+        camera
+    };
+    // The same alone, with nothing else on its way.
+    let mut calm = Frames::new(&gpu, Limits { in_flight: 1, ..limits }).unwrap();
+    let mut beside = Engine::new(&gpu, 1);
+    let mut alone = beside.image(vk::Format::R8G8B8A8_UNORM, 48, 40);
+    let (mut checked, mut hidden) = (0, 0);
+    let (mut before, mut heap) = (gpu.counters(), 0);
+    for n in 0..1000 {
+        let slot = n % 3;
+        let commands = engine.begin(slot);
+        let eyes = [camera(n), camera(n + 500)];
+        // The slot's last frame has run: some of them are looked at.
+        if n >= 3 && n % 167 == 4 {
+            for eye in 0..2 {
+                let seen = camera(n - 3 + 500 * eye as u32);
+                let size = [seen.width, seen.height];
+                if n % 2 == 1 {
+                    let want = rendered(&gpu, &scene, &seen);
+                    let got = buffers[slot as usize][eye].pixels();
+                    assert!(got.iter().zip(&want).all(|(g, w)| g[..3] == w[..3]), "frame {n}, eye {eye}");
+                } else {
+                    let mut draw = |view| {
+                        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+                        beside.run(|commands| unsafe { calm.record(commands, &frame) }.unwrap());
+                    };
+                    draw(view(1, seen, &buffers[0][0], alone));
+                    let want = beside.read(&mut alone, size, 1);
+                    assert_eq!(beside.read(&mut images[slot as usize][eye], size, 1), want, "frame {n}, eye {eye}");
+                    draw(FrameView { depth_in: None, ..view(1, seen, &buffers[0][0], alone) });
+                    hidden += usize::from(beside.read(&mut alone, size, 1) != want);
+                }
+                checked += 1;
+            }
+            assert_eq!(frames.report(slot).unwrap().needed, None);
+            let times = frames.times(slot).unwrap();
+            let blends = times.iter().filter(|time| time.name == "blend").count();
+            assert_eq!(blends, if gpu.info().timestamp_period > 0.0 { 2 } else { 0 });
+            before = gpu.counters();
+        }
+        let of = |eye: usize| view(n, eyes[eye], &buffers[slot as usize][eye], images[slot as usize][eye]);
+        let (instances, views) = ([Instance::of(&model)], [of(0), of(1)]);
+        let taken = TAKEN.get();
+        unsafe { frames.record(commands, &Frame { slot, instances: &instances, views: &views }) }.unwrap();
+        heap += TAKEN.get() - taken;
+        assert_eq!(gpu.counters(), before);
+        engine.submit(slot);
+    }
+    engine.finish();
+    assert_eq!((heap, checked, hidden), (0, 12, 6));
+    drop((frames, calm, model, engine, beside, buffers, walls));
+    drop(gpu);
+    for (function, made, gone) in counting::counts() {
+        assert!(made > 0 && made == gone, "{function:?}: {made} were made, {gone} destroyed");
+    }
+}
+
+#[test]
+fn a_second_renderer_makes_no_pipelines() {
+    // A device of its own: other tests make the same.
+    let gpu = Context::new(&ContextOptions::from_env()).unwrap();
+    let model = Model::upload(&gpu, &random_scene(1, 50, 10, 1), 0).unwrap();
+    let limits = Limits::of(&model, 32, 24);
+    let first = Frames::new(&gpu, limits.clone()).unwrap();
+    let made = gpu.counters().pipelines;
+    assert!(made > 10);
+    let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
+    assert_eq!(gpu.counters().pipelines, made);
+    // Their handles can be had, each with what it was made of.
+    let handles = gpu.pipelines();
+    assert_eq!(handles.len() as u64, made);
+    for pipeline in &handles {
+        let nothing = pipeline.pipeline == vk::Pipeline::null()
+            || pipeline.layout == vk::PipelineLayout::null()
+            || pipeline.set_layout == vk::DescriptorSetLayout::null();
+        let kernel = stages::ALL.iter().find(|kernel| kernel.name == pipeline.kernel).unwrap();
+        let known = pipeline.constants.iter().filter(|(id, _)| kernel.constants.iter().any(|known| known.id == *id));
+        assert!(!nothing && known.count() == kernel.constants.len(), "{pipeline:?}");
+    }
+    assert!(handles.windows(2).all(|pair| pair[0] < pair[1]) && handles.iter().any(|p| p.kernel == "blend"));
+    // Of other degrees there is one more for each segment.
+    let third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
+    assert_eq!(gpu.counters().pipelines, made + 2);
+    // What is dropped leaves its pipelines to the next.
+    drop((first, second, third));
+    let _fourth = Frames::new(&gpu, limits).unwrap();
+    assert_eq!(gpu.counters().pipelines, made + 2);
+    // Nor does another context of the device.
+    let again = gpu.again(&ContextOptions::from_env()).unwrap();
+    let model = Model::upload(&again, &random_scene(1, 50, 10, 1), 0).unwrap();
+    let _fifth = Frames::new(&again, Limits::of(&model, 32, 24)).unwrap();
+    assert_eq!(again.counters().pipelines, 0);
+    assert_eq!(gpu.validation_messages(), [""; 0]);
+}
