@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
+    At, DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, Plan, duration},
     history::{History, Moment},
@@ -371,7 +371,7 @@ impl Args {
                 trainer.go_on_to(stop.unwrap_or(iterations));
                 while !interrupt.asked() {
                     if let Some(done) = trainer.advance(&model, &views)? {
-                        look_at(&model, format_args!("step {done} of {iterations}"));
+                        look_at(&model, At { phase: "", step: done.into(), steps: iterations.into() });
                         (ran, begun) = (ran + done - begun, done);
                         training.set_of(done.into(), iterations.into());
                         let small = match halvings_at(options(iterations).part(done), halvings) {
