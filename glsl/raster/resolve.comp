@@ -11,13 +11,15 @@
 #include "../shared/common.glsl"
 #include "../shared/resolve.glsl"
 
+layout(constant_id = 1) const bool CURVES = true; // of sRGB, which linear light and exposures need and most of the time goes into
+
 layout(push_constant, scalar) uniform Push {
     uint pixels;
     uint format;     // RGBA8, ...
     uint blend;      // OPAQUE, ...
-    uint linear;     // 1: the target holds linear light, 0: sRGB-encoded values
+    uint linear;     // with CURVES, 1: the target holds linear light; 0: sRGB-encoded values
     uint depth;      // 1: depth_target is wanted
-    float exposure;  // factor of the Gaussians' linear light
+    float exposure;  // factor of the Gaussians' linear light; without CURVES 1
     vec2 depth_form; // a camera z goes to depth x + y / z
     vec3 background; // rgb, of OPAQUE; where nothing is exposed the image has it in it already
 } push;
@@ -71,18 +73,19 @@ void main() {
     float T = rendered.a, alpha = whole ? 1.0 : 1.0 - T;
     // The colour as it is, not yet weighed by alpha.
     vec3 straight = alpha > 0.0 ? rendered.rgb / alpha : vec3(0.0);
-    if (push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
+    if (CURVES && push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
+    bool linear = CURVES && push.linear != 0;
     vec4 result;
     if (whole || push.blend == PREMULTIPLIED) {
-        result = vec4(alpha * (push.linear != 0 ? to_linear(straight) : straight), alpha);
+        result = vec4(alpha * (linear ? to_linear(straight) : straight), alpha);
     } else {
         vec4 below = vec4(push.background, 1.0);
         if (push.blend == OVER) {
             below = load(pixel);
-            if (push.linear != 0) below.rgb = to_encoded(max(below.rgb, vec3(0.0)));
+            if (linear) below.rgb = to_encoded(max(below.rgb, vec3(0.0)));
         }
         vec3 both = alpha * straight + T * below.rgb;
-        result = vec4(push.linear != 0 ? to_linear(both) : both, push.blend == OVER ? alpha + T * below.a : 1.0);
+        result = vec4(linear ? to_linear(both) : both, push.blend == OVER ? alpha + T * below.a : 1.0);
     }
     store(pixel, result);
 }

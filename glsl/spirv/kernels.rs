@@ -4055,6 +4055,7 @@ pub struct Push {
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     pub workgroup_size: u32,
+    pub curves: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4083,7 +4084,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, curves: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, image: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), target: crate::gpu::next_binding(&mut bindings), depth_target: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4102,13 +4103,14 @@ impl crate::gpu::Kernel for Kernel {
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"curves", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.curves as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.image.raw(), b.depths.raw(), b.target.raw(), b.depth_target.raw()])
     }

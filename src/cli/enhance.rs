@@ -1,4 +1,5 @@
 use std::{
+    fs,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -192,7 +193,8 @@ pub(super) struct Args {
     /// on, 0.25 at most]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB
+    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB. Where `vertex` stays the base that was given, what it became
+    /// is kept beside it, and not counted
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
     /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
@@ -276,6 +278,8 @@ struct Report<'a> {
     plain_gaussians: u32,
     /// Of both in the file.
     bytes_added: u64,
+    /// Of the whole file, with what the base became where that is kept beside it.
+    file_bytes: u64,
     /// What pursuit meant to do; null of --method augs.
     plan: Option<&'a Spending>,
     /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
@@ -481,6 +485,7 @@ impl Args {
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
                 bytes_added: allowance.taken(plain, found.lifted),
+                file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
                 plan: found.spending.as_ref(),
                 faded_gaussians: found.faded,
                 original_kept: found.original.is_some(),

@@ -89,9 +89,14 @@ pub struct Frames {
     limits: Limits,
     raster: Raster,
     stages: ModelStages,
-    resolve: resolve::Stage,
+    /// Without and with sRGB's curves.
+    resolve: [resolve::Stage; 2],
     buffers: FrameBuffers,
     slots: Vec<Slot>,
+}
+
+fn resolve_stage(context: &Context, curves: bool) -> Result<resolve::Stage, GpuError> {
+    resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP, curves })
 }
 
 impl Frames {
@@ -117,7 +122,7 @@ impl Frames {
         };
         Ok(Frames {
             stages: ModelStages::new(context, needs, &options)?,
-            resolve: resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP })?,
+            resolve: [resolve_stage(context, false)?, resolve_stage(context, true)?],
             raster,
             buffers,
             slots: (0..limits.in_flight).map(slot).collect::<Result<_, GpuError>>()?,
@@ -335,6 +340,7 @@ impl Frames {
             target: &b.target,
             depth_target: &b.depth_target,
         };
-        self.resolve.record(recorder, &buffers, &push, push.pixels);
+        let curves = target.light == Light::Linear || target.exposure != 1.0;
+        self.resolve[usize::from(curves)].record(recorder, &buffers, &push, push.pixels);
     }
 }

@@ -54,7 +54,6 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     let below: Vec<[f64; 4]> =
         (0..pixels).map(|p| [channels[5][p], channels[6][p], channels[0][p], channels[4][p]].map(f64::from)).collect();
     let context = bench.context;
-    let stage = resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP })?;
     let (image_there, depths_there) =
         (Buffer::from_slice(context, "image", &image)?, Buffer::from_slice(context, "depths", &depths)?);
     let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
@@ -70,6 +69,8 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
         (BGRA8, PREMULTIPLIED, false, 1.0, "8 bits, premultiplied"),
     ];
     for (format, blend, linear, exposure, name) in cases {
+        let curves = linear || exposure != 1.0;
+        let stage = resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP, curves })?;
         let words = twin::words(format);
         let mut texels = vec![0; words * pixels];
         texels.chunks_mut(words).zip(&below).for_each(|(texel, below)| twin::pack(format, *below, texel));

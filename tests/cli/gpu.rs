@@ -18,10 +18,14 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     fs::create_dir(work.path("all")).unwrap();
     symlink(work.path("data"), work.path("all/garden")).unwrap();
 
-    let run = |data: &str| {
+    let run = |options: &str| {
         let mut command = Command::new(work.path("packed/gpu"));
-        let output =
-            command.args(["run", "--tiny", "-o", "found.json", data]).current_dir(work.path(".")).output().unwrap();
+        let output = command
+            .args(["run", "--tiny", "-o", "found.json"])
+            .args(options.split(' '))
+            .current_dir(work.path("."))
+            .output()
+            .unwrap();
         let found: Value = serde_json::from_slice(&fs::read(work.path("found.json")).unwrap()).unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap(), found)
     };
@@ -43,6 +47,13 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     let (code, said, found) = run("all");
     assert_eq!((code, &found["scenes"][0]["train"]["failed"]), (Some(1), &Value::from(2)), "{said}");
     assert!(said.contains("failed with 2") && said.contains("images"), "{said}");
+
+    // What has no time left is told as such.
+    let (code, _, found) = run("all --within 0");
+    assert_eq!(
+        (code, &found["devices"]["failed"], &found["scenes"][0]["train"]["failed"]),
+        (Some(1), &124.into(), &124.into())
+    );
 }
 
 #[test]

@@ -154,6 +154,7 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let added = number("supplementary_gaussians") + number("plain_gaussians");
     assert!(added > 0 && added <= plan["gaussians_allowed"].as_u64().unwrap(), "{report}");
     assert!(number("bytes_added") <= 2500 && plan["bytes_allowed"] == 2500 && number("budget") < 90, "{report}");
+    assert_eq!(number("file_bytes"), fs::metadata(work.path("a.ply")).unwrap().len());
     assert!(plan["training_on_db"].is_number() && plan["least_db_per_thousand"] == 0.0);
     let gain = |kind: &str| plan[kind]["gain_db"].as_f64().unwrap();
     assert!(gain("lobes") > gain("without_lobes") && gain("without_lobes") >= 0.0, "{plan}");

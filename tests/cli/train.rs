@@ -42,7 +42,7 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     assert!((last.psnr - psnr).abs() < 1e-6, "{} and {psnr}", last.psnr);
     // All but the header, which is less than this.
     assert!((last.bytes..last.bytes + 1000).contains(&bytes), "{bytes} and {last:?}");
-    assert_eq!((last.gaussians, &last.holdout[..]), (300, "dataset"));
+    assert_eq!((last.gaussians, &last.holdout[..]), (300, "default"));
     assert_eq!(lines[2]["loss"], report["final_loss"]);
     // What is there is not written over, and a dataset without test photos has nothing to compare with.
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.ply", "--force"]);
