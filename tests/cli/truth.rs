@@ -55,7 +55,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
     let count = |part: &str| html.matches(part).count();
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("page/report.json")).unwrap()).unwrap();
     for (scene, expected) in numbers["scenes"].as_array().unwrap().iter().zip([few, more]) {
-        let found = [&scene, &scene["views"][0]].map(|of| of["decomposition"]["specular"].as_f64().unwrap());
+        let found = [scene, &scene["views"][0]].map(|of| of["decomposition"]["specular"].as_f64().unwrap());
         assert!((found[0] - expected[1]).abs() < 1e-9 && found[1].is_finite(), "{found:?} {expected:?}");
         assert!(count(&format!("<td>{:.2}</td><td>{:.2}</td></tr>", expected[0], expected[1])) == 1, "{html}");
     }
