@@ -37,13 +37,14 @@ The ending of the output's name says what it becomes:
 
 Only .ply and .glb have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
 out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
-SPZ since version 1, SOG also as a folder, and .gltf.
+SPZ since version 1, SOG also as a folder, .gltf, and the checkpoints that a run keeps.
 
 Examples:
   glint convert base.ply base.spz
   glint convert base.ply base.spz --spz-version 3        for viewers that know no version 4
   glint convert augmented.ply base.sog --base-only
   glint convert download.splat scene.ply --lenient
+  glint convert base.checkpoint.safetensors base.ply     what a run has learned so far
   glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
 
 /// Write a scene as a file of another kind

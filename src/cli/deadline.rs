@@ -1,8 +1,10 @@
 //! A run of as many steps as find time until a given moment.
 //!
 //! All schedules are fractions of a run, so a run that turns out slower or faster than was thought becomes one of fewer or more steps,
-//! of which the same fraction is done. How long a step takes is known only from those that were done; so it is asked several times. What is
-//! known of how it changes (steps on smaller photos come first) is told by whoever begins the run.
+//! of which the same fraction is done. How long a step takes is known only from those that were done; so it is asked several times, by
+//! shares of the time. What is known of how it changes (steps on smaller photos and fewer Gaussians come first) is told by whoever
+//! begins the run. No step is begun that would begin after the end, so a run is late by the one that it is at, and by what the loop had
+//! handed to the device before it knew how long steps take.
 
 use std::{
     fmt::Display,
@@ -10,29 +12,37 @@ use std::{
 };
 
 /// Steps of the run that a first guess is for; few of them are done as such.
-const FIRST: u32 = 100_000;
-/// Steps after which the first guess is replaced: two submissions, and enough for a mean.
+pub(super) const FIRST: u32 = 100_000;
+/// Steps after which the first guess is replaced at the latest: enough for a mean.
 const PILOT: u32 = 64;
-/// Fractions of the run at which it is planned anew. The last is what the end can be off by, times what the rate still changes.
-const MARKS: [f64; 7] = [0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95];
+/// Shares of the time after which the run is planned anew; the first guess is replaced after the second of them at the latest. The last is
+/// what the end can be off by, times what the rate still changes.
+const MARKS: [f64; 16] = [0.005, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.88, 0.94, 0.98];
+/// Fewer steps than this say little by themselves.
+const FEW: u32 = 4;
 /// Steps of a run at most: the losses of so many, 16 bytes each, any device binds at once.
 pub(super) const MOST: u32 = 8_000_000;
 
 /// Samples of a mean: it is off by a hundredth of what the cost leaps by.
 const SAMPLES: u32 = 100;
 
-/// When a run ends, and how it is planned until then.
+/// When a run ends, and how it is planned until then. Moments are given, so that a test can have its own.
 pub(super) struct Deadline {
+    begin: Instant,
     end: Instant,
     /// Of the run that is planned now.
     pub(super) total: u32,
     /// When the last plan was made, and the step at that time; later by what took time since and was no step.
     since: Instant,
     step: u32,
+    /// `total` is no plan yet.
     guessed: bool,
+    /// The first steps are done, which are slow, as a driver compiles kernels when they first run: they say nothing.
+    warm: bool,
+    /// Seconds that a step takes which costs 1, as it was when the last plan was made.
+    unit: Option<f64>,
     /// How long a step takes where that fraction of the run is done, as a multiple of what any takes.
     cost: Box<dyn Fn(f64) -> f64>,
-    marks: std::slice::Iter<'static, f64>,
 }
 
 /// The same run with another number of steps.
@@ -44,16 +54,19 @@ pub(super) struct Plan {
     pub(super) done: u32,
 }
 
-/// `step` of `total` steps are done, the last took `each` seconds, and `left` seconds are left.
-fn plan(step: u32, total: u32, each: f64, left: f64) -> Plan {
-    // A run that came to its end while it was asked goes on as one that lacks a step.
-    let step = step.min(total.max(1) - 1);
-    let [before, of, most] = [step, total.max(1), MOST].map(f64::from);
-    let steps = (left.max(0.0) / each.max(1e-9)).min(most);
-    // At least one step more, so that the run has an end of its own.
-    let all = (steps * of / (of - before)).clamp(1.0, most);
-    let done = (all * before / of).floor();
-    Plan { total: (all.round() as u32).max(done as u32 + 1), done: done as u32 }
+/// `step` of `total` steps are done, and `fit` more find time: as many as those are what is left of the run. There is always one, so that
+/// the run has an end of its own, unless it has come to it.
+fn plan(step: u32, total: u32, fit: f64) -> Plan {
+    let total = total.max(1);
+    if step >= total && fit < 1.0 {
+        return Plan { total, done: total };
+    }
+    // A run that came to its end too early goes on as one that lacks a step.
+    let left = f64::from(total - step.min(total - 1)) / f64::from(total);
+    let most = f64::from(MOST);
+    let to_come = fit.clamp(1.0, (left * most).max(1.0)).round();
+    let all = (to_come / left).round().min(most);
+    Plan { total: all as u32, done: (all - to_come).max(0.0) as u32 }
 }
 
 /// Mean of `cost` between two fractions of a run.
@@ -63,15 +76,24 @@ fn mean(cost: &dyn Fn(f64) -> f64, from: f64, to: f64) -> f64 {
 }
 
 impl Deadline {
-    /// Until `end`.
-    pub(super) fn new(end: Instant) -> Self {
-        let (cost, marks) = (Box::new(|_| 1.0), MARKS.iter());
-        Deadline { end, total: FIRST, since: Instant::now(), step: 0, guessed: true, cost, marks }
+    /// From `begin` until `end`.
+    pub(super) fn new(begin: Instant, end: Instant) -> Self {
+        Deadline {
+            begin,
+            end,
+            total: FIRST,
+            since: begin,
+            step: 0,
+            guessed: true,
+            warm: false,
+            unit: None,
+            cost: Box::new(|_| 1.0),
+        }
     }
 
-    /// The same of a run that is thought to have `total` steps.
-    pub(super) fn of(end: Instant, total: u32) -> Self {
-        Deadline { total, guessed: false, ..Deadline::new(end) }
+    /// The same of a run that is thought to have `total` steps, of which `step` are done.
+    pub(super) fn of(begin: Instant, end: Instant, total: u32, step: u32) -> Self {
+        Deadline { total, step, guessed: false, ..Deadline::new(begin, end) }
     }
 
     /// Of a run whose steps take `cost` where a fraction of it is done, as multiples of one another.
@@ -79,13 +101,39 @@ impl Deadline {
         self.cost = Box::new(cost);
     }
 
-    /// The step at which the run is to be planned anew; `None` for its end.
-    pub(super) fn next(&mut self) -> Option<u32> {
-        if self.guessed {
-            return Some(PILOT);
+    /// Whether `now`, after `step` steps, it is time to plan the run anew.
+    pub(super) fn is_due(&mut self, step: u32, now: Instant) -> bool {
+        let done = step.saturating_sub(self.step);
+        if done == 0 {
+            return false;
         }
-        let step = |mark: &f64| (mark * f64::from(self.total)) as u32;
-        self.marks.find(|mark| step(mark) >= self.step + PILOT).map(step)
+        if !self.warm {
+            (self.since, self.step, self.warm) = (now, step, true);
+            return false;
+        }
+        // With nothing left to do long before the time is over a run is one of more steps.
+        if step >= self.total {
+            return self.share(now) < MARKS[MARKS.len() - 1];
+        }
+        let next = if self.guessed { MARKS[1] } else { 0.0 };
+        let passed = |share: f64| MARKS.iter().take_while(|&&mark| mark <= share).count();
+        let share = self.share(now);
+        passed(share) > passed(self.share(self.since)) && share >= next || self.guessed && done >= PILOT
+    }
+
+    /// Whether there is no time left.
+    pub(super) fn is_over(&self, now: Instant) -> bool {
+        now >= self.end
+    }
+
+    /// Of a run of which `step` steps are done: the step before which the time is over. Whoever goes no further is late by less than one.
+    pub(super) fn last(&self, step: u32, now: Instant) -> u32 {
+        let Some(unit) = self.measured(step, now) else {
+            return if self.is_over(now) { step } else { u32::MAX };
+        };
+        let each = unit * (self.cost)(self.part(step));
+        let steps = self.left(now, Duration::ZERO) / each.max(1e-9);
+        step.saturating_add(steps.ceil() as u32)
     }
 
     /// So much time went into something else than steps.
@@ -93,16 +141,52 @@ impl Deadline {
         self.since += time;
     }
 
+    /// The run stood still for so long, which is no part of its time.
+    pub(super) fn pause(&mut self, time: Duration) {
+        (self.begin, self.since, self.end) = (self.begin + time, self.since + time, self.end + time);
+    }
+
     /// Plans the run anew, of which `step` steps are done, and in whose rest something else than steps takes the time `reserved`.
-    pub(super) fn plan(&mut self, step: u32, reserved: Duration) -> Plan {
-        let now = Instant::now();
-        let each = now.saturating_duration_since(self.since).as_secs_f64() / f64::from((step - self.step).max(1));
-        let part = |step: u32| f64::from(step) / f64::from(self.total.max(1));
-        let each = each * mean(&self.cost, part(step), 1.0) / mean(&self.cost, part(self.step), part(step));
-        let left = self.end.saturating_duration_since(now).saturating_sub(reserved);
-        let plan = plan(step, self.total, each, left.as_secs_f64());
+    pub(super) fn plan(&mut self, step: u32, now: Instant, reserved: Duration) -> Plan {
+        let plan = plan(step, self.total, self.fit(step, now, reserved));
+        self.unit = self.measured(step, now);
         (self.total, self.step, self.since, self.guessed) = (plan.total, plan.done, now, false);
         plan
+    }
+
+    /// Steps that find time after step `step` on average.
+    fn fit(&self, step: u32, now: Instant, reserved: Duration) -> f64 {
+        let Some(unit) = self.measured(step, now) else { return 0.0 };
+        let each = unit * mean(&self.cost, self.part(step.min(self.total.max(1) - 1)), 1.0);
+        self.left(now, reserved) / each.max(1e-9)
+    }
+
+    /// Seconds that a step takes which costs 1: of those since the last plan, or where these are few of those before it as well.
+    fn measured(&self, step: u32, now: Instant) -> Option<f64> {
+        let done = step.saturating_sub(self.step);
+        if done == 0 {
+            return self.unit;
+        }
+        let each = now.saturating_duration_since(self.since).as_secs_f64() / f64::from(done);
+        let unit = each / mean(&self.cost, self.part(self.step), self.part(step)).max(1e-9);
+        match self.unit {
+            Some(before) if done < FEW => Some(0.5 * (before + unit)),
+            _ => Some(unit),
+        }
+    }
+
+    fn part(&self, step: u32) -> f64 {
+        f64::from(step) / f64::from(self.total.max(1))
+    }
+
+    /// Of the time from begin to end.
+    fn share(&self, now: Instant) -> f64 {
+        let [passed, all] = [now, self.end].map(|at| at.saturating_duration_since(self.begin).as_secs_f64());
+        passed / all.max(1e-9)
+    }
+
+    fn left(&self, now: Instant, reserved: Duration) -> f64 {
+        self.end.saturating_duration_since(now).saturating_sub(reserved).as_secs_f64()
     }
 }
 
@@ -129,59 +213,71 @@ mod tests {
 
     #[test]
     fn a_run_keeps_its_fraction_and_its_end() {
-        // A hundredth is done; what is left at half a second a step is 99 hundredths of the run.
-        assert_eq!(plan(1000, 100_000, 0.5, 49.5), Plan { total: 100, done: 1 });
+        // A hundredth is done; as many steps as find time are 99 hundredths of the run.
+        assert_eq!(plan(1000, 100_000, 99.0), Plan { total: 100, done: 1 });
         // As fast as was thought: nothing changes.
-        assert_eq!(plan(50, 100, 0.1, 5.0), Plan { total: 100, done: 50 });
-        // No time is left: one step more.
-        assert_eq!(plan(50, 100, 0.1, 0.0), Plan { total: 1, done: 0 });
-        assert_eq!(plan(99, 100, 1.0, 0.0).total, 1);
-        assert!(plan(10, 100, 0.0, 1e9).total <= MOST);
+        assert_eq!(plan(50, 100, 50.0), Plan { total: 100, done: 50 });
+        // No time is left: one step more, from where the run is.
+        assert_eq!(plan(50, 100, 0.0), Plan { total: 2, done: 1 });
+        assert_eq!(plan(99, 100, 0.0), Plan { total: 100, done: 99 });
+        assert_eq!(plan(0, 100_000, 0.3), Plan { total: 1, done: 0 });
+        assert!(plan(10, 100, 1e18).total <= MOST && plan(10, 100, f64::INFINITY).total <= MOST);
         // At its end it is as a run that lacks one step: five more of these are 500 hundredths.
-        assert_eq!(plan(100, 100, 0.01, 0.05), Plan { total: 500, done: 495 });
-        assert_eq!(plan(100, 100, 0.01, 0.0), Plan { total: 1, done: 0 });
+        assert_eq!(plan(100, 100, 5.0), Plan { total: 500, done: 495 });
+        assert_eq!(plan(100, 100, 0.4), Plan { total: 100, done: 100 });
     }
 
-    #[test]
-    fn a_run_is_planned_anew_at_parts_of_it() {
-        let end = Instant::now() + Duration::from_secs(60);
-        assert_eq!(Deadline::new(end).next(), Some(PILOT));
-        let mut known = Deadline::of(end, 1000);
-        let marks: Vec<u32> = std::iter::from_fn(|| known.next()).collect();
-        let all: Vec<u32> = MARKS.iter().map(|mark| (1000.0 * mark) as u32).filter(|&step| step >= PILOT).collect();
-        assert!(!all.is_empty() && marks == all, "{marks:?}");
+    /// How a loop went that had `time` seconds.
+    struct Run {
+        seconds: f64,
+        steps: u32,
+        /// Of the schedule.
+        part: f64,
+        plans: u32,
     }
 
-    /// Of a run of 60 s whose steps take what `truth` says where a fraction is done, while `cost` is what is known of it.
-    fn seconds(truth: &dyn Fn(f64) -> f64, cost: &dyn Fn(f64) -> f64) -> f64 {
-        let (mut total, mut step, mut now, end) = (FIRST, 0u32, 0.0, 60.0);
-        let mut marks = MARKS.iter();
-        let mut until = PILOT;
+    /// Of a loop as `Steps` has them whose steps take what `truth` says where a fraction is done, the first of all `first` more, while `cost`
+    /// is what is known of it.
+    fn run(time: f64, first: f64, truth: &dyn Fn(f64) -> f64, cost: impl Fn(f64) -> f64 + 'static) -> Run {
+        let base = Instant::now();
+        let at = |seconds: f64| base + Duration::from_secs_f64(seconds);
+        let mut deadline = Deadline::new(base, at(time));
+        deadline.costs(cost);
+        let (mut now, mut steps, mut plans) = (0.0, 0, 0);
+        let (mut done, mut next, mut total, mut batch) = (0, 0, FIRST, 1);
+        let mut flying = std::collections::VecDeque::new();
         loop {
-            let (since, first) = (now, step);
-            while step < until {
-                now += truth(f64::from(step) / f64::from(total));
-                step += 1;
+            let until = total.min(deadline.last(done, at(now)));
+            while flying.len() < 2 && next < until {
+                let end = until.min(next + batch);
+                flying.push_back((next, end));
+                next = end;
             }
-            if step >= total {
-                break;
+            let due = deadline.is_due(done, at(now));
+            if flying.is_empty() && !due {
+                break Run { seconds: now, steps, part: f64::from(done) / f64::from(total), plans };
             }
-            let part = |step: u32| f64::from(step) / f64::from(total);
-            let ahead = mean(cost, part(step), 1.0) / mean(cost, part(first), part(step));
-            let next = plan(step, total, ahead * (now - since) / f64::from(step - first), end - now);
-            (total, step) = (next.total, next.done);
-            let at = |mark: &f64| (mark * f64::from(total)) as u32;
-            until = marks.find(|mark| at(mark) >= step + PILOT).map_or(total, at);
+            for _ in 0..if due { flying.len() } else { 1 } {
+                let Some((begin, end)) = flying.pop_front() else { break };
+                let took: f64 = (begin..end).map(|step| truth(f64::from(step) / f64::from(total))).sum();
+                now += took + if steps == 0 { first } else { 0.0 };
+                let fit = (0.5f64.min(time / 40.0) * f64::from(end - begin) / took) as u32;
+                (done, steps, batch) = (end, steps + end - begin, fit.clamp(1, (2 * batch).min(16)));
+            }
+            if due {
+                let plan = deadline.plan(done, at(now), Duration::ZERO);
+                (total, done, next, plans) = (plan.total, plan.done, plan.done, plans + 1);
+            }
         }
-        now
     }
 
     /// Steps that take longer and longer, as Gaussians become more: the run ends when it should.
     #[test]
     fn a_run_that_becomes_slower_ends_in_time() {
-        let now = seconds(&|part| 0.02 * (1.0 + 2.0 * part), &|_| 1.0);
-        // The last twentieth is off by what the rate changes within it.
-        assert!((now - 60.0).abs() < 0.005 * 60.0, "{now}");
+        let found = run(60.0, 0.5, &|part| 0.02 * (1.0 + 2.0 * part), |_| 1.0);
+        // The last fiftieth is off by what the rate changes within it.
+        assert!((found.seconds - 60.0).abs() < 0.005 * 60.0 && found.part > 0.99, "{} {}", found.seconds, found.part);
+        assert!((1400..1800).contains(&found.steps) && found.plans > 10, "{} {}", found.steps, found.plans);
     }
 
     /// Steps on photos of a quarter and of half the size come first, and how much less they take is known roughly.
@@ -189,11 +285,41 @@ mod tests {
     fn a_run_whose_photos_grow_ends_in_time() {
         let cost = |fixed: f64| move |part: f64| fixed + (1.0 - fixed) * 0.25f64.powi(halvings_at(part, 2) as i32);
         for truth in [0.1, 0.25, 0.5] {
-            let now = seconds(&|part| 0.02 * (1.0 + part) * cost(truth)(part), &cost(0.25));
-            assert!((now - 60.0).abs() < 0.01 * 60.0, "{truth}: {now}");
+            for time in [6.0, 60.0] {
+                let found = run(time, 0.3, &|part| 0.02 * (1.0 + part) * cost(truth)(part), cost(0.25));
+                let Run { seconds, part, .. } = found;
+                assert!((seconds - time).abs() < 0.01 * time && part > 0.97, "{truth}, {time}: {seconds} {part}");
+            }
         }
-        // Who knows nothing of it is late.
-        assert!(seconds(&|part| 0.02 * cost(0.25)(part), &|_| 1.0) > 61.0);
+    }
+
+    /// However few steps find time, a run ends at its end, late by one step or by what was submitted before anything was known.
+    #[test]
+    fn a_run_of_few_slow_steps_ends_in_time() {
+        for (time, each, first) in
+            [(10.0, 1.0, 1.0), (2.0, 0.13, 0.2), (3.0, 0.002, 0.3), (1.0, 0.1, 0.1), (5.0, 0.9, 0.0)]
+        {
+            let Run { seconds, steps, part, .. } = run(time, first, &|_| each, |_| 1.0);
+            assert!((0.85 * time..time + each).contains(&seconds), "{time}, {each}: {seconds}");
+            assert!(part == 1.0 && f64::from(steps) * each > 0.7 * time, "{time}, {each}: {steps} steps, {part}");
+        }
+        // What takes longer than all of the time is two steps, which were on their way at once.
+        let Run { seconds, steps, .. } = run(1.0, 0.0, &|_| 3.0, |_| 1.0);
+        assert_eq!((seconds, steps), (6.0, 2));
+    }
+
+    /// What evaluations take is no part of the time.
+    #[test]
+    fn a_pause_moves_the_end_and_no_share() {
+        let base = Instant::now();
+        let at = |seconds: u64| base + Duration::from_secs(seconds);
+        let mut deadline = Deadline::of(base, at(100), 1000, 0);
+        assert!(!deadline.is_due(1, at(0)) && deadline.is_due(101, at(10)));
+        assert_eq!(deadline.plan(101, at(10), Duration::ZERO), Plan { total: 1001, done: 101 });
+        deadline.pause(Duration::from_secs(50));
+        assert!(!deadline.is_due(102, at(61)) && deadline.is_due(151, at(65)));
+        assert_eq!(deadline.plan(151, at(65), Duration::ZERO), Plan { total: 1001, done: 151 });
+        assert!(!deadline.is_over(at(149)) && deadline.is_over(at(150)));
     }
 
     #[test]

@@ -9,12 +9,13 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    At, DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    calibrate, counted,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, Reached, SceneArgs, WatchArgs,
+    Watched, calibrate, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, photos_json},
+    kept::{KeepArgs, Kept, NOTHING, photos_json},
+    lock::Lock,
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
@@ -55,7 +56,8 @@ Examples:
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
-  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to resume";
+  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to go on with:
+  glint enhance garden --base base.ply -o augmented.ply --work kept --resume";
 
 /// How Gaussians are placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -346,7 +348,16 @@ impl Args {
         }
         let dataset = self.photos.open(&self.dataset)?;
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        self.replace.check_ply(&self.output, &inputs)?;
+        if self.keep.resume {
+            let Some(folder) = &self.work else {
+                return Err(Error::Usage("--resume goes on from what --work DIR has, which is not given".into()).into());
+            };
+            let settings = WorkDir::settings_of(folder);
+            if !settings.exists() {
+                return Err(Error::input(settings, NOTHING).into());
+            }
+        }
+        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         // Each view may round its share up.
         let options = self.options()?;
@@ -354,7 +365,7 @@ impl Args {
         let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
-        check_room(&self.output, base + added)?;
+        check_room(&self.output, base + added, 0)?;
         check_sight(&dataset, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
@@ -364,9 +375,13 @@ impl Args {
             ));
         }
         let background = dataset.background;
-        if let Some(folder) = &self.work {
-            self.replace.make_folder(folder, &inputs)?;
-        }
+        let _ours = match &self.work {
+            Some(folder) => {
+                self.replace.make_folder(folder, &inputs)?;
+                Some(Lock::take(folder)?)
+            }
+            None => None,
+        };
         let run = Watched {
             device: &self.device,
             dataset: &dataset,
@@ -410,10 +425,11 @@ impl Args {
             };
             // Before anything else can fail: what was learned is kept.
             write(&found)?;
+            let asked = interrupt.asked();
             drop((views, interrupt));
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = found.steps;
-            let ended = found.join.is_some() && joint_steps < all_steps;
+            let ended = asked && found.join.is_some() && joint_steps < all_steps;
             if let (Some(work), false) = (&work, ended) {
                 work.remove_joint()?;
             }
@@ -529,7 +545,7 @@ impl Args {
             }
             if ended {
                 let output = report.output;
-                let on = if work.is_some() { ", and the same command with --force goes on" } else { "" };
+                let on = if work.is_some() { ", and the same command with --resume goes on" } else { "" };
                 return Err(Ended::Interrupted(format!(
                     "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them{on}"
                 )));
@@ -699,7 +715,7 @@ pub(super) fn run_with_progress(
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
     let mut kept: Option<Kept> = None;
     let (mut told, mut begun) = (0, Instant::now());
-    let mut clock: Option<(Deadline, Option<u32>)> = None;
+    let mut clock: Option<Deadline> = None;
     // When the placement that is being made began, and how long the last one took.
     let (mut placing, mut placed_in) = (None, Duration::ZERO);
     loop {
@@ -720,7 +736,7 @@ pub(super) fn run_with_progress(
             _ => None,
         };
         if let Some((phase, step, steps)) = told_of {
-            look_at(enhancer.model(), At { phase, step, steps });
+            look_at(enhancer.model(), Reached { phase, step, steps });
         }
         match event {
             // The next event brings a bar of its own.
@@ -774,24 +790,25 @@ pub(super) fn run_with_progress(
                 told = enhancer.placed().len();
                 if let Some(began) = placing.take() {
                     placed_in = began.elapsed();
-                    if let Some((deadline, _)) = &mut clock {
+                    if let Some(deadline) = &mut clock {
                         deadline.leave_out(placed_in);
                     }
                 }
                 if let Some(end) = end {
-                    let (deadline, mark) = clock.get_or_insert_with(|| {
-                        let mut deadline = Deadline::of(end, steps);
-                        let mark = deadline.next();
-                        (deadline, mark)
-                    });
-                    if mark.is_some_and(|mark| step >= mark) {
+                    let now = Instant::now();
+                    let deadline = clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
+                    if deadline.is_over(now) && step < steps {
+                        note(format!("the time was over after {step} of {steps} joint steps"));
+                        enhancer.stop(views)?;
+                        continue;
+                    }
+                    if deadline.is_due(step, now) {
                         enhancer.replan(views, |step| {
                             // Those that are to come take as long as the last one did.
                             let more = options.pursuit.placements.saturating_sub(told as u32);
-                            let plan = deadline.plan(step, placed_in * more);
+                            let plan = deadline.plan(step, Instant::now(), placed_in * more);
                             [plan.total, plan.done]
                         })?;
-                        *mark = deadline.next();
                     }
                 }
                 let lately = enhancer.lately(step, views);

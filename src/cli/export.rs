@@ -84,7 +84,7 @@ impl Args {
             compensate: self.draw.compensate,
         };
         let page = viewer.page()?;
-        check_room(&self.html, page.len() as u64)?;
+        check_room(&self.html, page.len() as u64, 0)?;
         write_text(&self.html, &page)?;
         let [plain, with_lobe] = viewer.bytes_per_gaussian();
         let report = Report {

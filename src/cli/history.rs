@@ -69,6 +69,8 @@ pub(super) struct History<'a> {
     lines: String,
     /// Of the runs before this one.
     seconds: f64,
+    /// It was said that it cannot be written.
+    warned: bool,
 }
 
 impl<'a> History<'a> {
@@ -83,7 +85,8 @@ impl<'a> History<'a> {
     ) -> Self {
         let name = output.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
         let [path, folder] = [FILE, FOLDER].map(|extension| output.with_extension(extension));
-        History { context, photos, background, name, seed, holdout, path, folder, lines: String::new(), seconds: 0.0 }
+        let (lines, seconds, warned) = (String::new(), 0.0, false);
+        History { context, photos, background, name, seed, holdout, path, folder, lines, seconds, warned }
     }
 
     /// Goes on from what an earlier run wrote until `resumed`; of a new run nothing may be there, unless it may be replaced.
@@ -128,7 +131,8 @@ impl<'a> History<'a> {
         self.lines.lines().any(of)
     }
 
-    /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error.
+    /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error. A disk that has no
+    /// room for them is said once, and no reason to end: the next line brings those before it.
     pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<()> {
         let Moment { step, seconds, bytes, loss } = moment;
         let progress = Progress::new("looking", "views", self.photos.len() as u64);
@@ -157,11 +161,19 @@ impl<'a> History<'a> {
         };
         self.lines += &serde_json::to_string(&line).map_err(|error| Error::Usage(error.to_string()))?;
         self.lines += "\n";
-        if let Some(picture) = first {
+        let line = write_text(&self.path, &self.lines);
+        let picture = first.map_or(Ok(()), |picture| {
             let path = self.folder.join(format!("{STEP}{step:06}.png"));
-            write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
+            write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())
+        });
+        match line.and(picture) {
+            Err(error @ Error::Io { .. }) if !self.warned => {
+                note(format!("what the test photos say cannot be kept: {error}"));
+                self.warned = true;
+            }
+            Err(Error::Io { .. }) => {}
+            written => written?,
         }
-        write_text(&self.path, &self.lines)?;
         let Quality { psnr, ssim } = found.augmented;
         note(format!("step {step}: {psnr:.2} dB, SSIM {ssim:.4}, {} Gaussians", scene.base.len()));
         Ok(())

@@ -20,11 +20,19 @@ use crate::{
     },
 };
 
+/// Of a place where a checkpoint should be.
+pub(super) const NOTHING: &str =
+    "is not there, so there is nothing that --resume could go on from; without it a run begins";
+
 #[derive(Debug, clap::Args)]
 pub(super) struct KeepArgs {
     /// Seconds between checkpoints of what is being learned
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     checkpoint_every: u64,
+    /// Go on from what the same command left when it was ended, and fail where there is nothing of it. Its output is replaced, the checkpoint
+    /// of another run never is
+    #[arg(long)]
+    pub(super) resume: bool,
 }
 
 impl KeepArgs {
@@ -38,6 +46,8 @@ pub(super) struct Kept {
     path: PathBuf,
     settings: Value,
     every: Duration,
+    /// What an earlier run left must be there.
+    resume: bool,
     last: Instant,
     /// It was said that it cannot be written.
     warned: bool,
@@ -46,18 +56,30 @@ pub(super) struct Kept {
 impl Kept {
     /// `settings` is everything that the loop depends on.
     pub(super) fn new(path: PathBuf, settings: Value, every: Duration) -> Kept {
-        Kept { path, settings, every, last: Instant::now(), warned: false }
+        Kept { path, settings, every, resume: false, last: Instant::now(), warned: false }
+    }
+
+    /// The same of one that has to be there.
+    pub(super) fn demanded(self, resume: bool) -> Kept {
+        Kept { resume, ..self }
     }
 
     /// What an earlier run left. One that is damaged is passed over with a note; one of other settings goes to `foreign`, which
-    /// is told why and may fail.
+    /// is told why and may fail. Where one is demanded all this is an error.
     pub(super) fn find(&mut self, foreign: impl FnOnce(&Path, &str) -> Result<()>) -> Result<Option<Checkpoint>> {
         match Checkpoint::find(&self.path, &mut self.settings)? {
+            Found::Nothing if self.resume => Err(Error::input(&self.path, NOTHING)),
             Found::Nothing => Ok(None),
             Found::Sound(checkpoint) => {
                 note(format!("going on after step {} of {}", checkpoint.step, self.path.display()));
                 Ok(Some(checkpoint))
             }
+            Found::Foreign(why) if self.resume => {
+                let what =
+                    format!("this is the checkpoint of another run: {why}; --resume wants one of the same options");
+                Err(Error::input(&self.path, what))
+            }
+            Found::Damaged(error) if self.resume => Err(error),
             Found::Foreign(why) => foreign(&self.path, &why).map(|()| None),
             Found::Damaged(error) => {
                 note(format!("{error}; all steps are done again"));
@@ -109,7 +131,7 @@ impl Kept {
         let kept = matches!(self.keep(checkpoint), Ok(true));
         if kept || self.path.exists() {
             let what = if kept { "what was learned until now" } else { "the last checkpoint" };
-            note(format!("{what} is in {}: the same command goes on from there", self.path.display()));
+            note(format!("{what} is in {}: the same command with --resume goes on from there", self.path.display()));
         }
         error
     }

@@ -15,6 +15,7 @@ mod history;
 mod info;
 mod interrupt;
 mod kept;
+mod lock;
 mod names;
 mod output;
 mod pages;
@@ -266,25 +267,25 @@ fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
     }
 }
 
-/// Where a run is.
+/// How far a run has come.
 #[derive(Debug, Clone, Copy)]
-struct At {
+struct Reached {
     /// Empty where it has one phase only.
     phase: &'static str,
     step: u64,
     steps: u64,
 }
 
-impl Display for At {
+impl Display for Reached {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let At { phase, step, steps } = self;
+        let Reached { phase, step, steps } = self;
         let comma = if phase.is_empty() { "" } else { ", " };
         write!(f, "{phase}{comma}step {step} of {steps}")
     }
 }
 
 /// What a run calls between its steps: with its model, and how it gets on.
-type Look<'a> = dyn FnMut(&Model, At) + 'a;
+type Look<'a> = dyn FnMut(&Model, Reached) + 'a;
 
 /// Whether a run is looked at.
 #[derive(Debug, Args)]

@@ -129,13 +129,26 @@ impl OutputArgs {
         names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
     }
 
-    /// Fails if the checkpoint of another run may not be replaced; `why` says what is another.
-    pub(super) fn check_foreign(&self, path: &Path, why: &str) -> Result<()> {
+    /// The same, and where `own` is set, that what is there is known to be of this very run, which may be replaced.
+    pub(super) fn or(&self, own: bool) -> OutputArgs {
+        OutputArgs { force: self.force || own }
+    }
+
+    /// Fails if the checkpoint of another run is in the way; `why` says what is another. With `--force` it is kept under another name.
+    pub(super) fn put_aside(&self, path: &Path, why: &str) -> Result<()> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let old = path.with_file_name(format!("{name}.old"));
         if self.force {
-            note(format!("{}: the checkpoint of another run is replaced: {why}", path.display()));
+            fs::rename(path, &old).map_err(|error| Error::io(path, error))?;
+            let [path, old] = [path, &old].map(Path::display);
+            note(format!("{path}: the checkpoint of another run ({why}) is now {old}"));
             return Ok(());
         }
-        let what = format!("this is the checkpoint of another run: {why}; --force begins anew");
+        let what = format!(
+            "this is the checkpoint of another run: {why}; with the options of before it is gone on from, --force begins anew and \
+             keeps it as {}",
+            old.display()
+        );
         Err(Error::input(path, what))
     }
 
@@ -162,18 +175,31 @@ fn clear(folder: &Path) {
     }
 }
 
-/// Fails if `bytes` do not fit onto the disk of `path`. Where that cannot be known it is left to the writing.
-pub(super) fn check_room(path: &Path, bytes: u64) -> Result<()> {
+/// Fails if `bytes` do not fit onto the disk of `path`, and says so where they do and what is kept `beside` them meanwhile does not. Where
+/// that cannot be known it is left to the writing.
+pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match fs4::available_space(folder) {
-        Ok(free) if free < bytes => {
-            let megabytes = |bytes: u64| bytes as f64 / 1e6;
-            let (need, have) = (megabytes(bytes), megabytes(free));
-            let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
-            Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)))
-        }
-        _ => Ok(()),
+        Ok(free) => judge_room(path, free, [bytes, beside]).map(|said| said.into_iter().for_each(note)),
+        Err(_) => Ok(()),
     }
+}
+
+/// What there is to say of a disk on which so many bytes are free.
+fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Option<String>> {
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    let (need, more, have) = (megabytes(bytes), megabytes(beside), megabytes(free));
+    if free < bytes {
+        let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
+        return Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)));
+    }
+    Ok((free < bytes.saturating_add(beside)).then(|| {
+        format!(
+            "{}: its disk has {have:.1} MB left, enough for the scene's {need:.1}, but not for {more:.1} MB of checkpoints and pictures \
+             meanwhile: what is learned may not be kept before the end",
+            path.display()
+        )
+    }))
 }
 
 #[cfg(test)]
@@ -213,10 +239,18 @@ mod tests {
     fn what_does_not_fit_the_disk_is_said_before_it_is_made() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.ply");
-        check_room(&path, 1).unwrap();
-        let full = check_room(&path, u64::MAX).unwrap_err();
+        check_room(&path, 1, 1).unwrap();
+        let full = check_room(&path, u64::MAX, 0).unwrap_err();
         assert!(full.to_string().contains("out.ply") && full.to_string().contains("MB left"), "{full}");
         assert_eq!(full.exit_code(), 1);
-        check_room(Path::new("nowhere/out.ply"), u64::MAX).unwrap();
+        check_room(Path::new("nowhere/out.ply"), u64::MAX, 0).unwrap();
+        let judge = |free| judge_room(&path, free, [2_000_000, 6_000_000]).map_err(|error| error.to_string());
+        let said = judge(7_900_000).unwrap().unwrap();
+        assert!(
+            said.contains("7.9 MB left") && said.contains("2.0") && said.contains("6.0 MB of checkpoints"),
+            "{said}"
+        );
+        assert_eq!(judge(8_000_000), Ok(None));
+        assert!(judge(1_900_000).unwrap_err().contains("takes 2.0 MB"));
     }
 }

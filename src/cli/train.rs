@@ -1,49 +1,57 @@
 use std::{
+    cell::Cell,
     path::PathBuf,
     time::{Duration, Instant},
 };
 
+use first::checksum;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    At, DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
+    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, Reached, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
-    deadline::{Deadline, MOST, Plan, duration},
+    deadline::{Deadline, FIRST, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, photos_json},
+    kept::{KeepArgs, Kept, NOTHING, photos_json},
+    lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, learned, note},
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, gaussian_bytes, is_point_cloud, read_points, write_scene},
+    data::{Photo, Split, gaussian_bytes, write_scene},
     pipelines::{
+        checkpoint::Clock,
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         learn::learning_bytes,
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Reduction, Session},
-        start::{first_points, halvings_for, photos_of, upload_photos},
-        train::{BaseOptions, HALVED_UNTIL, LEARNED, Trainer, dense_trainer, halvings_at},
+        start::{halvings_for, photos_of, upload_photos},
+        train::{BaseOptions, HALVED_UNTIL, Trainer, dense_trainer, halvings_at},
     },
     report::runs::StageMean,
     scene::{
-        Gaussians, Scene, from_points,
+        Scene,
         layout::{self, BETAS, colour_name},
     },
+    stages::constants::density::SCORES,
 };
+
+mod first;
 
 const EXAMPLES: &str = "\
 Gaussians start at the dataset's sparse points, or at random points if there are none. --strategy says how they go on: where \
 photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command resumes from there, gives the same scene as an uninterrupted run, and removes it in the end. With --time \
-nothing is saved beside the output.
+base.ply). The same command with --resume goes on from there, gives the same scene as an uninterrupted run, and removes it in the end. \
+With --time it goes on for the time that was left. Where there is no output yet it goes on without --resume as well. With other options \
+--force begins anew, and keeps the checkpoint as base.checkpoint.safetensors.old.
 
 --eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
 and base.history/step-NNNNNN.png: the first test photo, its render and their error.
@@ -51,14 +59,19 @@ and base.history/step-NNNNNN.png: the first test photo, its render and their err
 Examples:
   glint train garden -o base.ply
   glint train garden -o base.ply --time 5m --gaussians 300000
+  glint train garden -o base.ply --resume               # after Ctrl-C or a kill
   glint train garden -o base.ply --eval-every 1000
   glint train garden -o base.ply --exposure
   glint train garden -o better.ply --init base.ply --iterations 7000
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
-/// Where photos show by their transparency where a scene is, random points are one to begin with for so many Gaussians in the end.
-const CARVED_NTH: usize = 4;
+/// A submission takes no more of a run's time than one part in so many: two of them are on their way when it is to end.
+const SUBMISSIONS: u32 = 40;
+/// Bytes a second that a scene is written with at least, but for a slow disk.
+const WRITTEN_PER_SECOND: f64 = 2e8;
+/// Of a Gaussian's scores in a checkpoint.
+const SCORE_BYTES: u64 = 4 * SCORES as u64;
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -79,9 +92,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
     iterations: u32,
     /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
-    /// they take, and all schedules end with the last
-    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["iterations", "eval_every", "checkpoint_every"])]
-    #[serde(skip)]
+    /// they take, and all schedules end with the last. What --eval-every takes comes on top. Two runs differ
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "iterations")]
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
     time: Option<Duration>,
     /// Compare with the test photos after every N steps and at the end
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -94,20 +107,22 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t)]
     #[serde(skip_serializing_if = "is_default")]
     color: ColorArg,
-    /// Number of Gaussians: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or as many random ones as --gaussians or 4 for each pixel of the
-    /// largest photo, at most 100000; a quarter of that where transparent photos show where the scene is]
+    /// Number of Gaussians at the start: a random subset if there are more sparse points, random points if there are no
+    /// sparse ones. Fewer are faster [default: all sparse points, or random ones: a quarter of --gaussians, or one for each pixel of the
+    /// largest photo, at most 25000; four times as many where the strategy is not budget]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene,
-    /// which then learn on
+    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene or
+    /// checkpoint, which then learn on
     #[arg(long, value_name = "FILE")]
     #[serde(skip)]
     init: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
     lenient: SceneArgs,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: those of the start, before a quarter of them is taken]
+    /// Gaussians at most, at the start too; the default strategy ends with as many [default: four times those of the start, but one for 16
+    /// pixels of the training photos at most and one for 256 at least, and no more than find room in memory; with --strategy fixed and of a
+    /// scene that --init names as many as there are]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
@@ -187,6 +202,10 @@ enum ColorArg {
     Sb,
 }
 
+fn in_seconds<S: serde::Serializer>(time: &Option<Duration>, to: S) -> Result<S::Ok, S::Error> {
+    time.map(|time| time.as_secs_f64()).serialize(to)
+}
+
 fn is_default(color: &ColorArg) -> bool {
     *color == ColorArg::default()
 }
@@ -228,28 +247,31 @@ impl Args {
     pub(super) fn run(&self) -> Outcome {
         self.check_color()?;
         let sh_degree = self.degree();
-        let mut deadline = self.time.map(|time| Deadline::new(Instant::now() + time));
+        let began = Instant::now();
         let mut dataset = self.photos.open(&self.dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
         if let Some(init) = &self.init {
             inputs = inputs.scene(init);
         }
-        self.replace.check_ply(&self.output, &inputs)?;
-        let first = self.first(&mut dataset)?;
+        let checkpoint = self.output.with_extension(CHECKPOINT);
+        if self.keep.resume && !checkpoint.exists() {
+            return Err(Error::input(checkpoint, NOTHING).into());
+        }
+        // What stands beside its checkpoint is this run's.
+        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
+        let _ours = Lock::take(&self.output)?;
+        let mut first = self.first(&mut dataset)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let (count, begins) = (first.gaussians.len(), first.begins);
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
-        if let Some(deadline) = &mut deadline {
-            let whole = options(1);
-            deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings)));
-        }
-        let density = |iterations| self.density([count, first.most], iterations);
-        check_room(&self.output, u64::from(density(self.iterations).limit) * gaussian_bytes(sh_degree, false))?;
+        let control = self.density([count, first.most], self.iterations);
+        let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
+        check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
         check_sight(&dataset, &first.gaussians.means)?;
-        first.notes.into_iter().for_each(note);
+        first.notes.drain(..).for_each(note);
         if sh_degree < 3 {
             let bands: Vec<String> = (sh_degree + 1..=3).map(|band| band.to_string()).collect();
             note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
@@ -286,11 +308,14 @@ impl Args {
             if halvings > 0 {
                 tracing::info!("photos are seen with sides halved {} at first", times(halvings));
             }
-            let mut iterations = deadline.as_ref().map_or(self.iterations, |deadline| deadline.total);
+            let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
+            let packed = self.learn.precision == super::Precision::Half;
+            let bytes = learning_bytes(sh_degree, packed, control.strategy.is_newton());
+            first.fit(context, bytes, pixels).into_iter().for_each(note);
+            let density = |iterations| self.density([count, first.most], iterations);
             let control = density(iterations);
             let most = control.limit.max(count as u32);
-            let packed = self.learn.precision == super::Precision::Half;
-            let scene = u64::from(most) * learning_bytes(sh_degree, packed, control.strategy.is_newton());
+            let scene = u64::from(most) * bytes;
             tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(scene));
             let mut base = first.gaussians;
             let beginning = checksum(&base);
@@ -312,118 +337,135 @@ impl Args {
                 &options(iterations),
                 &control,
             )?;
-            let mut kept = Kept::new(self.output.with_extension(CHECKPOINT), settings, self.keep.every());
-            let found = match &deadline {
-                None => kept.find(|path, why| self.replace.check_foreign(path, why))?,
-                Some(_) => None,
-            };
+            let mut kept = Kept::new(checkpoint, settings, self.keep.every()).demanded(self.keep.resume);
+            let found = kept.find(|path, why| self.replace.put_aside(path, why))?;
+            let clock = found.as_ref().and_then(|found| found.clock);
+            if let Some(Clock { total, .. }) = clock {
+                iterations = total;
+            }
             session.policy.tile = kept.tile(context)?;
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             if self.exposure {
                 trainer.correct_exposure(&session, &views)?;
             }
+            let resumed = found.as_ref().map_or(0, |found| found.step);
+            let had = clock.map_or(resumed, |clock| clock.taken);
+            let goes_on = clock.map(|clock| (clock, resumed));
+            let deadline = self.time.map(|time| self.deadline(time, began, control.limit, goes_on));
+            let mut deadline = deadline.transpose()?;
+            if let (Some(deadline), Some(time)) = (&mut deadline, self.time) {
+                let whole = options(1);
+                deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part)));
+                trainer.submit_at_most(time / SUBMISSIONS);
+            }
             let mut history =
                 test.map(|test| History::new(context, &self.output, test, background, seed, self.photos.holdout()));
             if let Some(history) = &mut history {
-                history.begin(found.as_ref().map(|found| found.step), &self.replace, &inputs)?;
+                history.begin(found.as_ref().map(|_| had), &self.replace, &inputs)?;
             }
-            let looked = found.as_ref().zip(history.as_ref()).is_some_and(|(found, history)| history.has(found.step));
-            let resumed = match &found {
-                Some(checkpoint) => {
-                    trainer.resume(&model, checkpoint, timed)?;
-                    checkpoint.step
-                }
-                None => {
-                    trainer.start(timed)?;
-                    0
-                }
-            };
+            let looked = history.as_ref().is_some_and(|history| history.has(had));
+            match &found {
+                Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
+                None => trainer.start(timed)?,
+            }
             drop(found);
-            training.goes_on_from(resumed.into());
+            training.goes_on_from(had.into());
             let interrupt = Interrupt::default();
             interrupt.listen()?;
-            let (mut gaussians, mut evaluating) = (0, Duration::ZERO);
-            // Steps that this run did: with a deadline their numbers leap when it is planned anew.
-            let (mut ran, mut begun) = (0, resumed);
+            let (mut gaussians, evaluating) = (0, Cell::new(Duration::ZERO));
+            let mut at = At { done: resumed, total: iterations, taken: had };
             let pass_loss = |pass: &[f32]| pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64;
+            let spent = clock.map_or(Duration::ZERO, |clock| Duration::from_millis(clock.milliseconds));
+            let keep = |trainer: &mut Trainer, at: At| {
+                let mut checkpoint = trainer.checkpoint(&model, &views)?;
+                let milliseconds = (spent + began.elapsed().saturating_sub(evaluating.get())).as_millis() as u64;
+                let At { total, taken, .. } = at.after(checkpoint.step);
+                checkpoint.clock = self.time.map(|_| Clock { total, taken, milliseconds });
+                Ok(checkpoint)
+            };
             let mut train = || -> Result<()> {
-                let mut look = |step: u32, trainer: &Trainer, scene: &Scene| -> Result<()> {
-                    let Some(history) = &mut history else { return Ok(()) };
-                    let (seconds, began) = ((started.elapsed() - evaluating).as_secs_f64(), Instant::now());
-                    let losses = trainer.losses(step);
+                // How long it took.
+                let mut look = |at: At, trainer: &Trainer, scene: &Scene| -> Result<Duration> {
+                    let Some(history) = &mut history else { return Ok(Duration::ZERO) };
+                    let (seconds, began) = ((started.elapsed() - evaluating.get()).as_secs_f64(), Instant::now());
+                    let losses = trainer.losses(at.done);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
                     let bytes = scene.base.len() as u64 * gaussian_bytes(sh_degree, false);
                     let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
-                    history.add(scene, Moment { step, seconds, bytes, loss }, options)?;
-                    evaluating += began.elapsed();
-                    Ok(())
+                    history.add(scene, Moment { step: at.taken, seconds, bytes, loss }, options)?;
+                    let took = began.elapsed();
+                    evaluating.set(evaluating.get() + took);
+                    Ok(took)
                 };
                 let evaluation = |after: u32| self.eval_every.map(|every| (after / every + 1).saturating_mul(every));
-                let mut stop = match &mut deadline {
-                    Some(deadline) => deadline.next(),
-                    None => evaluation(resumed),
-                };
+                let mut looks_at = evaluation(at.taken);
                 // A run that ended just when it was to be looked at is looked at now.
-                let due = |every| resumed > 0 && resumed < iterations && resumed.is_multiple_of(every);
+                let due = |every| had > 0 && at.is_going_on() && had.is_multiple_of(every);
                 if self.eval_every.is_some_and(due) && !looked {
-                    look(resumed, &trainer, &model.download()?)?;
+                    look(at, &trainer, &model.download()?)?;
                 }
-                trainer.go_on_to(stop.unwrap_or(iterations));
                 while !interrupt.asked() {
+                    let stop = looks_at.map_or(at.total, |next| at.total.min(at.done + (next - at.taken)));
+                    let in_time = deadline.as_ref().map_or(stop, |deadline| deadline.last(at.done, Instant::now()));
+                    trainer.go_on_to(stop.min(in_time));
                     if let Some(done) = trainer.advance(&model, &views)? {
-                        look_at(&model, At { phase: "", step: done.into(), steps: iterations.into() });
-                        (ran, begun) = (ran + done - begun, done);
-                        training.set_of(done.into(), iterations.into());
-                        let small = match halvings_at(options(iterations).part(done), halvings) {
+                        at = at.after(done);
+                        let (taken, all) = (at.taken, at.taken + at.total.saturating_sub(at.done));
+                        look_at(&model, Reached { phase: "", step: taken.into(), steps: all.into() });
+                        training.set_of(taken.into(), all.into());
+                        let small = match halvings_at(options(at.total).part(done), halvings) {
                             0 => String::new(),
                             halvings => format!(", photos at 1/{}", 1 << halvings),
                         };
                         let said = learned(trainer.lately(done, photos.len()), trainer.gaussians(), context);
                         training.say(said + &small);
-                        if deadline.is_none() {
-                            kept.look(|| trainer.checkpoint(&model, &views))?;
+                        kept.look(|| keep(&mut trainer, at))?;
+                        if let Some(deadline) = &mut deadline
+                            && deadline.is_due(done, Instant::now())
+                        {
+                            at = at.after(trainer.settle(&model, &views)?);
+                            let Plan { total, done } = deadline.plan(at.done, Instant::now(), Duration::ZERO);
+                            tracing::info!("after {} steps: a run of {total}, of which {done} count as done", at.taken);
+                            trainer.replan(&session, &views, &options(total), &density(total), done)?;
+                            at = At { done, total, ..at };
                         }
-                        continue;
+                    } else if looks_at == Some(at.taken) && at.is_going_on() {
+                        let took = look(at, &trainer, &model.download()?)?;
+                        if let Some(deadline) = &mut deadline {
+                            deadline.pause(took);
+                        }
+                        looks_at = evaluation(at.taken);
+                    } else if !at.is_going_on() || at.done >= in_time {
+                        break;
                     }
-                    let Some(step) = stop.filter(|&step| step < iterations) else { break };
-                    stop = if let Some(deadline) = &mut deadline {
-                        let Plan { total, done } = deadline.plan(step, Duration::ZERO);
-                        tracing::info!("a run of {total} steps, of which {done} count as done");
-                        trainer.replan(&session, &views, &options(total), &density(total), done)?;
-                        (iterations, begun) = (total, done);
-                        deadline.next()
-                    } else {
-                        look(step, &trainer, &model.download()?)?;
-                        evaluation(step)
-                    };
-                    trainer.go_on_to(stop.unwrap_or(iterations));
                 }
-                if interrupt.asked() && deadline.is_none() {
-                    kept.keep(|| trainer.checkpoint(&model, &views))?;
+                if interrupt.asked() {
+                    kept.keep(|| keep(&mut trainer, at))?;
                 }
                 let scene = model.download()?;
                 gaussians = scene.base.len();
                 write_scene(&self.output, &scene)?;
-                if interrupt.asked() { Ok(()) } else { look(iterations, &trainer, &scene) }
+                if interrupt.asked() { Ok(()) } else { look(at, &trainer, &scene).map(drop) }
             };
             if let Err(error) = train() {
                 drop(training);
-                if deadline.is_some() {
-                    return Err(error.into());
-                }
-                return Err(kept.keep_after(error, || trainer.checkpoint(&model, &views)).into());
+                return Err(kept.keep_after(error, || keep(&mut trainer, at)).into());
             }
             let trained = trainer.stop()?;
             let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
             let device_megabytes = context.memory().most_used as f64 / 1e6;
-            let steps = trained.losses.len() as u32;
-            let seconds = (started.elapsed() - evaluating).as_secs_f64();
+            // What was on its way when an end was asked for is done, too.
+            let at = at.after(trained.losses.len() as u32);
+            let ended = interrupt.asked() && at.is_going_on();
+            let seconds = (started.elapsed() - evaluating.get()).as_secs_f64();
             drop(training);
-            if steps == iterations && deadline.is_none() {
+            if !ended {
                 kept.remove()?;
             }
             drop(interrupt);
-
+            if self.time.is_some() && !ended {
+                at.tell_of_time(photos.len());
+            }
             for (pass, losses) in passes(&trained.losses, photos.len()) {
                 tracing::info!("mean loss of steps {pass}: {:.4}", pass_loss(losses));
             }
@@ -431,27 +473,27 @@ impl Args {
             for (name, milliseconds) in &stages {
                 tracing::info!("a step's {name}: {milliseconds:.3} ms");
             }
-            let last = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
+            let last_pass = &trained.losses[trained.losses.len().saturating_sub(photos.len())..];
             let report = Report {
                 output: &self.output.to_string_lossy(),
                 device: &context.info().name,
                 photos: photos.len(),
                 gaussians,
                 sh_degree: Some(sh_degree).filter(|&degree| degree != BETAS),
-                iterations: if deadline.is_some() { ran } else { steps },
-                iterations_resumed: resumed,
+                iterations: at.taken,
+                iterations_resumed: had,
                 seed,
                 halvings,
                 tile: session.policy.tile(context.info()).to_string(),
                 seconds,
-                steps_per_second: f64::from(if deadline.is_some() { ran } else { steps - resumed }) / seconds,
-                final_loss: pass_loss(last),
+                steps_per_second: f64::from(at.taken - had) / seconds,
+                final_loss: pass_loss(last_pass),
                 largest_exposure,
                 device_megabytes,
                 buffers_grown: trained.steps.grown,
                 stages: StageMean::all(&stages),
             };
-            let Report { output, device, photos, iterations: did, steps_per_second, final_loss, .. } = report;
+            let Report { output, device, photos, steps_per_second, final_loss, .. } = report;
             if let Some(largest) = largest_exposure {
                 note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
             }
@@ -464,17 +506,45 @@ impl Args {
                     counted(gaussians, "Gaussian"),
                     colour_name(sh_degree),
                     counted(photos, "photo"),
-                    counted(did as usize, "step"),
+                    counted(at.taken as usize, "step"),
                 ))?;
             }
-            if steps < iterations {
-                let goes_on = if deadline.is_some() { "" } else { ", and the same command with --force goes on" };
+            if ended {
+                // With --time nobody knows how many there would have been.
+                let of = self.time.map_or(format!(" of {}", at.total), |_| String::new());
+                let goes_on = "the same command with --resume goes on";
                 let what =
-                    format!("ended after {did} of {iterations} steps; {output} has what was learned in them{goes_on}");
+                    format!("ended after {}{of} steps; {output} has what was learned in them, and {goes_on}", at.taken);
                 return Err(Failure::Interrupted(what));
             }
             Ok(())
         })
+    }
+
+    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes. One
+    /// that goes on has the time that was left, be it none.
+    fn deadline(
+        &self,
+        time: Duration,
+        began: Instant,
+        gaussians: u32,
+        goes_on: Option<(Clock, u32)>,
+    ) -> Result<Deadline> {
+        let bytes = u64::from(gaussians) * gaussian_bytes(self.degree(), false);
+        let writing = Duration::from_secs_f64(bytes as f64 / WRITTEN_PER_SECOND).min(time / 10);
+        let (now, left) = (Instant::now(), time - writing);
+        if let Some((Clock { total, milliseconds, .. }, step)) = goes_on {
+            let left = left.saturating_sub(Duration::from_millis(milliseconds));
+            return Ok(Deadline::of(now, began + left, total, step));
+        }
+        if now >= began + left {
+            let passed = (now - began).as_secs_f64();
+            let what = "expected more, as a scene takes hundreds of steps";
+            return Err(Error::Usage(format!(
+                "--time {time:?}: no time is left for a step, as {passed:.1} s were over before the first; {what}"
+            )));
+        }
+        Ok(Deadline::new(now, began + left))
     }
 
     /// What colours are: a degree of harmonics, or betas.
@@ -495,73 +565,24 @@ impl Args {
         Ok(())
     }
 
-    /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
-    fn first(&self, dataset: &mut Dataset) -> Result<First> {
-        let limit = self.gaussians.map(|n| n as usize);
-        let points = match &self.init {
-            Some(file) if !file.is_dir() && is_point_cloud(file)? => {
-                let cloud = read_points(file)?;
-                if cloud.positions.is_empty() {
-                    return Err(Error::input(file, "has no points to begin with"));
-                }
-                dataset.points = Some(cloud);
-                "points in the file"
-            }
-            Some(file) => {
-                let Scene { base, supplement } = self.lenient.open(file)?;
-                if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
-                    let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
-                    return Err(Error::input(file, what));
-                }
-                if self.points.is_some() {
-                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
-                }
-                if base.is_empty() {
-                    return Err(Error::input(file, "has no Gaussians to begin with"));
-                }
-                let mut notes = Vec::new();
-                if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
-                    let left = left.gaussians.len();
-                    notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
-                }
-                if base.sh_degree != 0 && (base.sh_degree == BETAS) != (self.degree() == BETAS) {
-                    let (had, has) = (colour_name(base.sh_degree), colour_name(self.degree()));
-                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
-                }
-                let gaussians = base.with_degree(self.degree());
-                return Ok(First { most: gaussians.len(), gaussians, begins: LEARNED, notes });
-            }
-            None => "sparse points",
-        };
-        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
-        let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
-        let most = first.cloud.positions.len();
-        let mut place = "";
-        // The other strategies' papers begin with as many points as they say, anywhere.
-        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
-            let few = self.points.map_or((most / CARVED_NTH).max(1), |_| most);
-            if let Some(cloud) = dataset.carved_points(few, self.seed)? {
-                first.cloud = cloud;
-                place = " where no photo is transparent";
-            }
-        }
-        let count = first.cloud.positions.len();
-        let said = match (first.sparse, self.points) {
-            (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
-            (Some(n), Some(wanted)) if n < wanted as usize => {
-                Some(format!("there are {n} {points}, fewer than the {wanted} that --points allows"))
-            }
-            (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
-            _ => None,
-        };
-        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
-        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
-    }
-
     /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.
     fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
-        let limit = self.gaussians.unwrap_or(most as u32);
-        DensityOptions { strategy: self.strategy.into(), limit, first: first as u32, iterations }
+        DensityOptions { strategy: self.strategy.into(), limit: most as u32, first: first as u32, iterations }
+    }
+
+    /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the
+    /// first of these photos, as far as it is known how many there will be.
+    fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
+        let packed = self.learn.precision == super::Precision::Half;
+        let gaussian = learning_bytes(self.degree(), packed, control.strategy.is_newton()) + SCORE_BYTES;
+        let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);
+        let pictures = match (self.eval_every, test.first(), self.time) {
+            (Some(every), Some(photo), None) => {
+                u64::from(self.iterations.div_ceil(every)) * 3 * 3 * u64::from(photo.camera.pixels())
+            }
+            _ => 0,
+        };
+        2 * checkpoint + pictures
     }
 
     /// Everything that training depends on.
@@ -594,34 +615,49 @@ fn times(n: u32) -> &'static str {
     if n == 1 { "once" } else { "twice" }
 }
 
-/// How long a step takes on photos whose sides are halved so many times, as a share of one on photos in full: a quarter of it is by
-/// Gaussian. (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there.)
-fn step_cost(halvings: u32) -> f64 {
-    0.25 + 0.75 * 0.25f64.powi(halvings as i32)
+/// How long a step takes on photos whose sides are halved so many times, and by a share of the Gaussians, as a part of one on photos in
+/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there), and
+/// all of it grows with the root of the Gaussians, nearly (docs/results.md: by 0.47).
+fn step_cost(halvings: u32, gaussians: f64) -> f64 {
+    0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
 }
 
-/// What a run begins with.
-struct First {
-    gaussians: Gaussians,
-    /// As many as it may come to where nothing else is asked for.
-    most: usize,
-    /// Of [`BaseOptions`].
-    begins: f64,
-    /// What the user would not expect of it.
-    notes: Vec<String>,
+/// Where a run is.
+#[derive(Clone, Copy)]
+struct At {
+    /// Steps that are done, of so many in all.
+    done: u32,
+    total: u32,
+    /// Steps that were taken: with --time the others leap when it is planned anew.
+    taken: u32,
 }
 
-/// Of all numbers of these Gaussians.
-fn checksum(of: &Gaussians) -> u32 {
-    let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
-    let mut all = crc32fast::Hasher::new();
-    all.update(&sh_degree.to_le_bytes());
-    for part in [means, log_scales, sh] {
-        all.update(bytemuck::cast_slice(part));
+impl At {
+    /// Once so many are done.
+    fn after(self, done: u32) -> At {
+        At { done, taken: self.taken + (done - self.done), ..self }
     }
-    all.update(bytemuck::cast_slice(quats));
-    all.update(bytemuck::cast_slice(opacities));
-    all.finalize()
+
+    fn is_going_on(self) -> bool {
+        self.done < self.total
+    }
+
+    /// What became of a run by --time that one would not expect.
+    fn tell_of_time(self, photos: usize) {
+        let At { done, total, taken } = self;
+        if self.is_going_on() {
+            let part = 100.0 * f64::from(done) / f64::from(total);
+            note(format!(
+                "the time was over after {part:.0} % of the schedule: its last steps took longer than was thought"
+            ));
+        }
+        if (taken as usize) < photos {
+            let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
+            note(format!(
+                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
+            ));
+        }
+    }
 }
 
 /// The largest difference of an entry of these maps from the identity's.

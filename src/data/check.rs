@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{CameraPath, Kind, colmap, images, ply, scene_file, tensors, transforms};
+use super::{CameraPath, Kind, colmap, images, kept, ply, scene_file, tensors, transforms};
 use crate::{Error, Result};
 
 /// A kind of file that glint reads.
@@ -85,7 +85,11 @@ impl FileKind {
             FileKind::TransformsJson => transforms::check(bytes, path),
             FileKind::CameraPath => CameraPath::parse(bytes, path).map(drop),
             FileKind::Image => images::check(bytes, path),
-            FileKind::Safetensors => tensors::parse_tensors(bytes, path).map(drop),
+            FileKind::Safetensors => {
+                // Few of them are checkpoints, and no bytes may make the reader of these fail otherwise than by an error.
+                let _ = kept::parse_kept(bytes, path);
+                tensors::parse_tensors(bytes, path).map(drop)
+            }
         }
     }
 }

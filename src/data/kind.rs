@@ -29,7 +29,7 @@ pub enum Kind {
     Gzip,
     /// Binary, or in JSON if the name says so.
     Gltf,
-    /// Tensors, such as an augmentation keeps.
+    /// Tensors, such as a run keeps: its checkpoint is a scene.
     Safetensors,
     /// An image of floats.
     Exr,
@@ -91,7 +91,8 @@ impl Kind {
     /// Whether a scene can be in such a file, and this build reads it.
     pub fn may_be_scene(self) -> bool {
         let other = matches!(self, Kind::Spz | Kind::Splat | Kind::Sog | Kind::Zip | Kind::Gzip | Kind::Gltf);
-        self == Kind::Ply || (other && cfg!(feature = "formats"))
+        let kept = self == Kind::Safetensors && cfg!(feature = "train");
+        self == Kind::Ply || kept || (other && cfg!(feature = "formats"))
     }
 
     /// What to say after that it is not read, if anything.

@@ -18,6 +18,8 @@ mod dataset;
 mod formats;
 #[cfg(feature = "train")]
 mod images;
+#[cfg(feature = "train")]
+pub mod kept;
 mod kind;
 #[cfg(feature = "train")]
 mod lens;

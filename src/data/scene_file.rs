@@ -244,6 +244,8 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
     }
     match kind {
         Kind::Ply => Ok((ply::parse_rows(bytes, path)?, true)),
+        #[cfg(feature = "train")]
+        Kind::Safetensors => Ok((super::kept::parse_kept(bytes, path)?.into(), false)),
         kind => Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice()))),
     }
 }

@@ -137,8 +137,13 @@ pub fn read_tensors(path: impl AsRef<Path>) -> Result<BTreeMap<String, Tensor>> 
 pub fn read_tensors_about(path: impl AsRef<Path>) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let tensors = parse_tensors(&bytes, path)?;
-    let (_, header) = SafeTensors::read_metadata(&bytes)
+    parse_tensors_about(&bytes, path)
+}
+
+/// As [`read_tensors_about`], of a file's bytes. `path` is only named in errors.
+pub(super) fn parse_tensors_about(bytes: &[u8], path: &Path) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
+    let tensors = parse_tensors(bytes, path)?;
+    let (_, header) = SafeTensors::read_metadata(bytes)
         .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;
     Ok((tensors, header.metadata().as_ref().and_then(|found| found.get(ABOUT).cloned())))
 }

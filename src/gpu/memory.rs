@@ -126,6 +126,11 @@ fn budget(most: u64, taken: u64, heap_budget: u64, heap_usage: u64) -> u64 {
 }
 
 impl Context {
+    /// What this context's buffers may have where nobody else takes any, bytes: the same at any time.
+    pub fn memory_at_most(&self) -> u64 {
+        self.0.budget.most
+    }
+
     /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
     /// has `VK_EXT_memory_budget`.
     pub fn memory(&self) -> Memory {

@@ -6,11 +6,15 @@
 
 use std::{collections::BTreeMap, io, path::Path};
 
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::{
     data::{
-        Kind, read_tensors_about,
+        Kind,
+        kept::{ORIGIN, checksum, origin_words},
+        read_tensors_about,
         tensors::{Tensor, Values, ValuesRef},
         write_tensors_about,
     },
@@ -20,11 +24,24 @@ use crate::{
 /// Of settings: what a subgroup covers, width and height in pixels, or null for what suits the device.
 const TILE: &str = "tile";
 
+/// How a run stood that has a time and no number of steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Clock {
+    /// Steps that it was planned to have, of which the checkpoint's count as done.
+    pub total: u32,
+    /// Steps that were taken.
+    pub taken: u32,
+    /// Of its time that were spent.
+    pub milliseconds: u64,
+}
+
 /// A training loop between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// Steps that are done.
     pub step: u32,
+    /// Of a run that has a time; whoever keeps it says so.
+    pub clock: Option<Clock>,
     tensors: BTreeMap<String, Tensor>,
 }
 
@@ -43,7 +60,13 @@ pub enum Found {
 
 impl Checkpoint {
     pub(super) fn new(step: u32) -> Self {
-        Checkpoint { step, tensors: BTreeMap::new() }
+        Checkpoint { step, clock: None, tensors: BTreeMap::new() }
+    }
+
+    /// Where the coordinates of the scene in it begin.
+    pub(super) fn put_origin(&mut self, origin: DVec3) {
+        let values = Values::U32(origin_words(origin).to_vec());
+        self.tensors.insert(ORIGIN.into(), Tensor { shape: vec![3, 2], values });
     }
 
     pub(super) fn put(&mut self, name: String, shape: [usize; 2], values: Vec<f32>) {
@@ -65,22 +88,10 @@ impl Checkpoint {
         }
     }
 
-    fn checksum(&self) -> u32 {
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(&self.step.to_le_bytes());
-        for (name, Tensor { shape, values }) in &self.tensors {
-            hasher.update(format!("{name} {shape:?}").as_bytes());
-            match values {
-                Values::F32(values) => hasher.update(bytemuck::cast_slice(values)),
-                Values::U32(values) => hasher.update(bytemuck::cast_slice(values)),
-            }
-        }
-        hasher.finalize()
-    }
-
     /// Writes it whole or not at all. `settings` is everything that the run depends on.
     pub fn write(&self, path: &Path, settings: &Value) -> Result<()> {
-        let about = json!({"step": self.step, "crc32": self.checksum(), "settings": settings});
+        let mut about = json!({"step": self.step, "clock": self.clock, "settings": settings});
+        about["crc32"] = checksum(&about, &self.tensors).into();
         let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], Borrowed(t))).collect();
         write_tensors_about(path, &list, Some(&about.to_string()))
     }
@@ -113,12 +124,18 @@ impl Checkpoint {
         let Some(step) = about["step"].as_u64().and_then(|step| u32::try_from(step).ok()) else {
             return damaged("does not say how many steps were done");
         };
-        let checkpoint = Checkpoint { step, tensors };
+        let clock = match &about["clock"] {
+            Value::Null => None,
+            clock => match Clock::deserialize(clock) {
+                Ok(clock) if step <= clock.total => Some(clock),
+                _ => return damaged("does not say how much of its time was spent"),
+            },
+        };
         // guard: bits of a checkpoint
-        if about["crc32"].as_u64() != Some(checkpoint.checksum().into()) {
+        if about["crc32"].as_u64() != Some(checksum(&about, &tensors).into()) {
             return damaged("is damaged: its checksum is another");
         }
-        Ok(Found::Sound(checkpoint))
+        Ok(Found::Sound(Checkpoint { step, clock, tensors }))
     }
 }
 
@@ -189,6 +206,10 @@ mod tests {
         for (name, count) in [("losses", 2), ("loss", 3)] {
             assert!(found.floats(name, count).unwrap_err().to_string().contains(name));
         }
+
+        kept.clock = Some(Clock { total: 9, taken: 70, milliseconds: 1 << 40 });
+        kept.write(&path, &settings).unwrap();
+        assert!(matches!(find(&settings), Found::Sound(found) if found == kept));
 
         let mut other = settings.clone();
         other["options"]["seed"] = json!(3);

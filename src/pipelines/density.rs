@@ -125,10 +125,24 @@ impl DensityOptions {
     /// Gaussians that the budget has for the time after step `step` (from 0): B at last, N0 at first, and
     /// N0 + (B − N0) (1 − (1 − x)²) between, x going from 0 to 1 over the first two of [`BUDGET_SPAN`].
     pub fn budget(&self, step: u32) -> u32 {
+        self.budget_at(self.part(step + 1))
+    }
+
+    /// The same where `part` of the run is over.
+    fn budget_at(&self, part: f64) -> u32 {
         let [begin, full, _] = BUDGET_SPAN;
-        let x = ((self.part(step + 1) - begin) / (full - begin)).clamp(0.0, 1.0);
+        let x = ((part - begin) / (full - begin)).clamp(0.0, 1.0);
         let (first, limit) = (f64::from(self.first.min(self.limit)), f64::from(self.limit));
         (first + (limit - first) * (1.0 - (1.0 - x).powi(2))).round() as u32
+    }
+
+    /// Gaussians that there will be where `part` of the run is over, as a share of the most, as far as that is known beforehand: of
+    /// strategies whose number follows from the scene it is 1.
+    pub fn share(&self, part: f64) -> f64 {
+        match self.strategy {
+            Strategy::Budget if self.first < self.limit => f64::from(self.budget_at(part)) / f64::from(self.limit),
+            _ => 1.0,
+        }
     }
 
     /// Part of the run that `steps` steps are.
@@ -578,6 +592,12 @@ mod tests {
         // Half of the way through its time a budget has three quarters of what it adds: at 0.31 of the run.
         assert_eq!(of(Strategy::Budget, 1000).budget(309), 2500);
         assert_eq!(of(Strategy::Budget, 1000).events(324)[0].target, of(Strategy::Budget, 1000).budget(324));
+        let share = |strategy, part| of(strategy, 1000).share(part);
+        assert_eq!(
+            [0.0, 0.31, 0.6, 1.0].map(|part| (3000.0 * share(Strategy::Budget, part)) as u32),
+            [1000, 2500, 3000, 3000]
+        );
+        assert_eq!(share(Strategy::Adc, 0.0), 1.0);
     }
 
     #[test]

@@ -258,8 +258,8 @@ impl Enhancer {
             depth: true,
             centre_depth: options.centre_depth,
             median_threshold: options.median_threshold,
-            backward: false,
             policy: session.policy,
+            ..Default::default()
         };
         let allowance = options.allowance(&scene.base);
         let room = match options.method {

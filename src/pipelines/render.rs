@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// Intersections for which there is room at first, for each Gaussian and at least; more are made room for when a view needs
+/// Intersections for which there is room at first, for each Gaussian that is there and at least; more are made room for when a view needs
 /// them. Scenes of the usual trainers have 2 to 6 tiles for each visible Gaussian.
 const ISECTS_PER_GAUSSIAN: u32 = 4;
 const MIN_ISECTS: u32 = 1 << 16;
@@ -39,6 +39,9 @@ pub struct RenderOptions {
     pub median_threshold: f32,
     /// Gradients will be asked for.
     pub backward: bool,
+    /// Gaussians that there are at first, where these become as many as the [`Needs`] say later or never: intersections of theirs are what there
+    /// is room for.
+    pub first: Option<u32>,
     /// Which variants of the stages run.
     pub policy: Policy,
 }
@@ -50,6 +53,7 @@ impl Default for RenderOptions {
             centre_depth: false,
             median_threshold: MEDIAN_THRESHOLD,
             backward: false,
+            first: None,
             policy: Policy::default(),
         }
     }
@@ -302,7 +306,7 @@ impl Renderer {
             splats: needs.gaussians.max(1),
             pixels: views.max_pixels(),
             tiles: grids.max().unwrap_or(1),
-            isects: needs.gaussians.saturating_mul(ISECTS_PER_GAUSSIAN).max(MIN_ISECTS),
+            isects: options.first.unwrap_or(needs.gaussians).saturating_mul(ISECTS_PER_GAUSSIAN).max(MIN_ISECTS),
             batch: false,
             background_image: false,
             median: options.depth,

@@ -1,6 +1,10 @@
 //! Runs many recorded steps without waiting for any one of them.
 
-use std::{collections::VecDeque, mem};
+use std::{
+    collections::VecDeque,
+    mem,
+    time::{Duration, Instant},
+};
 
 use crate::{
     error::Result,
@@ -13,8 +17,13 @@ use crate::{
 
 /// Submissions that may be on their way at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
+/// How long a submission takes at most, as far as that is known from those before it and a step takes no longer: whoever waits for what is on
+/// its way, as at the end, waits twice as long, and drivers end what takes seconds.
+const LONGEST: Duration = Duration::from_millis(500);
 /// Of so many submissions one is timed: enough to see how a long run changes, few enough to cost nothing.
 const TIMED_OF: usize = 8;
+/// So many are timed at first, as they are short.
+const TIMED_FIRST: usize = 5;
 /// Where less than one part in so many of the room is left, more is made: steps that do not fit cost nearly as much as those that
 /// do, and two submissions of them are on their way before it is seen. What steps need grows more slowly than that.
 const SPARE: u32 = 8;
@@ -45,7 +54,11 @@ pub struct Steps {
     /// Given to every stage that asks for `status`.
     pub status: Buffer<u32>,
     readback: [Buffer<u32>; IN_FLIGHT],
-    /// Steps in one command buffer.
+    /// Steps in one command buffer at most.
+    most: u32,
+    /// How long one is to take at most.
+    longest: Duration,
+    /// Steps in the next one.
     batch: u32,
     done: step_done::Stage,
     run: Run,
@@ -64,8 +77,19 @@ struct Run {
     tight: bool,
     /// There was no more to be had before it is needed.
     full: bool,
-    in_flight: VecDeque<(Submission, usize)>,
+    in_flight: VecDeque<Flight>,
+    /// When the last submission was seen to be done.
+    seen: Option<Instant>,
     report: StepReport,
+}
+
+/// A submission on its way.
+struct Flight {
+    submission: Submission,
+    /// Of `readback`.
+    ring: usize,
+    steps: u32,
+    begun: Instant,
 }
 
 impl Run {
@@ -104,15 +128,18 @@ impl StepReport {
 }
 
 impl Steps {
-    /// For submissions of `batch` steps each.
-    pub fn new(context: &Context, batch: u32) -> Result<Self, GpuError> {
+    /// For submissions of up to `most` steps each: the first has one, and those that follow up to twice as many as the one before, as long
+    /// as that takes no longer than half a second.
+    pub fn new(context: &Context, most: u32) -> Result<Self, GpuError> {
         let readback =
             |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);
         Ok(Steps {
             context: context.clone(),
             status: Buffer::zeroed(context, "status", words::WORDS)?,
             readback: [readback(0)?, readback(1)?],
-            batch: batch.max(1),
+            most: most.max(1),
+            longest: LONGEST,
+            batch: 1,
             done: step_done::Stage::new(context, &step_done::Spec { workgroup_size: 1 })?,
             run: Run::default(),
         })
@@ -138,6 +165,11 @@ impl Steps {
         Ok(())
     }
 
+    /// Submissions are to take no longer than this, if it is less than half a second.
+    pub fn last_at_most(&mut self, longest: Duration) {
+        self.longest = longest.min(LONGEST);
+    }
+
     /// Lets the loop go on to step `step` and no further: [`Steps::advance`] then has nothing more to do.
     pub fn go_on_to(&mut self, step: u32) {
         self.run.until = step.min(self.run.total);
@@ -146,10 +178,10 @@ impl Steps {
     /// Keeps submissions on their way until one is done; the number of finished steps, or `None` once all are. Where a step
     /// needed more room than there was, nothing after it took effect: `work` makes room and the loop goes on from that step.
     pub fn advance(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
-        let Steps { context, status, readback, batch, done, run } = self;
+        let Steps { context, status, readback, batch, done, run, .. } = self;
         while !run.tight && run.next < run.until && run.in_flight.len() < IN_FLIGHT {
             let mut recorder = context.recorder("steps")?;
-            if run.timed && run.submitted.is_multiple_of(TIMED_OF) {
+            if run.timed && (run.submitted < TIMED_FIRST || run.submitted.is_multiple_of(TIMED_OF)) {
                 recorder.time_stages();
             }
             let end = run.until.min(run.next + *batch);
@@ -159,7 +191,8 @@ impl Steps {
             }
             let ring = run.submitted % IN_FLIGHT;
             recorder.copy(status, 0, &readback[ring], 0, words::WORDS);
-            run.in_flight.push_back((recorder.submit()?, ring));
+            let (begun, steps) = (Instant::now(), end - run.next);
+            run.in_flight.push_back(Flight { submission: recorder.submit()?, ring, steps, begun });
             run.next = end;
             run.submitted += 1;
         }
@@ -175,13 +208,17 @@ impl Steps {
     /// Waits for the oldest submission; `None` where none is on its way.
     fn collect(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { status, readback, run, .. } = self;
-        let Some((oldest, ring)) = run.in_flight.pop_front() else { return Ok(None) };
-        let stages = oldest.wait()?;
+        let Some(Flight { submission, ring, steps, begun }) = run.in_flight.pop_front() else { return Ok(None) };
+        let stages = submission.wait()?;
+        // It may have waited for the one before it.
+        let now = Instant::now();
+        let took = now - run.seen.replace(now).map_or(begun, |seen| seen.max(begun));
         let found = Status::read(readback[ring].mapped());
         let asked = found.asked(Resource::Intersections);
         if !found.failed() {
             // Only of these: steps after one that does not fit do a part of their work.
             run.report.stages.extend(stages);
+            self.batch = next_batch(self.batch, steps, took, self.longest).min(self.most);
             let room = work.room();
             run.tight |= !run.full && run.next < run.total && asked > room - room / SPARE;
             if run.tight && run.in_flight.is_empty() {
@@ -215,7 +252,7 @@ impl Steps {
 
     /// Ends the loop before its last step, once what is on its way is done: how many steps were.
     pub fn stop(&mut self) -> Result<u32> {
-        for (submission, ring) in mem::take(&mut self.run.in_flight) {
+        for Flight { submission, ring, .. } in mem::take(&mut self.run.in_flight) {
             let stages = submission.wait()?;
             if !Status::read(self.readback[ring].mapped()).failed() {
                 self.run.report.stages.extend(stages);
@@ -246,11 +283,23 @@ impl Steps {
     }
 }
 
+/// Steps in the next submission, after one of `steps` steps took so long where `batch` were allowed.
+fn next_batch(batch: u32, steps: u32, took: Duration, longest: Duration) -> u32 {
+    let each = took.as_secs_f64() / f64::from(steps.max(1));
+    let fit = (longest.as_secs_f64() / each.max(1e-9)) as u32;
+    fit.clamp(1, batch.saturating_mul(2))
+}
+
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
+
+    #[test]
+    fn submissions_are_as_short_as_they_should_be() {
+        let next = |batch, steps, milliseconds| next_batch(batch, steps, Duration::from_millis(milliseconds), LONGEST);
+        assert_eq!([next(1, 1, 1), next(8, 8, 8), next(16, 4, 4)], [2, 16, 32]);
+        assert_eq!([next(16, 16, 1600), next(16, 16, 8000), next(1, 1, 5000), next(4, 4, 0)], [5, 1, 1, 8]);
+    }
 
     #[test]
     fn times_are_those_of_a_step() {

@@ -3,6 +3,8 @@
 //! [`Trainer`] is the loop of both the base scene (method, section 2; their number is `density`'s to change) and the joint phase
 //! (section 5, `join`): they differ in which Gaussians learn what, and how fast.
 
+use std::time::Duration;
+
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
@@ -20,13 +22,14 @@ use super::{
     views::Views,
 };
 use crate::{
+    data::kept::{BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
     error::{Error, Result},
     gpu::{Buffer, Recorder},
     scene::layout::BETAS,
     stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
-/// Steps recorded into one command buffer: enough that submitting costs nothing, few enough that progress is seen and a
+/// Steps recorded into one command buffer at most: enough that submitting costs nothing, few enough that progress is seen and a
 /// replay after growth is short.
 const BATCH: u32 = 16;
 
@@ -109,7 +112,9 @@ impl Trainer {
         }
         model.check_origin(views)?;
         let context = &session.context;
-        let render = RenderOptions { backward: true, policy: session.policy, ..Default::default() };
+        // What the model has room for may never be there.
+        let render =
+            RenderOptions { backward: true, first: Some(model.count()), policy: session.policy, ..Default::default() };
         let needs = Needs::at(model, 0..=model.sh_degree);
         let tiles_per_frame = tiles_per_frame(&views.frame_list);
         let loss = LossOptions {
@@ -195,8 +200,9 @@ impl Trainer {
 
     /// What was learned so far, and all that the steps to come need of it. Waits; the loop can go on.
     pub fn checkpoint(&mut self, model: &Model, views: &Views) -> Result<Checkpoint> {
-        let step = self.steps.settle(&mut On { training: &mut self.work, model, views })?;
+        let step = self.settle(model, views)?;
         let mut checkpoint = Checkpoint::new(step);
+        checkpoint.put_origin(model.origin);
         let seen = (step * self.work.views_per_step) as usize;
         let losses = self.work.loss.losses.mapped();
         checkpoint.put(LOSSES.into(), [1, seen], losses[..seen].iter().map(|l| l.total).collect());
@@ -250,6 +256,16 @@ impl Trainer {
     /// made for.
     pub fn advance(&mut self, model: &Model, views: &Views) -> Result<Option<u32>> {
         self.steps.advance(&mut On { training: &mut self.work, model, views })
+    }
+
+    /// Waits for all that is on its way: how many steps are done by then. The loop can go on.
+    pub fn settle(&mut self, model: &Model, views: &Views) -> Result<u32> {
+        self.steps.settle(&mut On { training: &mut self.work, model, views })
+    }
+
+    /// What is submitted to the device is to take no longer than this at once, as far as a step does not; half a second at most.
+    pub fn submit_at_most(&mut self, longest: Duration) {
+        self.steps.last_at_most(longest);
     }
 
     /// Losses of the views of the first `steps` steps, which are done.
@@ -364,11 +380,11 @@ impl Training {
     fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
         let part = model.part(learner.lesson.segment);
         let segment = match learner.lesson.segment {
-            Segment::Base => "base",
-            Segment::Supplement => "supplement",
+            Segment::Base => BASE,
+            Segment::Supplement => SUPPLEMENT,
         };
         let [geometry, sh, lobes] = learner.moments.all();
-        let all = [("geometry", &part.geometry, geometry), ("sh", &part.sh, sh), ("lobes", &part.lobes, lobes)];
+        let all = [(GEOMETRY, &part.geometry, geometry), (SH, &part.sh, sh), (LOBES, &part.lobes, lobes)];
         // What has no moments is frozen.
         let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
         let named = moving.flat_map(|(what, planes, moments)| {

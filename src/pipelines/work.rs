@@ -56,7 +56,7 @@ impl WorkDir {
     /// are not known.
     pub fn open(folder: &Path, settings: &mut Value, names: Vec<String>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let file = folder.join(SETTINGS);
+        let file = Self::settings_of(folder);
         let another = "expected the same ones to go on from, or another --work folder";
         match fs::read_to_string(&file) {
             Ok(text) => {
@@ -85,6 +85,11 @@ impl WorkDir {
             Err(e) => return Err(Error::io(&file, e)),
         }
         Ok(WorkDir { folder: folder.to_owned(), names, settings: settings.clone() })
+    }
+
+    /// The file of such a folder that says what its results depend on.
+    pub fn settings_of(folder: &Path) -> PathBuf {
+        folder.join(SETTINGS)
     }
 
     fn file(&self, view: usize, kind: &str) -> PathBuf {

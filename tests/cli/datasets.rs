@@ -210,9 +210,9 @@ fn files_of_other_kinds_are_called_what_they_are() {
     let work = Work::new();
     fs::write(work.path("x.ksplat"), [7; 64]).unwrap();
     fs::write(work.path("x.safetensors"), b"\x40\x01\0\0\0\0\0\0{\"a\"").unwrap();
+    work.refused("info x.ksplat", &["x.ksplat", ".ksplat scene", "expected a scene"]);
+    work.refused("eval x.ksplat data", &["x.ksplat", ".ksplat scene", "not a scene"]);
     for (file, word) in [("x.ksplat", ".ksplat scene"), ("x.safetensors", "safetensors")] {
-        work.refused(&format!("info {file}"), &[file, word, "expected a scene"]);
-        work.refused(&format!("eval {file} data"), &[file, word, "not a scene"]);
         work.refused(&format!("train {file} -o x.ply"), &[file, word, "COLMAP"]);
     }
     // What is wrong with a scene is its reader's to say.
@@ -220,7 +220,13 @@ fn files_of_other_kinds_are_called_what_they_are() {
     fs::write(work.path("x.spz"), b"\x1f\x8b\x08\0\0\0").unwrap();
     fs::write(work.path("y.spz"), b"NGSP\x04\0\0\0").unwrap();
     fs::write(work.path("x.sog"), b"PK\x03\x04").unwrap();
-    for (file, word) in [("x.splat", "32 bytes"), ("x.spz", "gzip"), ("y.spz", "SPZ scene"), ("x.sog", "ZIP archive")] {
+    for (file, word) in [
+        ("x.splat", "32 bytes"),
+        ("x.spz", "gzip"),
+        ("y.spz", "SPZ scene"),
+        ("x.sog", "ZIP archive"),
+        ("x.safetensors", "not a sound safetensors file"),
+    ] {
         for command in [format!("info {file}"), format!("eval {file} data"), format!("convert {file} x.ply")] {
             work.refused(&command, &[file, word]);
         }

@@ -3,10 +3,12 @@
 use std::{
     fs,
     path::Path,
-    process::{Command, Stdio},
+    process::{Command, Output, Stdio},
     thread,
     time::{Duration, Instant},
 };
+
+use serde_json::Value;
 
 use super::{Work, files, run};
 
@@ -44,6 +46,16 @@ impl Work {
         sweep(self.0.path());
     }
 
+    /// Runs a command whose files may have so many blocks of 512 bytes.
+    #[cfg(unix)]
+    fn run_with_files_below(&self, blocks: u32, arguments: &str) -> Output {
+        let mut command = Command::new("sh");
+        // A signal that is ignored stays so in the program that follows.
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
+        command.current_dir(self.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", self.path("config"));
+        run::run(&mut command)
+    }
+
     /// Runs a command that must succeed; what it says on stderr.
     #[track_caller]
     fn said(&self, arguments: &str) -> String {
@@ -59,6 +71,14 @@ fn sweep(folder: &Path) {
     for name in files(folder).iter().filter(|name| name.starts_with(".glint-")) {
         fs::remove_file(folder.join(name)).unwrap();
     }
+}
+
+/// What a checkpoint says of itself.
+fn about(path: &Path) -> Value {
+    let bytes = fs::read(path).unwrap();
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    serde_json::from_str(header["__metadata__"]["glint"].as_str().unwrap()).unwrap()
 }
 
 #[test]
@@ -79,7 +99,7 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     let report = work.json(&format!("{TRAIN} -o out.ply --json"));
     assert_eq!(report["iterations"], 400);
     let resumed = report["iterations_resumed"].as_u64().unwrap();
-    assert!((16..400).contains(&resumed), "{report}");
+    assert!((1..400).contains(&resumed), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(work.0.path()), ["data", "out.ply", "whole.ply"]);
 
@@ -107,18 +127,110 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
+/// What was learned can be looked at and begun with, without the run's command.
+#[cfg(unix)]
+#[test]
+fn a_checkpoint_is_a_scene() {
+    let work = Work::new();
+    let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while !work.path(CHECKPOINT).exists() {
+        assert!(child.try_wait().unwrap().is_none());
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(run::finish(child).status.code(), Some(130));
+    // The scene and the checkpoint of a run that was ended are of one step.
+    work.ok(&format!("convert {CHECKPOINT} copy.ply"));
+    assert!(fs::read(work.path("copy.ply")).unwrap() == fs::read(work.path("out.ply")).unwrap());
+    assert_eq!(work.json(&format!("info {CHECKPOINT} --json")), work.json("info out.ply --json"));
+    let said = work.said(&format!("train data --init {CHECKPOINT} -o on.ply --iterations 2"));
+    assert!(!said.contains("note: "), "{said}");
+    // An augmentation keeps its base and what was placed.
+    let enhance = "enhance data --base copy.ply -o more.ply --ratio 0.2 --work kept";
+    work.killed(enhance, "kept/joint.safetensors");
+    let info = work.json("info kept/joint.safetensors --json");
+    assert!(info["base"]["count"].as_u64().unwrap() >= 300 && info["supplement"].is_object(), "{info}");
+
+    let mut bytes = fs::read(work.path(CHECKPOINT)).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(work.path("broken.safetensors"), bytes).unwrap();
+    for command in ["convert broken.safetensors x.ply", "train data --init broken.safetensors -o x.ply"] {
+        work.refused(command, &["broken.safetensors", "damaged checkpoint"]);
+    }
+    glint::data::write_tensors(work.path("other.safetensors"), &[("a", &[1], &[1.0f32][..])]).unwrap();
+    work.refused("info other.safetensors", &["other.safetensors", "expected a checkpoint of train or enhance"]);
+}
+
+/// They would take each other's checkpoints.
+#[test]
+fn a_second_run_to_one_place_is_refused() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    for (arguments, file, place) in [
+        (format!("{TRAIN} -o out.ply"), CHECKPOINT, "out.ply"),
+        (format!("{ENHANCE} -o out.ply"), "kept/joint.safetensors", "kept"),
+    ] {
+        let mut command = work.command(&format!("{arguments} --checkpoint-every 0"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        while !work.path(file).exists() {
+            assert!(child.try_wait().unwrap().is_none());
+            thread::sleep(Duration::from_millis(2));
+        }
+        for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --resume")] {
+            let said = String::from_utf8(work.run(&second).stderr).unwrap();
+            assert!(
+                said.contains("error: ") && said.contains(place) && said.contains("another run that is going on"),
+                "{said}"
+            );
+        }
+        child.kill().unwrap();
+        run::finish(child);
+        // A killed one holds nobody up.
+        work.ok(&format!("{arguments} --resume"));
+        fs::remove_file(work.path("out.ply")).unwrap();
+    }
+}
+
+/// It ends as if it had stood still meanwhile, and is another run with another time.
+#[test]
+fn a_run_by_time_that_was_killed_has_the_time_that_is_left() {
+    let work = Work::new();
+    let train = "train data --time 9s --points 200 --gaussians 300 -o out.ply";
+    work.killed_after(train, Duration::from_secs(5));
+    let kept = about(&work.path(CHECKPOINT));
+    let [taken, milliseconds] = ["taken", "milliseconds"].map(|key| kept["clock"][key].as_u64().unwrap());
+    assert!((2000..6000).contains(&milliseconds) && taken > 64, "{kept}");
+    work.refused(
+        "train data --time 10s -o out.ply --points 200 --gaussians 300",
+        &["`options.time` was 9.0 and is 10.0"],
+    );
+    let started = Instant::now();
+    let report = work.json(&format!("{train} --json"));
+    let seconds = started.elapsed().as_secs_f64();
+    let left = 9.0 - milliseconds as f64 / 1e3;
+    assert!((left - 1.5..left + 2.0).contains(&seconds), "{seconds} s of {left}: {report}");
+    assert_eq!((&report["iterations_resumed"], &report["gaussians"]), (&taken.into(), &300.into()));
+    assert!(report["iterations"].as_u64().unwrap() > taken, "{report}");
+    assert_eq!(files(work.0.path()), ["data", "out.ply"]);
+}
+
 /// A run that ended at a step at which it was to be looked at is looked at when it goes on.
 #[test]
 fn an_evaluation_that_a_kill_took_is_made_up_for() {
     let work = Work::new();
-    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
-    // As many steps as a submission has, after which checkpoints are written.
-    let report = work.json(&format!("{TRAIN} -o out.ply --eval-every 16 --json"));
+    const SHORT: &str = "train data --iterations 60 --sh-degree 1 --deterministic -o out.ply";
+    work.killed(SHORT, CHECKPOINT);
+    // Just there it was to be looked at.
+    let every = about(&work.path(CHECKPOINT))["step"].as_u64().unwrap();
+    let report = work.json(&format!("{SHORT} --eval-every {every} --json"));
     let resumed = report["iterations_resumed"].as_u64().unwrap();
     let text = fs::read_to_string(work.path("out.history.jsonl")).unwrap();
-    let lines = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let steps: Vec<u64> = lines.map(|line| line["step"].as_u64().unwrap()).collect();
-    assert_eq!((resumed % 16, steps), (0, (resumed..=400).step_by(16).collect()));
+    let mut all: Vec<u64> = (resumed..60).step_by(every as usize).collect();
+    all.push(60);
+    assert_eq!((resumed, steps), (every, all));
 }
 
 #[test]
@@ -127,9 +239,9 @@ fn exposures_that_were_killed_go_on_to_the_same_bits() {
     let whole = work.json(&format!("{TRAIN} --exposure --halvings 2 -o whole.ply --json"));
     work.killed(&format!("{TRAIN} --exposure --halvings 2 -o out.ply"), CHECKPOINT);
     let report = work.json(&format!("{TRAIN} --exposure --halvings 2 -o out.ply --json"));
-    assert!((16..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
+    assert!((1..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
-    let told = |report: &serde_json::Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
+    let told = |report: &Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
     assert_eq!(told(&report), told(&whole));
 }
 
@@ -177,8 +289,37 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
     work.refused(&train(400, ""), &[CHECKPOINT, "--force"]);
 
+    // What was begun stays, whoever begins anew.
+    let somebodys = fs::read(work.path(CHECKPOINT)).unwrap();
+    let old = format!("{CHECKPOINT}.old");
     let said = work.said(&train(32, "--force"));
-    assert!(said.contains("is replaced") && !work.path(CHECKPOINT).exists(), "{said}");
+    assert!(said.contains("the checkpoint of another run") && said.contains(&old), "{said}");
+    assert!(fs::read(work.path(&old)).unwrap() == somebodys && !work.path(CHECKPOINT).exists());
+}
+
+#[test]
+fn resuming_wants_a_checkpoint_of_the_same_run_and_replaces_its_output_only() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    let resume = format!("{TRAIN} -o out.ply --resume");
+    work.refused(&resume, &[CHECKPOINT, "is not there", "--resume"]);
+    // An output stands beside it, as Ctrl-C leaves it.
+    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
+    fs::write(work.path("out.ply"), "what was learned until then").unwrap();
+    work.refused(&format!("{TRAIN} -o out.ply"), &["out.ply", "--force"]);
+    work.refused(&format!("{resume} --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
+    work.refused(&format!("{resume} --force --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
+    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
+    fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
+    work.refused(&resume, &[CHECKPOINT]);
+    fs::write(work.path(CHECKPOINT), kept).unwrap();
+    let said = work.said(&resume);
+    assert!(said.contains("going on after step"), "{said}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+    assert!(!work.path(CHECKPOINT).exists());
+    // The same of an augmentation.
+    work.refused("enhance data --base whole.ply -o more.ply --resume", &["--work"]);
+    work.refused("enhance data --base whole.ply -o more.ply --work kept --resume", &["settings.json", "is not there"]);
 }
 
 #[test]
@@ -196,7 +337,7 @@ fn a_joint_stage_that_was_killed_goes_on_to_the_same_bits() {
     let output = work.run(&format!("{ENHANCE} -o out.ply --json"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("going on after step"), "{said}");
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["photos_resumed"], 7);
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(&work.path("kept")), listing);
@@ -235,14 +376,48 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let output = run::finish(child);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{said}");
-    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--force goes on"), "{said}");
+    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
     let ended = glint::data::read_scene(work.path("out.ply")).unwrap();
     let whole = glint::data::read_scene(work.path("whole.ply")).unwrap();
     assert_eq!(ended.supplement.unwrap().gaussians.len(), whole.supplement.unwrap().gaussians.len());
-    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
+    let said = work.said(&format!("{ENHANCE} -o out.ply --resume"));
     assert!(said.contains("going on after step"), "{said}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
     assert!(!work.path("kept/joint.safetensors").exists());
+}
+
+/// The terminal was closed. Under nohup that is nothing to it, and only a second signal, of another kind, ends it.
+#[cfg(target_os = "linux")]
+#[test]
+fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
+    let work = Work::new();
+    work.ok(&format!("{TRAIN} -o whole.ply"));
+    for (disposition, signals) in [("--default-signal=HUP", &["-HUP"][..]), ("--ignore-signal=HUP", &["-HUP", "-TERM"])]
+    {
+        let glint = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
+        let mut child = Command::new("env");
+        child.arg(disposition).arg(glint.get_program()).args(glint.get_args()).current_dir(work.0.path());
+        let mut child = child.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let step = || work.path(CHECKPOINT).exists().then(|| about(&work.path(CHECKPOINT))["step"].as_u64().unwrap());
+        let mut until = 0;
+        for signal in signals {
+            let started = Instant::now();
+            while step().is_none_or(|step| step <= until) {
+                assert!(child.try_wait().unwrap().is_none() && started.elapsed() < Duration::from_secs(200));
+                thread::sleep(Duration::from_millis(2));
+            }
+            assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
+            // Of the second: some steps after the first.
+            until = step().unwrap() + 20;
+        }
+        let output = run::finish(child);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(130), "{said}");
+        assert!(said.contains("out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
+        work.ok(&format!("{TRAIN} -o out.ply --resume"));
+        assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
+        fs::remove_file(work.path("out.ply")).unwrap();
+    }
 }
 
 #[test]
@@ -339,13 +514,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     // A run that found room for a checkpoint.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
-    let full = |arguments: &str| {
-        let mut command = Command::new("sh");
-        // Blocks of 512 bytes. A signal that is ignored stays so in the program that follows.
-        let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
-        command.current_dir(work.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", work.path("config"));
-        run::run(&mut command)
-    };
+    let full = |arguments: &str| work.run_with_files_below(16, arguments);
     let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -371,6 +540,21 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     work.ok("enhance data --base base.ply --method augs --preset quick -o y.ply --deterministic");
     work.ok("enhance data --base base.ply --method augs --preset quick -o x.ply --work full --deterministic");
     assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
+}
+
+/// A scene of 20 Gaussians is smaller than a picture.
+#[cfg(unix)]
+#[test]
+fn a_disk_without_room_for_a_picture_does_not_end_a_run() {
+    let work = Work::new();
+    let train = "train data -o out.ply --points 20 --sh-degree 0 --strategy fixed --iterations 40 --eval-every 10";
+    let output = work.run_with_files_below(6, train);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.matches("cannot be kept").count() == 1 && said.contains("step-000010.png"), "{said}");
+    // The lines had room.
+    assert_eq!(fs::read_to_string(work.path("out.history.jsonl")).unwrap().lines().count(), 4);
+    assert!(work.path("out.ply").exists() && files(&work.path("out.history")).is_empty());
 }
 
 #[test]

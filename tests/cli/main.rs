@@ -206,7 +206,7 @@ fn files(folder: &Path) -> Vec<String> {
 #[test]
 fn a_scene_is_trained_measured_rendered_and_described() {
     let work = Work::new();
-    let report = work.json("train data -o base.ply --iterations 30 --sh-degree 1 --seed 5 --json");
+    let report = work.json("train data -o base.ply --iterations 30 --gaussians 300 --sh-degree 1 --seed 5 --json");
     let expected = set([
         "output",
         "device",
@@ -232,9 +232,9 @@ fn a_scene_is_trained_measured_rendered_and_described() {
     assert_eq!((base.base.len(), base.base.sh_degree, base.supplement.is_some()), (300, 1, false));
 
     // The same seed gives the same scene, promised or not; fewer points a smaller one.
-    work.ok("train data -o again.ply --iterations 30 --sh-degree 1 --seed 5 --deterministic");
+    work.ok("train data -o again.ply --iterations 30 --gaussians 300 --sh-degree 1 --seed 5 --deterministic");
     assert!(fs::read(work.path("base.ply")).unwrap() == fs::read(work.path("again.ply")).unwrap());
-    let few = work.json("train data -o few.ply --iterations 2 --points 40 --json");
+    let few = work.json("train data -o few.ply --iterations 2 --points 40 --gaussians 40 --json");
     assert_eq!(few["gaussians"], 40);
 
     let before = work.json("eval few.ply data --json");
@@ -472,7 +472,7 @@ fn a_closed_pipe_is_no_error() {
 #[test]
 fn an_augmentation_can_be_inspected_and_gone_on_with() {
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
+    work.ok("train data -o base.ply --iterations 150 --gaussians 300 --sh-degree 1");
     let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --json";
     let report = work.json(&format!("{enhance} -o first.ply --work kept"));
     let added = report["supplementary_gaussians"].as_u64().unwrap();

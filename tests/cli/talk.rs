@@ -24,7 +24,7 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
         "COLMAP dataset: 7 train, 2 test, 300 points",
         "scene units of their middle",
         "MB of photos",
-        "MB for 300 Gaussians",
+        "MB for 336 Gaussians",
         "mean loss of steps 1 to 7: 0.",
         "mean loss of steps 29 to 30: 0.",
         "training: 30 steps in",
@@ -114,7 +114,7 @@ fn a_damaged_test_photo_costs_the_gain_and_nothing_else() {
 #[test]
 fn an_augmentation_ends_with_what_it_gained() {
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 150 --sh-degree 1");
+    work.ok("train data -o base.ply --iterations 150 --gaussians 300 --sh-degree 1");
     let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2";
     let report = work.json(&format!("{enhance} -o a.ply --json"));
     let [first, last] = ["joint_loss_first", "joint_loss_last"].map(|key| report[key].as_f64().unwrap());
@@ -148,7 +148,11 @@ fn an_augmentation_ends_with_what_it_gained() {
 #[test]
 fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let work = Work::new();
-    fs::write(work.path("base.json"), work.ok("train data -o base.ply --iterations 60 --sh-degree 1 --json")).unwrap();
+    fs::write(
+        work.path("base.json"),
+        work.ok("train data -o base.ply --iterations 60 --gaussians 300 --sh-degree 1 --json"),
+    )
+    .unwrap();
     let report = work.json("enhance data --base base.ply -o a.ply --bytes 2.5kB --ratio 0.3 --json");
     let (plan, number) = (&report["plan"], |name: &str| report[name].as_u64().unwrap());
     let added = number("supplementary_gaussians") + number("plain_gaussians");

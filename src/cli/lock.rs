@@ -1,0 +1,112 @@
+//! Two runs that keep what they learn in one place would take each other's checkpoints: the second is refused.
+
+use std::{
+    fs::{self, File, TryLockError},
+    path::{Path, PathBuf},
+};
+
+use crate::{Error, Result};
+
+/// As what is unfinished is called, so that what a killed run leaves is swept with the rest.
+const PREFIX: &str = ".glint-";
+
+/// A place that is this process's until this is gone.
+pub(super) struct Lock {
+    path: PathBuf,
+    /// None where the file system has no locks.
+    held: Option<File>,
+}
+
+impl Lock {
+    /// Takes the place of the file or folder `of`, for whatever is kept beside the one or in the other.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where another process has it; [`Error::Io`] where nothing can be written there.
+    pub(super) fn take(of: &Path) -> Result<Lock> {
+        let name = of.file_name().unwrap_or_default().to_string_lossy();
+        let path = if of.is_dir() {
+            of.join(format!("{PREFIX}lock"))
+        } else {
+            of.with_file_name(format!("{PREFIX}{name}.lock"))
+        };
+        loop {
+            let file = File::options().create(true).truncate(false).write(true).open(&path);
+            let file = file.map_err(|error| Error::io(&path, error))?;
+            match file.try_lock() {
+                Ok(()) if is_at(&file, &path) => return Ok(Lock { path, held: Some(file) }),
+                // Whoever had it took the name away meanwhile.
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    let what = "another run that is going on writes here; expected its end, or another name";
+                    return Err(Error::input(of, what));
+                }
+                Err(TryLockError::Error(error)) => {
+                    tracing::debug!("{}: {error}: nothing keeps another run away", path.display());
+                    return Ok(Lock { path, held: None });
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // While it is held, so that nobody else's goes.
+        if self.held.is_some() {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Whether the file is still what is called so.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let of = |found: &fs::Metadata| (found.dev(), found.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(ref a), Ok(ref b)) if of(a) == of(b))
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{sync::atomic::AtomicU32, sync::atomic::Ordering, thread};
+
+    use super::*;
+
+    #[test]
+    fn a_place_is_one_run_s_until_its_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("base.ply");
+        let refused = |of: &Path| Lock::take(of).err().unwrap().to_string();
+        let (first, other) = (Lock::take(&output).unwrap(), Lock::take(&folder.path().join("other.ply")).unwrap());
+        let inside = Lock::take(folder.path()).unwrap();
+        assert!(refused(&output).contains("another run that is going on"));
+        assert!(refused(folder.path()).contains("another run"));
+        drop((first, other, inside));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // What a killed run left holds nobody up.
+        fs::write(folder.path().join(".glint-base.ply.lock"), "").unwrap();
+        drop(Lock::take(&output).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// The name is taken away while others open it.
+    #[test]
+    fn never_two_have_one_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, inside) = (folder.path().join("base.ply"), AtomicU32::new(0));
+        let work = || {
+            for _ in 0..500 {
+                let Ok(lock) = Lock::take(&output) else { continue };
+                assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
+                inside.fetch_sub(1, Ordering::SeqCst);
+                drop(lock);
+            }
+        };
+        thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
+    }
+}

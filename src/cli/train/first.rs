@@ -1,0 +1,161 @@
+//! What a training run begins with, and how far it may grow.
+
+use super::{Args, Error, Result, StrategyArg};
+use crate::{
+    data::{Dataset, Split, is_point_cloud, read_points},
+    gpu::Context,
+    pipelines::{
+        start::{RANDOM_NTH, first_points},
+        train::LEARNED,
+    },
+    scene::{
+        Gaussians, Scene, from_points,
+        layout::{BETAS, colour_name},
+    },
+};
+
+/// Where nobody says how many Gaussians there may be, they are so many times the points at the start.
+const GROWTH: usize = 4;
+/// But no more than one for so many pixels of the training photos, which would explain noise, and no fewer than one for so many others, which
+/// leaves NeRF Synthetic at 800 pixels as many as 3DGS comes to.
+const PIXELS_EACH: [u64; 2] = [16, 256];
+/// And no more than have room in this part of the memory, with what is by intersection.
+const MEMORY_PART: f64 = 0.75;
+/// Bytes of a Gaussian beside what it learns: 52 of its splat and 40 of each of some six intersections (`tests/model.rs` holds these), scores.
+const WORKING_BYTES: u64 = 320;
+
+/// What a run begins with.
+pub(super) struct First {
+    pub(super) gaussians: Gaussians,
+    /// As many as it may come to.
+    pub(super) most: usize,
+    /// `most` is nobody's wish.
+    chosen: bool,
+    /// Of [`BaseOptions`](super::BaseOptions).
+    pub(super) begins: f64,
+    /// What the user would not expect of it.
+    pub(super) notes: Vec<String>,
+}
+
+impl First {
+    /// No more than there is room for on a device, where nobody asked for so many: a Gaussian that learns takes so many bytes, photos of so
+    /// many pixels are there, too.
+    pub(super) fn fit(&mut self, context: &Context, bytes: u64, pixels: u64) -> Option<String> {
+        let room = MEMORY_PART * context.memory_at_most() as f64 - 6.0 * pixels as f64;
+        let fit = (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize;
+        let (first, most) = (self.gaussians.len(), self.most);
+        if !self.chosen || fit >= most || most <= first {
+            return None;
+        }
+        self.most = fit.max(first);
+        Some(format!("at most {} Gaussians, as many as find room in the device's memory", self.most))
+    }
+}
+
+/// Gaussians of a run that begins with so many points and whose training photos have so many pixels.
+fn most(points: usize, pixels: u64) -> usize {
+    let [greatest, least] = PIXELS_EACH.map(|each| (pixels / each) as usize);
+    (GROWTH * points).max(least).min(greatest.max(points)).min(u32::MAX as usize)
+}
+
+/// Of all numbers of these Gaussians.
+pub(super) fn checksum(of: &Gaussians) -> u32 {
+    let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
+    let mut all = crc32fast::Hasher::new();
+    all.update(&sh_degree.to_le_bytes());
+    for part in [means, log_scales, sh] {
+        all.update(bytemuck::cast_slice(part));
+    }
+    all.update(bytemuck::cast_slice(quats));
+    all.update(bytemuck::cast_slice(opacities));
+    all.finalize()
+}
+
+impl Args {
+    /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
+    pub(super) fn first(&self, dataset: &mut Dataset) -> Result<First> {
+        let limit = self.gaussians.map(|n| n as usize);
+        let points = match &self.init {
+            Some(file) if !file.is_dir() && is_point_cloud(file)? => {
+                let cloud = read_points(file)?;
+                if cloud.positions.is_empty() {
+                    return Err(Error::input(file, "has no points to begin with"));
+                }
+                dataset.points = Some(cloud);
+                "points in the file"
+            }
+            Some(file) => {
+                let Scene { base, supplement } = self.lenient.open(file)?;
+                if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
+                    let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
+                    return Err(Error::input(file, what));
+                }
+                if self.points.is_some() {
+                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
+                }
+                if base.is_empty() {
+                    return Err(Error::input(file, "has no Gaussians to begin with"));
+                }
+                let mut notes = Vec::new();
+                if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
+                    let left = left.gaussians.len();
+                    notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
+                }
+                if base.sh_degree != 0 && (base.sh_degree == BETAS) != (self.degree() == BETAS) {
+                    let (had, has) = (colour_name(base.sh_degree), colour_name(self.degree()));
+                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
+                }
+                let gaussians = base.with_degree(self.degree());
+                // Whoever made them chose their number.
+                let most = limit.unwrap_or(gaussians.len());
+                return Ok(First { most, chosen: false, gaussians, begins: LEARNED, notes });
+            }
+            None => "sparse points",
+        };
+        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
+        let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
+        let mut place = "";
+        // The other strategies' papers begin with as many points as they say, anywhere.
+        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
+            let few = match self.points {
+                Some(_) => first.cloud.positions.len(),
+                None => (first.cloud.positions.len() / RANDOM_NTH).max(1),
+            };
+            match dataset.carved_points(few, self.seed)? {
+                Some(cloud) => (first.cloud, place) = (cloud, " where no photo is transparent"),
+                None => first.cloud = dataset.random_points(few, self.seed),
+            }
+        }
+        let count = first.cloud.positions.len();
+        let said = match (first.sparse, self.points) {
+            (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
+            (Some(n), Some(wanted)) if n < wanted as usize => {
+                Some(format!("there are {n} {points}, fewer than the {wanted} that --points allows"))
+            }
+            (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
+            _ => None,
+        };
+        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
+        let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
+        let fixed = matches!(self.strategy, StrategyArg::Fixed);
+        let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
+        Ok(First { gaussians, most, chosen: limit.is_none(), begins: 0.0, notes: said.into_iter().collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_may_grow_by_its_points_and_pixels() {
+        // fox, horns and garden at 128 pixels; lego at 800; garden in full.
+        assert_eq!(most(9216, 396_288), 24_768);
+        assert_eq!(most(5413, 663_552), 21_652);
+        assert_eq!(most(30_000, 2_637_824), 120_000);
+        assert_eq!(most(25_000, 64_000_000), 250_000);
+        assert_eq!(most(138_766, 175_000_000), 683_593);
+        // More points than pixels are not fewer.
+        assert_eq!([most(300, 100), most(0, 16)], [300, 0]);
+    }
+}

@@ -1,0 +1,243 @@
+//! What a run keeps while it learns is a scene, too: the Gaussians of a checkpoint.
+//!
+//! How a checkpoint names what it holds is here, for whoever writes it (`pipelines::checkpoint`) and for whoever reads a scene.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::DVec3;
+use serde_json::Value;
+
+use super::tensors::{Tensor, Values, parse_tensors_about};
+use crate::scene::layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, MEAN, sh_planes};
+use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::{Error, Result};
+
+/// What the names of a segment's tensors begin with.
+pub const BASE: &str = "base";
+/// See [`BASE`].
+pub const SUPPLEMENT: &str = "supplement";
+/// What they end with: planes as `scene::layout` has them, of all Gaussians one after the other.
+pub const GEOMETRY: &str = "geometry";
+/// See [`GEOMETRY`].
+pub const SH: &str = "sh";
+/// See [`GEOMETRY`].
+pub const LOBES: &str = "lobes";
+/// Where means count from: the words of x, y and z as float64, the lower one first.
+pub const ORIGIN: &str = "origin";
+
+/// Of a checkpoint's tensors and what it says of itself, but for its settings and this number.
+pub fn checksum(about: &Value, tensors: &BTreeMap<String, Tensor>) -> u32 {
+    let number = |of: &Value| of.as_u64().unwrap_or_default();
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&(number(&about["step"]) as u32).to_le_bytes());
+    if !about["clock"].is_null() {
+        let [total, taken, milliseconds] = ["total", "taken", "milliseconds"].map(|key| number(&about["clock"][key]));
+        hasher.update(format!("{total} {taken} {milliseconds}").as_bytes());
+    }
+    for (name, Tensor { shape, values }) in tensors {
+        hasher.update(format!("{name} {shape:?}").as_bytes());
+        match values {
+            Values::F32(values) => hasher.update(bytemuck::cast_slice(values)),
+            Values::U32(values) => hasher.update(bytemuck::cast_slice(values)),
+        }
+    }
+    hasher.finalize()
+}
+
+/// An origin as a checkpoint has it.
+pub fn origin_words(origin: DVec3) -> [u32; 6] {
+    let [x, y, z] = origin.to_array().map(|v| [v.to_bits() as u32, (v.to_bits() >> 32) as u32]);
+    [x[0], x[1], y[0], y[1], z[0], z[1]]
+}
+
+/// The scene that a checkpoint's bytes hold. `path` is only named in errors.
+pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let (tensors, about) = parse_tensors_about(bytes, path)?;
+    let about = about.and_then(|text| serde_json::from_str::<Value>(&text).ok()).unwrap_or_default();
+    let fail = |what: &str| Error::input(path, what);
+    if about["settings"].is_null() {
+        return Err(fail(
+            "is a safetensors file, but not what glint keeps of a run: expected a checkpoint of train or enhance",
+        ));
+    }
+    if about["crc32"].as_u64() != Some(checksum(&about, &tensors).into()) {
+        return Err(fail("is a damaged checkpoint: its checksum is another"));
+    }
+    let origin = match tensors.get(ORIGIN) {
+        Some(Tensor { values: Values::U32(words), .. }) if words.len() == 6 => {
+            let at = |i: usize| f64::from_bits(u64::from(words[2 * i]) | u64::from(words[2 * i + 1]) << 32);
+            DVec3::new(at(0), at(1), at(2))
+        }
+        _ => {
+            return Err(fail(
+                "does not say where its coordinates begin, as before glint kept that: --resume goes on from it",
+            ));
+        }
+    };
+    let kept = Kept { tensors: &tensors, path, origin };
+    let (base, _) = kept.segment(BASE, false)?;
+    let supplement = match tensors.contains_key(&format!("{SUPPLEMENT}.{GEOMETRY}")) {
+        true => Some(kept.segment(SUPPLEMENT, true)?),
+        false => None,
+    };
+    let supplement = supplement.map(|(gaussians, lobes)| Supplement { gaussians, lobes });
+    Ok(Scene { base, supplement: supplement.filter(|supplement| !supplement.gaussians.is_empty()) })
+}
+
+/// The tensors of a checkpoint.
+struct Kept<'a> {
+    tensors: &'a BTreeMap<String, Tensor>,
+    path: &'a Path,
+    origin: DVec3,
+}
+
+impl Kept<'_> {
+    /// Planes, how many there are, and of how many Gaussians.
+    fn planes(&self, segment: &str, what: &str) -> Result<(&[f32], usize, usize)> {
+        match self.tensors.get(&format!("{segment}.{what}")) {
+            Some(Tensor { shape, values: Values::F32(values) }) if shape.len() == 2 => Ok((values, shape[0], shape[1])),
+            _ => {
+                let what = format!("has no planes `{segment}.{what}`: only what learns is kept, and this did not");
+                Err(Error::input(self.path, what))
+            }
+        }
+    }
+
+    fn segment(&self, segment: &str, with_lobes: bool) -> Result<(Gaussians, Lobes)> {
+        let (geometry, planes, count) = self.planes(segment, GEOMETRY)?;
+        let (sh, colours, same) = self.planes(segment, SH)?;
+        let degree = [0, 1, 2, 3, BETAS].into_iter().find(|&degree| sh_planes(degree) == colours);
+        let (true, Some(sh_degree)) = (planes == GEOMETRY_PLANES && same == count, degree) else {
+            let what = format!(
+                "`{segment}` has {planes} planes of geometry and {colours} of colour of {count} and {same} Gaussians, expected \
+                 {GEOMETRY_PLANES}, and those of a degree of harmonics"
+            );
+            return Err(Error::input(self.path, what));
+        };
+        let (mut gaussians, mut lobes) = (Gaussians { sh_degree, ..Default::default() }, Lobes::default());
+        for i in 0..count {
+            let value = |p: usize| match (geometry[p * count + i], p.checked_sub(MEAN)) {
+                // From the same place it keeps its bits, −0 too.
+                (value, Some(axis @ 0..3)) if self.origin[axis] != 0.0 => (f64::from(value) + self.origin[axis]) as f32,
+                (value, _) => value,
+            };
+            layout::push(&mut gaussians, value, |p| sh[p * count + i]);
+        }
+        if with_lobes {
+            let (values, planes, same) = self.planes(segment, LOBES)?;
+            if planes != LOBE_PLANES || same != count {
+                let what =
+                    format!("`{segment}` has {planes} planes of lobes, expected {LOBE_PLANES} of {count} Gaussians");
+                return Err(Error::input(self.path, what));
+            }
+            (0..count).for_each(|i| layout::push_lobe(&mut lobes, |p| values[p * count + i]));
+        }
+        Ok((gaussians, lobes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::tensors::{ValuesRef, write_tensors_about};
+    use super::*;
+    use crate::reference::sample::random_scene;
+
+    /// What a run keeps of a scene, in coordinates that count from `origin`.
+    fn tensors_of(scene: &Scene, origin: DVec3) -> BTreeMap<String, Tensor> {
+        let mut tensors = BTreeMap::new();
+        tensors.insert(ORIGIN.into(), Tensor { shape: vec![3, 2], values: Values::U32(origin_words(origin).to_vec()) });
+        let mut put = |segment: &str, what: &str, planes: usize, count: usize, value: &dyn Fn(usize, usize) -> f32| {
+            let values = (0..planes).flat_map(|p| (0..count).map(move |i| value(p, i))).collect();
+            tensors.insert(
+                format!("{segment}.{what}"),
+                Tensor { shape: vec![planes, count], values: Values::F32(values) },
+            );
+        };
+        let segments = [Some((BASE, &scene.base)), scene.supplement.as_ref().map(|s| (SUPPLEMENT, &s.gaussians))];
+        for (segment, gaussians) in segments.into_iter().flatten() {
+            put(segment, GEOMETRY, GEOMETRY_PLANES, gaussians.len(), &|p, i| layout::geometry(gaussians, i)[p]);
+            put(segment, SH, sh_planes(gaussians.sh_degree), gaussians.len(), &|p, i| layout::sh(gaussians, i, p));
+        }
+        if let Some(Supplement { lobes, .. }) = &scene.supplement {
+            put(SUPPLEMENT, LOBES, LOBE_PLANES, lobes.widths.len(), &|p, i| layout::lobe(lobes, i)[p]);
+        }
+        tensors
+    }
+
+    /// A checkpoint's bytes.
+    fn bytes_of(tensors: &BTreeMap<String, Tensor>, mut about: Value) -> Vec<u8> {
+        about["crc32"] = checksum(&about, tensors).into();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x");
+        let entries = tensors.iter().map(|(name, tensor)| {
+            let values = match &tensor.values {
+                Values::F32(values) => ValuesRef::F32(values),
+                Values::U32(values) => ValuesRef::U32(values),
+            };
+            (&name[..], &tensor.shape[..], values)
+        });
+        let list: Vec<_> = entries.collect();
+        write_tensors_about(&path, &list, Some(&about.to_string())).unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn the_scene_of_a_checkpoint_has_the_numbers_that_were_kept() {
+        let read = |tensors: &_| {
+            let about = json!({"step": 5, "clock": {"total": 9, "taken": 70, "milliseconds": 4}, "settings": {}});
+            parse_kept(&bytes_of(tensors, about), Path::new("x")).unwrap()
+        };
+        for (degree, supplement) in [(0, 0), (3, 4), (BETAS, 0)] {
+            let scene = random_scene(1, 7, supplement, degree);
+            assert_eq!(read(&tensors_of(&scene, DVec3::ZERO)), scene);
+            // From elsewhere the means alone are others.
+            let origin = DVec3::new(1e5, 0.0, -0.3);
+            let mut there = scene.clone();
+            let all =
+                there.base.means.iter_mut().chain(there.supplement.iter_mut().flat_map(|s| &mut s.gaussians.means));
+            all.for_each(|mean| *mean = [0, 1, 2].map(|axis| (f64::from(mean[axis]) + origin[axis]) as f32));
+            assert_eq!(read(&tensors_of(&scene, origin)), there);
+        }
+        // Of no supplementary Gaussians there is no supplement.
+        let none = Scene { supplement: Some(Supplement::default()), ..random_scene(1, 2, 0, 1) };
+        assert_eq!(read(&tensors_of(&none, DVec3::ZERO)).supplement, None);
+    }
+
+    #[test]
+    fn what_is_no_sound_checkpoint_is_refused_by_name() {
+        let sound = tensors_of(&random_scene(1, 7, 3, 1), DVec3::ONE);
+        let about = json!({"step": 5, "clock": null, "settings": {"seed": 1}});
+        let refused = |bytes: &[u8], words: &str| {
+            let error = parse_kept(bytes, Path::new("x.safetensors")).unwrap_err().to_string();
+            assert!(error.contains("x.safetensors") && error.contains(words), "{error}");
+        };
+        let whole = bytes_of(&sound, about.clone());
+        for at in [whole.len() - 1, whole.len() - 200] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            refused(&bytes, "damaged");
+        }
+        refused(&whole[..whole.len() - 1], "safetensors");
+        refused(&bytes_of(&sound, json!({"step": 5})), "not what glint keeps of a run");
+        let without = |name: &str| {
+            let mut tensors = sound.clone();
+            tensors.remove(name).unwrap();
+            bytes_of(&tensors, about.clone())
+        };
+        refused(&without("origin"), "where its coordinates begin");
+        for name in ["base.geometry", "base.sh", "supplement.sh", "supplement.lobes"] {
+            refused(&without(name), name);
+        }
+        for (name, shape) in [("base.sh", [6, 14]), ("base.geometry", [7, 11]), ("supplement.lobes", [3, 5])] {
+            let mut tensors = sound.clone();
+            let tensor = tensors.get_mut(name).unwrap();
+            tensor.values = Values::F32(vec![0.5; shape[0] * shape[1]]);
+            tensor.shape = shape.to_vec();
+            let segment = name.split('.').next().unwrap();
+            refused(&bytes_of(&tensors, about.clone()), &format!("`{segment}` has "));
+        }
+    }
+}
