@@ -4,7 +4,8 @@
 //!
 //! Three Gaussians lie over one another on a ray, with lobes turned by an angle from one to the next in a plane. In the intended order
 //! both models shine alike at the middle of each lobe: with lobes of opacity each has colour 1 and opacity ½ f, with lobes of colour
-//! opacity ½ and colour 1, 2 and 4 times f, since what lies behind is seen through what is before it. f is the same (method, section 1).
+//! opacity ½ and colour 1, 2 and 4 times f, since what lies behind is seen through what is before it. f is the same (method, section 1),
+//! or for colour that of a spherical beta (Liu et al. 2025), as it is before it learns and at the width of the others.
 //! All six orders are seen from 181 directions; what changes is told of the largest radiance in the intended order.
 
 use std::process::ExitCode;
@@ -12,7 +13,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use glam::DVec3;
 use glint::{
-    reference::lobe::factor,
+    reference::{betas::beta, lobe::factor},
     report::table::{Column, Table},
 };
 
@@ -26,8 +27,14 @@ struct Args {
     bench: bool,
 }
 
-/// T and β of the lobes: they end at 45°.
+/// T and β of the lobes: they end at 45°, and are half at 22.5°.
 const SHAPE: [f64; 2] = [0.25, 0.0];
+/// b of a spherical beta as it begins: half at 33°.
+const FIRST_B: f64 = 0.0;
+/// cos(22.5°)^(4 exp(b)) = ½.
+const NARROW_B: f64 = 0.783;
+/// Of a channel in which a spherical beta does not shine: at 0 a tenth would be left.
+const DARK: f64 = -2.0;
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
 /// What has the lobe.
@@ -35,6 +42,8 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2,
 enum Model {
     Opacity,
     Colour,
+    /// Colour, by a spherical beta of this b.
+    Beta(f64),
 }
 
 /// In a plane, from its middle.
@@ -46,15 +55,20 @@ fn direction(degrees: f64) -> DVec3 {
 fn radiance(model: Model, own_channels: bool, apart: f64, order: [usize; 3], view: f64) -> [f64; 3] {
     let (mut sum, mut transmittance) = ([0.0; 3], 1.0);
     for i in order {
-        let f = factor(direction(apart * (i as f64 - 1.0)), SHAPE[0], SHAPE[1], direction(view));
+        let (turn, toward) = (apart * (i as f64 - 1.0), direction(view));
+        let f = || factor(direction(turn), SHAPE[0], SHAPE[1], toward);
+        let channels = |shine: f64, dark: f64| [0, 1, 2].map(|c| if !own_channels || c == i { shine } else { dark });
+        let bright = f64::from(1 << i);
         let (opacity, colour) = match model {
-            Model::Opacity => (0.5 * f, 1.0),
-            Model::Colour => (0.5, f64::from(1 << i) * f),
-        };
-        for (channel, sum) in sum.iter_mut().enumerate() {
-            if !own_channels || channel == i {
-                *sum += transmittance * opacity * colour;
+            Model::Opacity => (0.5 * f(), channels(1.0, 0.0)),
+            Model::Colour => (0.5, channels(bright * f(), 0.0)),
+            Model::Beta(b) => {
+                let beta = beta(toward, channels(bright, DARK), [turn.to_radians(), 0.0, b]);
+                (0.5, beta.light.map(|light| light * beta.factor))
             }
+        };
+        for (sum, colour) in sum.iter_mut().zip(colour) {
+            *sum += transmittance * opacity * colour;
         }
         transmittance *= 1.0 - opacity;
     }
@@ -94,7 +108,12 @@ fn main() -> ExitCode {
     ]);
     for (colours, own_channels) in [("one", false), ("three", true)] {
         for apart in [15.0, 30.0, 60.0] {
-            for (lobe, model) in [("opacity", Model::Opacity), ("colour", Model::Colour)] {
+            for (lobe, model) in [
+                ("opacity", Model::Opacity),
+                ("colour", Model::Colour),
+                ("colour, a beta as narrow", Model::Beta(NARROW_B)),
+                ("colour, a beta at first", Model::Beta(FIRST_B)),
+            ] {
                 let [largest, rms, seen] = changes(model, own_channels, apart).map(|part| 100.0 * part);
                 table.row(vec![lobe.into(), colours.into(), apart.into(), largest.into(), rms.into(), seen.into()]);
             }

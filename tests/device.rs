@@ -320,6 +320,9 @@ fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     assert_eq!(gpu.memory().used, 0);
     assert!(Buffer::<u32>::new(&gpu, "all", 1 << 18, Location::Device).is_ok());
     assert_eq!(gpu.memory().most_used, budget);
+    let _quarter = Buffer::<u32>::new(&gpu, "quarter", 1 << 16, Location::Device).unwrap();
+    gpu.count_most_anew();
+    assert_eq!(gpu.memory().most_used, budget / 4);
     // Nor does what is refused for the block that a small one has taken.
     let gpu = Gpu::with(ContextOptions { memory_budget: Some(6 << 20), ..ContextOptions::from_env() });
     let _small = Buffer::<u8>::new(&gpu, "small", 1 << 16, Location::Device).unwrap();

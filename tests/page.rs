@@ -1,5 +1,5 @@
-//! The pages of `glint export` and `glint report` in a browser without a window, the pixels of the first beside the float64 twin's. Skips where there is no Chromium,
-//! unless `GLINT_REQUIRE_CHROMIUM` is set.
+//! The pages of `glint export` and `glint report` in a browser without a window, the pixels of the first beside the float64 twin's. Skips
+//! where there is no Chromium, unless `GLINT_REQUIRE_CHROMIUM` is set.
 
 #[path = "common/run.rs"]
 mod run;
@@ -13,16 +13,10 @@ use std::{
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glint::{
     reference::{self, Background, Options, Params, View, random_camera, random_scene},
-    report::{
-        compare::{Entry, EntryView, page},
-        history::Record,
-        metrics::Quality,
-        page::data_of,
-        runs::{Run, StageMean},
-        viewer::Viewer,
-    },
+    report::viewer::Viewer,
     scene::{Camera, Scene, Supplement},
 };
+use serde_json::json;
 use tempfile::TempDir;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -279,68 +273,125 @@ fn what_cannot_be_shown_is_said() {
     }
 }
 
-/// What a reader of the page does and sees: all pictures are there, a border is moved, another scene is chosen.
-const LOOK_AT_REPORT: &str = "<script>addEventListener('load', () => {
-    const all = [...document.images], view = document.querySelector('.view');
-    const [left, right] = ['.left', '.right'].map(side => view.querySelector(side));
-    const range = view.querySelector('input'), select = document.querySelector('.choice select');
-    const seen = { pictures: all.length, broken: all.filter(image => !image.naturalWidth).length,
-        curves: [...document.querySelectorAll('svg')].filter(svg => svg.getBoundingClientRect().height > 50).length,
-        sections: [...document.querySelectorAll('h2')].map(head => head.textContent), errors: window.failed,
-        asked: performance.getEntriesByType('resource').filter(entry => !entry.name.startsWith('data:')).length };
-    range.value = 25;
-    range.dispatchEvent(new Event('input'));
-    seen.cut = left.style.clipPath;
-    seen.before = [left.alt, right.alt];
-    select.value = '1';
-    select.dispatchEvent(new Event('change'));
-    seen.after = [left.alt, right.alt];
-    document.body.insertAdjacentHTML('beforeend', `<pre id='seen'></pre>`);
-    document.getElementById('seen').textContent = JSON.stringify(seen);
-})</script>";
+/// Before all that the page has, so that its own errors are seen.
+const COUNT_FAULTS: &str = "<script>window.faults = [];
+    addEventListener('error', fault => faults.push(fault.message ?? fault.target.outerHTML.slice(0, 99)), true);
+    addEventListener('unhandledrejection', fault => faults.push(String(fault.reason)));
+    for (const kind of ['error', 'warn']) console[kind] = (...words) => faults.push(words.join(' '));
+</script>";
 
+/// What a reader of the page does and sees: all pictures are there, a border is moved, another scene is chosen; and the page once more in
+/// a window of 400 pixels, which is a frame, for Chromium's own is never narrower than 500.
+const LOOK_AT_REPORT: &str = "<script>if (top === self) {
+    const frame = document.createElement('iframe');
+    frame.style = 'width: 400px; height: 800px; border: 0';
+    frame.srcdoc = document.documentElement.outerHTML;
+    document.body.append(frame);
+    addEventListener('load', () => {
+        const all = [...document.images], view = document.querySelector('.view');
+        const [left, right] = ['.left', '.right'].map(side => view.querySelector(side));
+        const range = view.querySelector('input'), select = document.querySelector('.choice select');
+        const tables = [...document.querySelectorAll('table')].filter(table => table.tBodies[0].rows.length > 0);
+        const seen = { pictures: all.length, broken: all.filter(image => !image.naturalWidth).length, faults,
+            curves: [...document.querySelectorAll('svg')].filter(svg => svg.getBoundingClientRect().height > 50).length,
+            sections: [...document.querySelectorAll('h2')].map(head => head.textContent),
+            tables: tables.map(table => table.className),
+            lost: [...document.querySelectorAll('nav a')].filter(link => !document.querySelector(link.hash)).length,
+            asked: performance.getEntriesByType('resource').filter(entry => !entry.name.startsWith('data:')).length };
+        range.value = 25;
+        range.dispatchEvent(new Event('input'));
+        seen.cut = left.style.clipPath;
+        seen.before = [left.alt, right.alt];
+        select.value = '1';
+        select.dispatchEvent(new Event('change'));
+        seen.after = [left.alt, right.alt];
+        const narrow = frame.contentDocument, width = narrow.documentElement.clientWidth;
+        // What scrolls by itself may hold what is wider.
+        const shown = [...narrow.querySelectorAll('body *')].filter(one => !one.parentElement.closest('.scroll, svg, pre'));
+        seen.narrow = { faults: frame.contentWindow.faults, window: frame.contentWindow.innerWidth,
+            wider: shown.filter(one => one.getBoundingClientRect().right > width + 0.5).map(one => one.outerHTML.slice(0, 99)),
+            scrolls: narrow.documentElement.scrollWidth > width };
+        document.body.insertAdjacentHTML('beforeend', `<pre id='seen'></pre>`);
+        document.getElementById('seen').textContent = JSON.stringify(seen);
+    });
+}</script>";
+
+/// Scenes of a dataset whose parts are known, a plan, and a history of two hold-outs.
 #[test]
-fn a_report_opens_and_can_be_moved() {
+fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     let Some(browser) = chromium() else { return };
-    let picture = |shade| data_of(&image::RgbImage::from_pixel(40, 30, image::Rgb([shade, 9, 9]))).unwrap();
-    let entry = |name: &str, psnr, kinds: &[&'static str]| {
-        let quality = Quality { psnr, ssim: 0.9 };
-        let pictures = kinds.iter().zip(1..).map(|(kind, shade)| (*kind, picture(shade))).collect();
-        let views = vec![EntryView { name: "one".into(), quality, pictures }];
-        Entry { name: name.into(), gaussians: 5, supplementary: 0, bytes: 100, mean: quality, views }
-    };
-    let entries =
-        [entry("base", 20.0, &["render", "error"]), entry("more", 22.0, &["render", "error", "diffuse", "specular"])];
-    let record = |name: &str, seconds| {
-        let holdout = "every".to_owned();
-        Record { name: name.into(), seconds, bytes: 9, gaussians: 5, psnr: 20.0 + seconds, ssim: 0.7, seed: 0, holdout }
-    };
-    let stages = StageMean::all(&[("blend", 2.0), ("emit", 1.0)]);
-    let phases = vec![("training".to_owned(), 1.0)];
-    let run = Run { name: "base".into(), phases, stages, device_megabytes: Some(3.0), plan: None };
-    let history = [record("base", 1.0), record("base", 2.0), record("more", 3.0)];
-    let html = page("a report", &[picture(200)], &entries, &history, &[run]).unwrap();
-    // Before all that the page has, so that its own errors are seen, and behind.
-    let html = html.replacen("<head>", "<head><script>window.failed = 0; onerror = () => { failed++ }</script>", 1);
     let folder = TempDir::new().unwrap();
-    let path = folder.path().join("elsewhere.html");
-    fs::write(&path, html.replacen("</body>", &format!("{LOOK_AT_REPORT}</body>"), 1)).unwrap();
-    let page = loaded(&browser, &path, "", &[]);
+    let path = |name: &str| folder.path().join(name);
+    let glint = |arguments: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
+        command.current_dir(folder.path()).args(arguments.split_whitespace()).env("XDG_CONFIG_HOME", path("config"));
+        let output = run::run(&mut command);
+        assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    glint("synth mixed -o shiny --views 9 --size 24 --points 80");
+    fs::write(path("base.json"), glint("train shiny -o base.ply --iterations 60 --sh-degree 1 --json")).unwrap();
+    let enhance = "enhance shiny --base base.ply -o augmented.ply --ratio 0.2 --json";
+    fs::write(path("augmented.json"), glint(enhance)).unwrap();
+    let line = |name: &str, seed: u32, seconds: f64, bytes: u32, holdout: &str| {
+        format!(
+            r#"{{"name":"{name}","seconds":{seconds},"bytes":{bytes},"gaussians":80,"psnr":{},"ssim":0.7,"seed":{seed},"holdout":"{holdout}","base_psnr":20}}"#,
+            20.0 + seconds
+        )
+    };
+    let history = [
+        line("base", 0, 1.0, 900, "every"),
+        line("base", 1, 1.5, 900, "every"),
+        line("augmented", 0, 3.0, 1000, "every"),
+        line("augmented", 0, 4.0, 1100, "every"),
+        line("augmented", 0, 2.0, 1100, "sector"),
+    ];
+    fs::write(path("runs.jsonl"), history.join("\n")).unwrap();
+    let name = "with_a_name_that_is_longer_than_a_narrow_window_is_wide_and_has_no_space";
+    glint(&format!(
+        "report shiny base=base.ply {name}=augmented.ply -o page --history runs.jsonl --run base.json --run augmented.json"
+    ));
+    let html = fs::read_to_string(path("page/index.html")).unwrap();
+    let html = html.replacen("<head>", &format!("<head>{COUNT_FAULTS}"), 1);
+    // Wherever it lies.
+    fs::write(path("elsewhere.html"), html.replacen("</body>", &format!("{LOOK_AT_REPORT}</body>"), 1)).unwrap();
+    let page = loaded(&browser, &path("elsewhere.html"), "", &[]);
     let (_, seen) = page.split_once("<pre id=\"seen\">").unwrap();
-    let seen: serde_json::Value = serde_json::from_str(seen.split_once("</pre>").unwrap().0).unwrap();
-    // Two under the slider, photograph and both renders of the view, two errors, two parts.
+    let seen = seen.split_once("</pre>").unwrap().0.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    let seen: serde_json::Value = serde_json::from_str(&seen).unwrap();
+    // Of both views: two under the slider, the photograph and its true parts, of both scenes a render, an error and parts.
     assert_eq!(
-        (&seen["pictures"], &seen["broken"], &seen["errors"], &seen["asked"]),
-        (&9.into(), &0.into(), &0.into(), &0.into()),
+        (&seen["pictures"], &seen["broken"], &seen["asked"], &seen["lost"]),
+        (&26.into(), &0.into(), &0.into(), &0.into()),
         "{seen}"
     );
-    // PSNR and SSIM over seconds, bytes and Gaussians.
-    assert_eq!(seen["curves"], 6, "{seen}");
-    let sections: Vec<&str> = seen["sections"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
-    assert!(["Scenes", "Time and memory", "1 views"].iter().all(|name| sections.contains(name)), "{seen}");
+    assert_eq!((&seen["faults"], &seen["narrow"]["faults"]), (&json!([]), &json!([])), "{seen}");
+    // PSNR and SSIM over seconds and bytes of the one hold-out in which a run goes on.
+    assert_eq!(seen["curves"], 4, "{seen}");
+    let plan = format!("Plan of {name}");
+    let expected = [
+        "Scenes",
+        "Work and precision: hold-out every",
+        "Work and precision: hold-out sector",
+        "2 views",
+        &plan,
+        "Time and memory",
+    ];
+    assert_eq!(seen["sections"], json!(expected), "{seen}");
+    assert_eq!(
+        seen["tables"],
+        json!(["scenes", "ends", "ends", "pictures", "pictures", "views", "took", "stages"]),
+        "{seen}"
+    );
     assert_eq!(seen["cut"], "inset(0px 75% 0px 0px)", "{seen}");
     let alt = |key: &str, side: usize| seen[key][side].as_str().unwrap().to_owned();
     // The photograph beside the last scene at first; then the base beside it.
-    assert!(alt("before", 0).contains("photo") && alt("before", 1).contains("more"), "{seen}");
+    assert!(alt("before", 0).contains("photo") && alt("before", 1).contains(name), "{seen}");
     assert!(alt("after", 0).contains("base") && alt("after", 1) == alt("before", 1), "{seen}");
+    let narrow = &seen["narrow"];
+    assert_eq!(
+        (&narrow["window"], &narrow["wider"], &narrow["scrolls"]),
+        (&400.into(), &json!([]), &false.into()),
+        "{seen}"
+    );
 }

@@ -169,9 +169,7 @@ impl Args {
             EnhanceOptions { join: JoinOptions { steps_per_view, ..options.join }, ..options }
         };
         let options = with_joint(self.choices.options(self.method, Preset::Quick)?);
-        let (mut augmented, enhanced) = self.augment(self.method, &session, &base, &views, &options)?;
-        // Nothing has held more until now.
-        augmented.told.device_megabytes = Some(context.memory().most_used as f64 / 1e6);
+        let (augmented, enhanced) = self.augment(self.method, &session, &base, &views, &options)?;
         let shown = enhanced.original.as_ref().unwrap_or(&augmented.scene.base);
         write_augmented(self.output.join(AUGMENTED), shown, &augmented.scene)?;
 
@@ -232,6 +230,7 @@ impl Args {
         points: usize,
         iterations: u32,
     ) -> Result<Made> {
+        session.context.count_most_anew();
         let started = Instant::now();
         let (positions, colors) = match &dataset.points {
             Some(cloud) => (&cloud.positions[..], &cloud.colors[..]),
@@ -245,12 +244,13 @@ impl Args {
         let bar = Progress::new("training", "steps", iterations.into());
         let trained = train_base(session, &model, views, &options, true, |done| bar.set(done.into()))?;
         let seconds = started.elapsed().as_secs_f64();
-        let told = trained_run(what, seconds, &trained.steps);
+        let told = trained_run(session, what, seconds, &trained.steps);
         Ok(Made { what, scene: model.download()?, steps: iterations, seconds, told })
     }
 
     /// Trains the base on as a joint phase does, with nothing added.
     fn train_on(&self, session: &Session, base: &Made, views: &Views, options: &JoinOptions) -> Result<Made> {
+        session.context.count_most_anew();
         let (what, started) = ("base trained on", Instant::now());
         let model = Model::upload_around(&session.context, views.origin, &base.scene, Room::default())?;
         let mut trainer = join(session, &model, views, options)?;
@@ -258,7 +258,7 @@ impl Args {
         let bar = Progress::new("training on", "steps", steps.into());
         let trained = trainer.run(&model, views, true, |done| bar.set(done.into()))?;
         let seconds = started.elapsed().as_secs_f64();
-        let told = trained_run(what, seconds, &trained.steps);
+        let told = trained_run(session, what, seconds, &trained.steps);
         Ok(Made { what, scene: model.download()?, steps: base.steps + steps, seconds: base.seconds + seconds, told })
     }
 
@@ -274,6 +274,7 @@ impl Args {
             Way::Pursuit => "augmented by pursuit",
             Way::Augs => "augmented by augs",
         };
+        session.context.count_most_anew();
         let started = Instant::now();
         let beside = Beside { silent: self.json, ..Default::default() };
         let enhanced = run_with_progress(session, &base.scene, views, options, &beside, &mut |_, _| ())?;
@@ -286,7 +287,7 @@ impl Args {
             plan: enhanced.spending.clone(),
             phases: phases.map(|((_, name), time)| ((*name).to_owned(), time.as_secs_f64())).collect(),
             stages: joint_stages(&enhanced),
-            ..Run::default()
+            device_megabytes: Some(most_megabytes(session)),
         };
         let steps = base.steps + options.join.steps_per_view * views.cameras.len() as u32;
         Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, told }, enhanced))
@@ -312,6 +313,7 @@ impl Args {
             ssim: row.ssim,
             seed: self.seed.into(),
             holdout: Holdout::default().to_string(),
+            base_psnr: Some(rows[0].psnr),
         });
         let told = made.each_ref().map(|made| made.told.clone());
         compare(context, &shown, test, RenderOptions::default(), background)?.write(
@@ -399,12 +401,18 @@ fn count(scene: &Scene) -> usize {
     scene.base.len() + scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len())
 }
 
-fn trained_run(what: &str, seconds: f64, steps: &StepReport) -> Run {
+/// What the run that has just ended held on the device at most.
+fn most_megabytes(session: &Session) -> f64 {
+    session.context.memory().most_used as f64 / 1e6
+}
+
+fn trained_run(session: &Session, what: &str, seconds: f64, steps: &StepReport) -> Run {
     Run {
         name: what.into(),
         phases: vec![("training".into(), seconds)],
         stages: StageMean::all(&steps.milliseconds()),
-        ..Run::default()
+        device_megabytes: Some(most_megabytes(session)),
+        plan: None,
     }
 }
 

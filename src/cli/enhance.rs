@@ -9,8 +9,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    calibrate, counted,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, Reached, SceneArgs, WatchArgs,
+    Watched, calibrate, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
@@ -678,6 +678,9 @@ pub(super) struct Beside<'a> {
     pub(super) silent: bool,
 }
 
+/// What the joint phase is called while it goes on.
+const JOINING: &str = "joining";
+
 /// Augments with a bar for each phase. `look_at` sees the model at each event.
 pub(super) fn run_with_progress(
     session: &Session,
@@ -729,11 +732,11 @@ pub(super) fn run_with_progress(
                 let (done, total) = screen_steps(&options.schedule, *batch, *batches, progress);
                 Some(("refining", done, total))
             }
-            Event::Join { step, steps } => Some(("joining", u64::from(*step), u64::from(*steps))),
+            Event::Join { step, steps } => Some((JOINING, u64::from(*step), u64::from(*steps))),
             _ => None,
         };
-        if let Some((label, done, total)) = told_of {
-            look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
+        if let Some((phase, step, steps)) = told_of {
+            look_at(enhancer.model(), Reached { phase, step, steps });
         }
         match event {
             // The next event brings a bar of its own.
@@ -809,7 +812,7 @@ pub(super) fn run_with_progress(
                     }
                 }
                 let lately = enhancer.lately(step, views);
-                show("joining", step.into(), steps.into(), Some(learned(lately, None, &session.context)));
+                show(JOINING, step.into(), steps.into(), Some(learned(lately, None, &session.context)));
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
                     let (path, settings) = match options.method {
                         Method::Pursuit => work.joint_without_lifts(),

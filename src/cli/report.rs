@@ -17,12 +17,12 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Photo, write_text},
+    data::{DIFFUSE, Photo, SPECULAR, write_text},
     gpu::Context,
     pipelines::{layers::Layers, render::RenderOptions, spend::Spending, start::photos_of},
     report::{
-        compare::{Entry, EntryView, page},
-        decompose::srgb_from_linear,
+        compare::{Entry, EntryView, SPECULAR_GAIN, Truth, page},
+        decompose::{PartsQuality, judge, linear_from_srgb, srgb_from_linear},
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
         page::{data_of, pictures},
@@ -38,11 +38,15 @@ pub(super) const NUMBERS: &str = "report.json";
 
 const EXAMPLES: &str = "\
 One page, DIR/index.html, that needs nothing beside it: for each photo the renders of all scenes under a slider, their errors, and \
-the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. DIR/report.json has the numbers.
+the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. The first scene is what gains are \
+over. On datasets of glint synth the true diffuse and specular light stand beside those of every scene, with their PSNR. \
+DIR/report.json has the numbers.
 
-A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}. \
+A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}, \
+and \"base_psnr\" where it is known what the run began with. \
 Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. --run adds \
-what `glint train --json` or `glint enhance --json` printed: the time of each stage, the memory, and of an augmentation its plan.
+what `glint train --json` or `glint enhance --json` printed: the time of each stage, the memory, and of an augmentation its plan. It has \
+the name of the scene that it made.
 
 Examples:
   glint report garden base=base.ply augmented=augmented.ply -o compared
@@ -112,7 +116,7 @@ impl Args {
             );
         }
         let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
-        let told = self.run.iter().map(|path| read_run(path)).collect::<Result<Vec<_>>>()?;
+        let told = self.run.iter().map(|path| read_run(path, &self.scenes)).collect::<Result<Vec<_>>>()?;
         let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
         let dataset = self.photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
@@ -133,8 +137,8 @@ impl Args {
     }
 }
 
-/// What `train --json` or `enhance --json` printed.
-fn read_run(path: &Path) -> Result<Run> {
+/// What `train --json` or `enhance --json` printed, named as the one of `scenes` that it made.
+fn read_run(path: &Path, scenes: &[Named]) -> Result<Run> {
     #[derive(Deserialize)]
     #[serde(untagged)]
     enum Seconds {
@@ -161,7 +165,18 @@ fn read_run(path: &Path) -> Result<Run> {
             phases.filter(|(_, seconds)| *seconds > 0.0).collect()
         }
     };
-    Ok(Run { name: output, plan, phases, stages, device_megabytes })
+    Ok(Run { name: name_of(&output, scenes), plan, phases, stages, device_megabytes })
+}
+
+/// What the scene that a run wrote to `output` is called: by its path, or where nothing is there any more, by the name of its file if only
+/// one scene's has it. Else `output` itself.
+fn name_of(output: &str, scenes: &[Named]) -> String {
+    let whole = |path: &Path| fs::canonicalize(path).ok();
+    let written = whole(Path::new(output));
+    let same = |named: &&Named| written.is_some() && whole(&named.path) == written;
+    let mut alike = scenes.iter().filter(|named| named.path.file_name() == Path::new(output).file_name());
+    let only = alike.next().filter(|_| written.is_none() && alike.next().is_none());
+    scenes.iter().find(same).or(only).map_or_else(|| output.to_owned(), |named| named.name.clone())
 }
 
 /// A scene of a page.
@@ -174,7 +189,7 @@ pub(super) struct Shown<'a> {
 
 /// What scenes are like beside photos.
 pub(super) struct Compared {
-    photos: Vec<String>,
+    truths: Vec<Truth>,
     entries: Vec<Entry>,
 }
 
@@ -186,13 +201,13 @@ pub(super) fn compare(
     background: [f32; 3],
 ) -> Result<Compared> {
     let progress = Progress::new("comparing", "views", (photos.len() * scenes.len()) as u64);
-    let mut found = Compared { photos: Vec::new(), entries: Vec::new() };
+    let mut found = Compared { truths: Vec::new(), entries: Vec::new() };
     for shown in scenes {
         // The photographs are the same beside every scene.
-        found.photos.clear();
-        found.entries.push(entry(context, shown, photos, options, background, &progress, &mut found.photos)?);
+        found.truths.clear();
+        found.entries.push(entry(context, shown, photos, options, background, &progress, &mut found.truths)?);
     }
-    note_uncounted(photos.len() - found.photos.len());
+    note_uncounted(photos.len() - found.truths.len());
     Ok(found)
 }
 
@@ -202,7 +217,7 @@ impl Compared {
         let names: Vec<&str> = self.entries.iter().map(|entry| &entry.name[..]).collect();
         let title = format!("{} on {dataset}", names.join(", "));
         write_text(output.join(NUMBERS), &to_json(&Numbers { scenes: &self.entries })?)?;
-        write_text(output.join(PAGE), &page(&title, &self.photos, &self.entries, history, told)?)
+        write_text(output.join(PAGE), &page(&title, &self.truths, &self.entries, history, told)?)
     }
 
     fn table(&self) -> Table {
@@ -223,7 +238,7 @@ impl Compared {
     }
 }
 
-/// What `shown` is like in all `photos`, whose pictures are put into `truths`.
+/// What `shown` is like in all `photos`, of which `truths` takes what is known.
 fn entry(
     context: &Context,
     shown: &Shown,
@@ -231,36 +246,66 @@ fn entry(
     options: RenderOptions,
     background: [f32; 3],
     progress: &Progress,
-    truths: &mut Vec<String>,
+    truths: &mut Vec<Truth>,
 ) -> Result<Entry> {
     let &Shown { name, scene, bytes } = shown;
     let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
     let cameras = || photos.iter().map(|photo| &photo.camera);
-    let mut layers = (supplementary > 0).then(|| Layers::new(context, scene, cameras(), options)).transpose()?;
+    let known = photos.iter().map(|photo| true_parts(photo)).collect::<Result<Vec<_>>>()?;
+    // Without a truth to compare with, a plain scene's light is not taken apart.
+    let apart = supplementary > 0 || known.iter().any(Option::is_some);
+    let mut layers = apart.then(|| Layers::new(context, scene, cameras(), options)).transpose()?;
     let mut views = Vec::with_capacity(photos.len());
     let found = evaluate(context, scene, photos, options, background, |view| {
         progress.advance();
         let mut own = Vec::new();
+        let mut truth = Truth { photo: String::new(), parts: None };
         for (what, image) in pictures(view, false) {
             match what {
-                "photo" => truths.push(data_of(&image)?),
+                "photo" => truth.photo = data_of(&image)?,
                 what => own.push((what, data_of(&image)?)),
             }
         }
+        let mut scores = None;
         if let Some(layers) = &mut layers {
+            let size = (view.truth.width, view.truth.height);
             let parts = render_parts(layers, view.photo, background)?;
-            for (what, light) in [("diffuse", parts.diffuse), ("specular", parts.specular)] {
-                let srgb: Vec<f32> = light.into_iter().map(srgb_from_linear).collect();
-                let image =
-                    RgbImage::from_vec(view.truth.width, view.truth.height, to_bytes(&srgb)).unwrap_or_default();
-                own.push((what, data_of(&image)?));
+            own.push(("diffuse", light(&parts.diffuse, 1.0, size)?));
+            own.push(("specular", light(&parts.specular, SPECULAR_GAIN, size)?));
+            if let Some([diffuse, specular]) = true_parts(view.photo)? {
+                let (diffuse, specular) = (diffuse.load(background)?, specular.load(background)?);
+                let judged = judge(&parts, &diffuse.rgb, &specular.rgb, diffuse.mask.as_deref());
+                let named = |error| Error::Usage(format!("photo `{}`: {error}", view.photo.name));
+                scores = Some(judged.map_err(named)?);
+                let linear =
+                    |rgb: &[u8]| rgb.iter().map(|&v| linear_from_srgb(f32::from(v) / 255.0)).collect::<Vec<_>>();
+                truth.parts = Some([
+                    light(&linear(&diffuse.rgb), 1.0, size)?,
+                    light(&linear(&specular.rgb), SPECULAR_GAIN, size)?,
+                ]);
             }
         }
-        views.push(EntryView { name: view.photo.name.clone(), quality: view.quality.augmented, pictures: own });
+        truths.push(truth);
+        let name = view.photo.name.clone();
+        views.push(EntryView { name, quality: view.quality.augmented, parts: scores, pictures: own });
         Ok(())
     })?;
+    // A mean over some of the views would compare with no other.
+    let judged = views.iter().map(|view| view.parts).collect::<Option<Vec<_>>>();
+    let parts = judged.and_then(|judged| PartsQuality::mean(&judged));
     let gaussians = scene.base.len() + supplementary;
-    Ok(Entry { name: name.into(), gaussians, supplementary, bytes, mean: found.augmented, views })
+    Ok(Entry { name: name.into(), gaussians, supplementary, bytes, mean: found.augmented, parts, views })
+}
+
+/// The true diffuse and specular part, where both are known.
+fn true_parts(photo: &Photo) -> Result<Option<[Photo; 2]>> {
+    Ok(photo.part(DIFFUSE)?.zip(photo.part(SPECULAR)?).map(<[Photo; 2]>::from))
+}
+
+/// A picture of linear light, `gain` times as bright, of so many pixels across and down.
+fn light(linear: &[f32], gain: f32, (width, height): (u32, u32)) -> Result<String> {
+    let srgb: Vec<f32> = linear.iter().map(|&v| srgb_from_linear(gain * v)).collect();
+    data_of(&RgbImage::from_vec(width, height, to_bytes(&srgb)).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -272,5 +317,24 @@ mod tests {
         let named = parse_named("more steps=a=b.ply").unwrap();
         assert_eq!((&named.name[..], named.path), ("more steps", PathBuf::from("a=b.ply")));
         assert!(["base.ply", "=base.ply", "base="].iter().all(|text| parse_named(text).is_err()));
+    }
+
+    #[test]
+    fn a_run_has_the_name_of_the_scene_that_it_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        for place in ["a", "b"] {
+            fs::create_dir(path(place)).unwrap();
+            fs::write(path(&format!("{place}/out.ply")), "").unwrap();
+        }
+        let named = |name: &str, file: &str| Named { name: name.into(), path: path(file).into() };
+        let scenes = [named("pursuit", "a/out.ply"), named("plain", "b/out.ply"), named("base", "b/base.ply")];
+        fs::write(path("base.ply"), "").unwrap();
+        // By its path, however that is written; where it has gone, by the name of its file; not by one that several have, or that another
+        // file has.
+        let of = |output: &str| name_of(output, &scenes);
+        assert_eq!([of(&path("a/../b/out.ply")), of("/gone/base.ply")], ["plain", "base"]);
+        assert_eq!([of("/gone/out.ply"), of("/gone/other.ply")], ["/gone/out.ply", "/gone/other.ply"]);
+        assert_eq!(of(&path("base.ply")), path("base.ply"));
     }
 }

@@ -66,7 +66,7 @@ pub struct Memory {
     pub budget: u64,
     /// What they have.
     pub used: u64,
-    /// The most that they had at any time.
+    /// The most that they had at any time, or since [`Context::count_most_anew`].
     pub most_used: u64,
     /// What was taken of the device for them: buffers of up to 4 MiB share blocks of so much.
     pub taken: u64,
@@ -144,6 +144,12 @@ impl Context {
         // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
         unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
         Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, most_used, taken }
+    }
+
+    /// From now on [`Memory::most_used`] tells of what buffers have and will have, and no longer of what they had.
+    pub fn count_most_anew(&self) {
+        let Budget { used, most_used, .. } = &self.0.budget;
+        most_used.store(used.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 }
 

@@ -23,7 +23,8 @@ pub struct Beta {
     by_shape: [f64; 3],
 }
 
-fn beta(v: DVec3, colour: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
+/// The lobe of this colour, before its softplus, and shape toward `v`, a unit vector.
+pub fn beta(v: DVec3, colour: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
     let steepness = 10.0 * LN_2;
     let axis = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
     let mut beta = Beta {

@@ -4,11 +4,15 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::history::{Cost, Gain, Range, Record, css_color, curves, holdouts, plot};
+use super::decompose::PartsQuality;
+use super::history::{Cost, Curve, Gain, Range, Record, css_color, curves, holdouts, plot};
 use super::metrics::Quality;
-use super::page::{STYLE, cells, escape};
+use super::page::{STYLE, cells, decibels, escape, scrolling};
 use super::runs::{self, Run};
 use crate::Result;
+
+/// Pictures of specular light are so many times as bright as it is: most of it is too dark to be seen.
+pub const SPECULAR_GAIN: f32 = 4.0;
 
 /// One of the scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -24,6 +28,9 @@ pub struct Entry {
     /// Means over the views.
     #[serde(flatten)]
     pub mean: Quality,
+    /// The same of the parts of its light, where the true ones are known.
+    #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
+    pub parts: Option<PartsQuality>,
     /// In the order of the page's photos.
     pub views: Vec<EntryView>,
 }
@@ -36,54 +43,83 @@ pub struct EntryView {
     /// PSNR and SSIM.
     #[serde(flatten)]
     pub quality: Quality,
-    /// What each picture shows, and the picture as a `data:` address: `render`, `error`, and of an augmented scene `diffuse` and
-    /// `specular`.
+    /// Of the parts of its light, where the true ones are known.
+    #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
+    pub parts: Option<PartsQuality>,
+    /// What each picture shows, and the picture as a `data:` address: `render`, `error`, and where light is shown in its parts `diffuse`
+    /// and `specular`, the latter with [`SPECULAR_GAIN`].
     #[serde(skip)]
     pub pictures: Vec<(&'static str, String)>,
 }
 
-/// The page. `title` says what was compared with what, `photos` has each view's photograph as a `data:` address; every entry has
-/// these views, in their order. Without `history` there are no curves;
-/// `told` is what runs said of themselves.
+/// What is there of one view: pictures as `data:` addresses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// The photograph.
+    pub photo: String,
+    /// Its diffuse and its specular light where these are known, the latter with [`SPECULAR_GAIN`].
+    pub parts: Option<[String; 2]>,
+}
+
+/// The page. `title` says what was compared with what; every entry has the views of `truths`, in their order. The first entry is what
+/// gains are over. Without `history` there are no curves; `told` is what runs said of themselves.
 ///
 /// # Errors
 /// Where curves cannot be drawn.
-pub fn page(title: &str, photos: &[String], entries: &[Entry], history: &[Record], told: &[Run]) -> Result<String> {
+pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record], told: &[Run]) -> Result<String> {
     let title = escape(title);
-    let mut body = format!("<h1>{title}</h1>\n<p>{EXPLAINED}</p>\n<h2>Scenes</h2>\n");
-    body += &table_of_scenes(entries);
-    for holdout in holdouts(history) {
-        body += &work_precision(history, holdout)?;
+    let mut pictures = entries.iter().flat_map(|entry| &entry.views).flat_map(|view| &view.pictures);
+    let in_parts = truths.iter().any(|truth| truth.parts.is_some()) || pictures.any(|(what, _)| *what == "diffuse");
+    let mut explained = EXPLAINED.to_owned();
+    if in_parts {
+        let _ =
+            write!(explained, " {PARTS_EXPLAINED} Specular light is shown {SPECULAR_GAIN} times as bright as it is.");
     }
-    body += &runs::html(told);
-    let _ = write!(body, "<h2>{} views</h2>\n{}", photos.len(), table_of_views(entries));
-    let names = || std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
-    let options: String =
-        names().enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
-    let _ = writeln!(
-        body,
-        "<p class=\"choice\"><label>left <select>{options}</select></label> <label>right <select>{options}</select></label></p>"
-    );
-    for (i, photo) in photos.iter().enumerate() {
-        body += &view(i, photo, entries);
+    let mut sections = vec![("scenes", "Scenes".to_owned(), table_of_scenes(entries))];
+    for (k, holdout) in holdouts(history).into_iter().enumerate() {
+        let head = format!("Work and precision: hold-out {}", escape(holdout));
+        sections.push((if k == 0 { "work" } else { "" }, head, work_precision(&curves(history, holdout))?));
+    }
+    let seen = format!("{} view{}", truths.len(), if truths.len() == 1 { "" } else { "s" });
+    sections.push(("views", seen, views(truths, entries, in_parts)));
+    sections.extend(told.iter().filter_map(runs::plan_html).map(|(head, plan)| ("", head, plan)));
+    sections.extend(runs::html(told).map(|took| ("took", "Time and memory".to_owned(), took)));
+    let (mut links, mut body) = (String::new(), String::new());
+    for (id, head, content) in sections {
+        let mut named = String::new();
+        if !id.is_empty() {
+            named = format!(" id=\"{id}\"");
+            let _ = write!(links, "<a href=\"#{id}\">{}</a> ", head.split(':').next().unwrap_or(&head));
+        }
+        let _ = write!(body, "<h2{named}>{head}</h2>\n{content}");
     }
     Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n<style>{STYLE}{OWN_STYLE}</style>\n\
-         </head><body>{body}<script>{SCRIPT}</script></body></html>\n"
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>{title}</title>\n<style>{STYLE}{OWN_STYLE}</style>\n</head><body><h1>{title}</h1>\n<p>{explained}</p>\n\
+         <nav>{links}</nav>\n{body}<script>{SCRIPT}</script></body></html>\n"
     ))
 }
 
 const EXPLAINED: &str = "PSNR and SSIM are of unquantised renders, clamped to 0 to 1, against the photographs; grey pixels are left \
-    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale). Diffuse is what the base's constant \
-    colours give, specular the rest of the light. The slider under a view moves the border between the left and the right picture.";
+    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
 
-/// What the page has beside [`STYLE`].
-const OWN_STYLE: &str = "h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}table{margin-bottom:1rem}.view{display:flex;\
-    flex-wrap:wrap;gap:1.5rem;align-items:flex-start;border-top:1px solid #ccc;padding:1rem 0}.view h3{flex-basis:100%;margin:0}\
-    .slider{width:400px}.pair{position:relative;line-height:0}.pair img{width:400px}.pair .left{position:absolute;left:0;top:0}\
-    .slider input{width:400px;margin:.4rem 0}.view td img,.view th img{width:160px}img.small{image-rendering:pixelated}\
-    .choice{position:sticky;top:0;background:#fff;padding:.5rem 0;z-index:1}.curves{display:flex;flex-wrap:wrap}\
-    .key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}th{position:static;cursor:default}.views th{white-space:normal}";
+const PARTS_EXPLAINED: &str = "Diffuse is what the base's constant colours give, specular the rest of the light; where the true parts are \
+    known, PSNR of both in linear light stands with them.";
+
+/// What the page has beside [`STYLE`]. What is wider than the window scrolls by itself, and the first column stays.
+const OWN_STYLE: &str = "h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}\
+    h1,h2,h3,.scroll td:first-child{overflow-wrap:anywhere}.scroll td:first-child{min-width:6rem}nav a{margin-right:1rem}.scroll{overflow-x:auto;\
+    margin-bottom:1rem}.scroll th:first-child,.scroll td:first-child{position:sticky;left:0;background:#fff}\
+    .view{display:flex;flex-wrap:wrap;gap:1rem 1.5rem;align-items:flex-start;border-top:1px solid #ccc;padding:1rem 0}\
+    .view h3{flex-basis:100%;margin:0}.slider{width:min(400px,100%)}.pair{position:relative;line-height:0}.pair img{width:100%}\
+    .pair .left{position:absolute;left:0;top:0}.slider input{width:100%;margin:.4rem 0}.view .scroll{flex:1 1 640px;min-width:0;\
+    margin:0}.view td img{width:clamp(80px,8vw,160px)}.view th.picture{cursor:default}img.small{image-rendering:pixelated}\
+    .score{display:block;font-size:.85em;text-align:left}.choice{position:sticky;top:0;background:#fff;padding:.5rem 0;z-index:1}\
+    .choice label{display:inline-block;margin-right:1rem}.choice select{max-width:60vw}\
+    .curves{display:flex;flex-wrap:wrap;gap:.5rem}.curves svg{max-width:100%;height:auto}pre.plan{overflow-x:auto}\
+    summary{cursor:pointer;color:#555}.key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}\
+    th{position:static;cursor:default}.views th{white-space:normal}\
+    @media(max-width:700px){body{margin:1rem;font-size:13px}th,td{padding:.25rem .4rem}}";
 
 /// The two pictures that are chosen, in every view, and the border between them.
 const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')];\
@@ -95,23 +131,40 @@ const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice
     choice[1].value=choice[1].options.length-1;choice.forEach(select=>select.onchange=show);show();";
 
 fn table_of_scenes(entries: &[Entry]) -> String {
+    // Of one scene there is no other to gain over.
+    let first = entries.first().filter(|_| entries.len() > 1);
+    let judged = entries.iter().any(|entry| entry.parts.is_some());
     let mut table =
-        "<table class=\"scenes\"><thead><tr><th>scene</th><th>Gaussians</th><th>with lobes</th><th>bytes</th>\
-         <th>PSNR [dB]</th><th>SSIM</th></tr></thead>\n<tbody>"
-            .to_owned();
-    for Entry { name, gaussians, supplementary, bytes, mean, .. } in entries {
-        let _ = writeln!(
-            table,
-            "<tr><td>{}</td><td>{gaussians}</td><td>{supplementary}</td><td>{bytes}</td>{}</tr>",
-            escape(name),
-            cells(mean)
-        );
+        "<thead><tr><th>scene</th><th>Gaussians</th><th>with lobes</th><th>bytes</th><th>PSNR [dB]</th>".to_owned();
+    if let Some(first) = first {
+        let _ = write!(table, "<th>over {} [dB]</th>", escape(&first.name));
     }
-    table + "</tbody></table>\n"
+    table += "<th>SSIM</th>";
+    if judged {
+        table += "<th>diffuse PSNR [dB]</th><th>specular PSNR [dB]</th>";
+    }
+    table += "</tr></thead>\n<tbody>";
+    for (k, Entry { name, gaussians, supplementary, bytes, mean, parts, .. }) in entries.iter().enumerate() {
+        let name = escape(name);
+        let _ = write!(table, "<tr><td>{name}</td><td>{gaussians}</td><td>{supplementary}</td><td>{bytes}</td>");
+        let _ = write!(table, "<td>{}</td>", decibels(mean.psnr));
+        if let Some(first) = first {
+            // Two that are infinite differ by nothing that could be said.
+            let gain = Some(mean.psnr - first.mean.psnr).filter(|gain| k > 0 && gain.is_finite());
+            let _ = write!(table, "<td>{}</td>", gain.map_or_else(String::new, |gain| format!("{gain:+.2}")));
+        }
+        let _ = write!(table, "<td>{:.4}</td>", mean.ssim);
+        if judged {
+            let score = |of: fn(&PartsQuality) -> f64| parts.as_ref().map_or_else(String::new, |q| decibels(of(q)));
+            let _ = write!(table, "<td>{}</td><td>{}</td>", score(|q| q.diffuse), score(|q| q.specular));
+        }
+        table += "</tr>\n";
+    }
+    scrolling("scenes", &(table + "</tbody>"))
 }
 
 fn table_of_views(entries: &[Entry]) -> String {
-    let mut table = "<table class=\"views\"><thead><tr><th>view</th>".to_owned();
+    let mut table = "<thead><tr><th>view</th>".to_owned();
     for entry in entries {
         let name = escape(&entry.name);
         let _ = write!(table, "<th>{name} PSNR [dB]</th><th>{name} SSIM</th>");
@@ -125,74 +178,124 @@ fn table_of_views(entries: &[Entry]) -> String {
     }
     table += "</tbody><tfoot><tr><td>mean</td>";
     entries.iter().for_each(|entry| table += &cells(&entry.mean));
-    table + "</tr></tfoot></table>\n"
+    scrolling("views", &(table + "</tr></tfoot>"))
 }
 
-/// The curves of one hold-out, and where they end.
-fn work_precision(history: &[Record], holdout: &str) -> Result<String> {
-    let curves = curves(history, holdout);
-    let mut out = format!(
-        "<h2>Work and precision: hold-out {}</h2>\n<table class=\"ends\"><thead><tr><th>run, at its end</th><th>seeds</th><th>seconds\
-         </th><th>bytes</th><th>Gaussians</th><th>PSNR [dB]</th><th>SSIM</th></tr></thead>\n<tbody>",
-        escape(holdout)
-    );
-    let text = |range: Option<Range>, decimals: usize| match range {
+/// Where curves of one hold-out end, and those plots of them in which some run goes from one cost to another.
+fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
+    let over_base = |record: &Record| record.base_psnr.map(|base| record.psnr - base);
+    let known = curves.iter().any(|curve| curve.last(over_base).is_some());
+    let mut table = "<thead><tr><th>run, at its end</th><th>seeds</th><th>seconds</th><th>bytes</th><th>Gaussians</th>\
+                     <th>PSNR [dB]</th>"
+        .to_owned();
+    if known {
+        table += "<th>over its base [dB]</th>";
+    }
+    table += "<th>SSIM</th></tr></thead>\n<tbody>";
+    let text = |range: Option<Range>, show: &dyn Fn(f64) -> String| match range {
         None => String::new(),
-        Some(Range { mean, least, largest }) if least == largest => format!("{mean:.decimals$}"),
-        Some(Range { mean, least, largest }) => {
-            format!("{mean:.decimals$} ({least:.decimals$} to {largest:.decimals$})")
-        }
+        Some(Range { mean, least, largest }) if least == largest => show(mean),
+        Some(Range { mean, least, largest }) => format!("{} ({} to {})", show(mean), show(least), show(largest)),
     };
     for (k, curve) in curves.iter().enumerate() {
-        let _ = writeln!(
-            out,
-            "<tr><td><span class=\"key\" style=\"background:{}\"></span>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
-             <td>{}</td></tr>",
-            css_color(k),
-            escape(curve.name),
-            curve.seeds.len(),
-            text(curve.last(|r| r.seconds), 1),
-            text(curve.last(|r| r.bytes as f64), 0),
-            text(curve.last(|r| r.gaussians as f64), 0),
-            text(curve.last(|r| r.psnr), 2),
-            text(curve.last(|r| r.ssim), 4),
-        );
+        let (color, name) = (css_color(k), escape(curve.name));
+        let key = format!("<span class=\"key\" style=\"background:{color}\"></span>");
+        let _ = write!(table, "<tr><td>{key}{name}</td><td>{}</td>", curve.seeds.len());
+        let mut cell = |of: &dyn Fn(&Record) -> Option<f64>, show: &dyn Fn(f64) -> String| {
+            let _ = write!(table, "<td>{}</td>", text(curve.last(of), show));
+        };
+        cell(&|r| Some(r.seconds), &|v| format!("{v:.1}"));
+        cell(&|r| Some(r.bytes as f64), &|v| format!("{v:.0}"));
+        cell(&|r| Some(r.gaussians as f64), &|v| format!("{v:.0}"));
+        cell(&|r| Some(r.psnr), &|v| format!("{v:.2}"));
+        if known {
+            cell(&over_base, &|v| format!("{v:+.2}"));
+        }
+        cell(&|r| Some(r.ssim), &|v| format!("{v:.4}"));
+        table += "</tr>\n";
     }
-    out += "</tbody></table>\n<p>Pale lines are seeds, strong ones the means of their measurements by number, bars the least and the \
-            largest.</p>\n<div class=\"curves\">";
-    for (gain, cost) in Gain::ALL.into_iter().flat_map(|gain| Cost::ALL.map(|cost| (gain, cost))) {
-        out += &plot(&curves, cost, gain)?;
+    let mut out = scrolling("ends", &(table + "</tbody>"));
+    let (drawn, left): (Vec<Cost>, Vec<Cost>) =
+        Cost::ALL.into_iter().partition(|&cost| curves.iter().any(|curve| curve.goes_over(cost)));
+    if !left.is_empty() {
+        let left: Vec<&str> = left.into_iter().map(Cost::title).collect();
+        let _ = writeln!(out, "<p>No plot over {}: no run goes from one number to another.</p>", left.join(" or "));
+    }
+    if drawn.is_empty() {
+        return Ok(out);
+    }
+    out += "<p>A curve goes through what was measured while a run went on, or through runs of several lengths. Pale lines are seeds, \
+            strong ones the means of their measurements by number, bars the least and the largest.</p>\n<div class=\"curves\">";
+    for (gain, &cost) in Gain::ALL.into_iter().flat_map(|gain| drawn.iter().map(move |cost| (gain, cost))) {
+        out += &plot(curves, cost, gain)?;
     }
     Ok(out + "</div>\n")
 }
 
-/// The slider of one view, and a row for the photograph and for each scene.
-fn view(i: usize, photo: &str, entries: &[Entry]) -> String {
+/// Every view with its slider, and the numbers of all; `in_parts`: with columns for light in parts.
+fn views(truths: &[Truth], entries: &[Entry], in_parts: bool) -> String {
+    let names = std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
+    let options: String = names.enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
+    let mut out = format!(
+        "<p class=\"choice\"><label>left <select>{options}</select></label><label>right <select>{options}</select></label></p>\n"
+    );
+    for (i, truth) in truths.iter().enumerate() {
+        out += &view(i, truth, entries, in_parts);
+    }
+    out + &table_of_views(entries)
+}
+
+/// The slider of one view, and a row for the photograph and for each scene; see [`views`].
+fn view(i: usize, truth: &Truth, entries: &[Entry], in_parts: bool) -> String {
     let name = entries.first().map_or_else(String::new, |entry| escape(&entry.views[i].name));
     let image = |class: &str, what: &str, source: &str| {
         // Enlarged, small pictures show their pixels.
         let small = if source.starts_with("data:image/png") { " small" } else { "" };
         format!("<img class=\"{class}{small}\" alt=\"{what} of {name}\" src=\"{source}\">")
     };
-    let mut out = format!(
-        "<section class=\"view\"><h3>{name}</h3><div class=\"slider\"><div class=\"pair\"><img class=\"right\" alt=\"\"><img \
-         class=\"left\" alt=\"\"></div><input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"border\"></div>\n<table>\
-         <thead><tr><th></th><th>PSNR [dB]</th><th>SSIM</th><th>picture</th><th>error</th><th>diffuse</th><th>specular</th></tr>\
-         </thead><tbody>\n<tr><td>photo</td><td></td><td></td><td>{}</td><td></td><td></td><td></td></tr>\n",
-        image("shot", "photo", photo)
+    let mut table = "<thead><tr><th></th><th>PSNR [dB]</th><th>SSIM</th><th class=\"picture\">picture</th>\
+                     <th class=\"picture\">error</th>"
+        .to_owned();
+    if in_parts {
+        let _ =
+            write!(table, "<th class=\"picture\">diffuse</th><th class=\"picture\">specular × {SPECULAR_GAIN}</th>");
+    }
+    let _ = write!(
+        table,
+        "</tr></thead>\n<tbody><tr><td>photo</td><td></td><td></td><td>{}</td><td></td>",
+        image("shot", "photo", &truth.photo)
     );
+    if in_parts {
+        for (k, what) in ["diffuse", "specular"].into_iter().enumerate() {
+            let shown = truth.parts.as_ref().map(|parts| image("part", &format!("true {what}"), &parts[k]));
+            let _ = write!(table, "<td>{}</td>", shown.unwrap_or_default());
+        }
+    }
+    table += "</tr>\n";
     for entry in entries {
-        let EntryView { quality, pictures, .. } = &entry.views[i];
+        let EntryView { quality, pictures, parts, .. } = &entry.views[i];
         let scene = escape(&entry.name);
-        let _ = write!(out, "<tr><td>{scene}</td>{}", cells(quality));
-        for (what, class) in [("render", "shot"), ("error", "part"), ("diffuse", "part"), ("specular", "part")] {
+        let _ = write!(table, "<tr><td>{scene}</td>{}", cells(quality));
+        let mut picture = |what: &str, class: &str, score: Option<f64>| {
             let found = pictures.iter().find(|(name, _)| *name == what);
             let shown = found.map_or_else(String::new, |(_, source)| image(class, &format!("{scene}: {what}"), source));
-            let _ = write!(out, "<td>{shown}</td>");
+            let score = score.map(|psnr| format!("<span class=\"score\">{} dB</span>", decibels(psnr)));
+            let _ = write!(table, "<td>{shown}{}</td>", score.unwrap_or_default());
+        };
+        picture("render", "shot", None);
+        picture("error", "part", None);
+        if in_parts {
+            picture("diffuse", "part", parts.map(|q| q.diffuse));
+            picture("specular", "part", parts.map(|q| q.specular));
         }
-        out += "</tr>\n";
+        table += "</tr>\n";
     }
-    out + "</tbody></table></section>\n"
+    format!(
+        "<section class=\"view\"><h3>{name}</h3><div class=\"slider\"><div class=\"pair\"><img class=\"right\" alt=\"\"><img \
+         class=\"left\" alt=\"\"></div><input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"border\"></div>\n{}\
+         </section>\n",
+        scrolling("pictures", &(table + "</tbody>"))
+    )
 }
 
 #[cfg(test)]
@@ -207,16 +310,14 @@ mod tests {
         if parts {
             pictures.extend([("diffuse", picture([0, 200, 0])), ("specular", picture([0, 0, 200]))]);
         }
-        let view = |name: &str| EntryView { name: name.into(), quality, pictures: pictures.clone() };
+        let view = |name: &str| EntryView { name: name.into(), quality, parts: None, pictures: pictures.clone() };
         let views = vec![view("one<i>"), view("two")];
-        Entry { name: name.into(), gaussians: 7, supplementary: 2, bytes: 1234, mean: quality, views }
+        Entry { name: name.into(), gaussians: 7, supplementary: 2, bytes: 1234, mean: quality, parts: None, views }
     }
 
     #[test]
     fn a_page_has_every_scene_view_and_curve_once_and_nothing_of_the_net() {
-        let photos: Vec<String> = [[1, 2, 3], [4, 5, 6]]
-            .map(|color| data_of(&image::RgbImage::from_pixel(300, 20, image::Rgb(color))).unwrap())
-            .to_vec();
+        let truths = [[1, 2, 3], [4, 5, 6]].map(truth);
         let record = |name: &str, seed, seconds: f64, holdout: &str| Record {
             name: name.into(),
             seconds,
@@ -226,21 +327,19 @@ mod tests {
             ssim: 0.7,
             seed,
             holdout: holdout.into(),
+            base_psnr: (name == "plain").then_some(21.5),
         };
         let history = [
             record("<u>", 0, 1.0, "every"),
             record("<u>", 1, 3.0, "every"),
+            record("<u>", 0, 2.0, "every"),
+            record("<u>", 1, 5.0, "every"),
             record("plain", 0, 2.0, "every"),
             record("plain", 0, 2.0, "sector"),
         ];
-        let html = page(
-            "a & b",
-            &photos,
-            &[entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)],
-            &history,
-            &[],
-        )
-        .unwrap();
+        let run = Run { name: "more<b>".into(), phases: vec![("training".into(), 1.0)], ..Run::default() };
+        let entries = [entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)];
+        let html = page("a & b", &truths, &entries, &history, &[run]).unwrap();
         let count = |part: &str| html.matches(part).count();
         assert!(html.contains("<title>a &amp; b</title>") && !html.contains("://"));
         assert_eq!([count("<b>"), count("<i>"), count("<u>")], [0; 3]);
@@ -250,10 +349,49 @@ mod tests {
         assert_eq!((count("class=\"shot"), count("class=\"part")), (6, 8));
         // Photographs are large, all others small.
         assert_eq!((count("data:image/jpeg"), count("data:image/png")), (2, 12));
-        assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (12, 1, 1));
-        assert!(html.contains("<td>22.00 (21.00 to 23.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
+        // Of one hold-out, over seconds alone: nothing else goes from one number to another.
+        assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
+        assert_eq!(
+            [count("No plot over bytes or Gaussians"), count("No plot over seconds or bytes or Gaussians")],
+            [1; 2]
+        );
+        assert!(html.contains("<td>23.50 (22.00 to 25.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
+        assert!(html.contains("<td>22.00</td><td>+0.50</td><td>0.7000</td>"), "what is gained over the base");
         assert!(html.contains("<td>mean</td><td>20.12</td><td>0.5000</td><td>Infinity</td><td>0.5000</td>"));
-        let without = page("x", &photos, &[entry("base", 20.0, false)], &[], &[]).unwrap();
+        // Pictures come before what everything took.
+        let [scenes, work, views, took] = ["scenes", "work", "views", "took"].map(|id| {
+            assert_eq!(count(&format!("href=\"#{id}\"")), 1, "{id}");
+            html.find(&format!("<h2 id=\"{id}\">")).unwrap()
+        });
+        assert!(scenes < work && work < views && views < took, "{html}");
+        let without = page("x", &truths, &[entry("base", 20.0, false)], &[], &[]).unwrap();
         assert!(!without.contains("<svg") && !without.contains("Work and precision"));
+        assert!(!without.contains("over base") && !without.to_lowercase().contains("diffuse"), "{without}");
+    }
+
+    #[test]
+    fn gains_are_over_the_first_scene_and_known_parts_stand_beside_what_is_made_of_them() {
+        let part = |shade| data_of(&image::RgbImage::from_pixel(8, 6, image::Rgb([shade; 3]))).unwrap();
+        let truths = [[1, 2, 3], [4, 5, 6]].map(|color| Truth { parts: Some([part(7), part(8)]), ..truth(color) });
+        let judged = |name: &str, psnr: f64, diffuse: f64| {
+            let parts = Some(PartsQuality { diffuse, specular: f64::INFINITY });
+            let mut entry = Entry { parts, ..entry(name, psnr, true) };
+            entry.views.iter_mut().for_each(|view| view.parts = parts);
+            entry
+        };
+        let entries = [judged("base", 20.0, 31.25), judged("worse", 19.5, 32.5), judged("better", 24.0, 33.5)];
+        let html = page("x", &truths, &entries, &[], &[]).unwrap();
+        let count = |part: &str| html.matches(part).count();
+        assert_eq!([count("over base [dB]"), count("<td>-0.50</td>"), count("<td>+4.00</td>")], [1; 3], "{html}");
+        assert_eq!(count("<td>32.50</td><td>Infinity</td></tr>"), 1, "{html}");
+        // True parts of two views; scores of three scenes there.
+        assert_eq!([count("true diffuse of"), count("true specular of"), count(">33.50 dB</span>")], [2; 3], "{html}");
+        assert_eq!(count("specular × 4</th>"), 2);
+        assert!(serde_json::to_string(&entries[1]).unwrap().contains("\"decomposition\":{\"diffuse\":32.5,"));
+    }
+
+    fn truth(color: [u8; 3]) -> Truth {
+        let photo = data_of(&image::RgbImage::from_pixel(300, 20, image::Rgb(color))).unwrap();
+        Truth { photo, parts: None }
     }
 }

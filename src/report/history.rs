@@ -9,8 +9,8 @@ use serde::Deserialize;
 
 use crate::{Error, Result};
 
-/// Pixels.
-const SIZE: (u32, u32) = (560, 380);
+/// Pixels: three beside each other in a window of 1280.
+const SIZE: (u32, u32) = (400, 300);
 /// Where the largest value is more than this many times the smallest, the axis is logarithmic.
 const WIDE: f64 = 10.0;
 /// Okabe and Ito's colours, which the colour-blind can tell apart too, but for yellow and black.
@@ -42,6 +42,8 @@ pub struct Record {
     pub seed: u64,
     /// Which photos those are: `every`, `sector` or another word of the user's.
     pub holdout: String,
+    /// PSNR of the base that the run began with, where that is known.
+    pub base_psnr: Option<f64>,
 }
 
 /// Reads JSON lines, a [`Record`] each; other fields are passed over, and so are empty lines.
@@ -199,9 +201,16 @@ impl Curve<'_> {
         (0..shared).filter_map(|k| at(k, &|r| cost.of(r)).zip(at(k, &|r| gain.of(r)))).collect()
     }
 
-    /// What `of` is at the end of each seed's run.
-    pub fn last(&self, of: impl Fn(&Record) -> f64) -> Option<Range> {
-        Range::of(self.seeds.iter().filter_map(|seed| seed.last()).map(|record| of(record)))
+    /// What `of` is at the end of each seed's run; seeds of which it is not known are left out.
+    pub fn last(&self, of: impl Fn(&Record) -> Option<f64>) -> Option<Range> {
+        let all: Vec<f64> = self.seeds.iter().filter_map(|seed| seed.last()).filter_map(|record| of(record)).collect();
+        Range::of(all.iter().copied())
+    }
+
+    /// Whether it goes from one cost to another, so that there is a line to draw.
+    pub fn goes_over(&self, cost: Cost) -> bool {
+        let means = self.means(cost, Gain::Psnr);
+        means.iter().any(|(x, _)| x.mean != means[0].0.mean)
     }
 }
 
@@ -297,7 +306,7 @@ where
         chart
             .configure_mesh()
             .light_line_style(WHITE)
-            .x_labels(6)
+            .x_labels(5)
             .y_labels(7)
             .x_desc(cost.title())
             .y_desc(gain.title())
@@ -343,7 +352,7 @@ mod tests {
 
     fn record(name: &str, seed: u64, seconds: f64, psnr: f64) -> Record {
         let (name, holdout) = (name.to_owned(), "every".to_owned());
-        Record { name, seconds, bytes: 1000, gaussians: 10, psnr, ssim: 0.9, seed, holdout }
+        Record { name, seconds, bytes: 1000, gaussians: 10, psnr, ssim: 0.9, seed, holdout, base_psnr: None }
     }
 
     fn read(text: &str) -> Result<Vec<Record>> {
@@ -366,8 +375,11 @@ mod tests {
             ssim: 0.8,
             seed: 3,
             holdout: "sector".into(),
+            base_psnr: None,
         };
-        assert_eq!(read(&format!("{LINE}\n\n{LINE}\r\n")).unwrap(), [expected.clone(), expected]);
+        let with_base = LINE.replace("\"note\":1", "\"base_psnr\":24.5");
+        let of_base = Record { base_psnr: Some(24.5), ..expected.clone() };
+        assert_eq!(read(&format!("{LINE}\n\n{with_base}\r\n")).unwrap(), [expected, of_base]);
         assert_eq!(read("").unwrap(), []);
         for (from, to, word) in [
             ("\"psnr\":25.5,", "", "psnr"),
@@ -404,7 +416,11 @@ mod tests {
             means,
             [(range(11.0, 10.0, 12.0), range(29.0, 28.0, 30.0)), (range(23.0, 20.0, 26.0), range(32.0, 31.0, 33.0))]
         );
-        assert_eq!(curves[0].last(|r| r.psnr), Some(range(35.5, 31.0, 40.0)));
+        assert_eq!(curves[0].last(|r| Some(r.psnr)), Some(range(35.5, 31.0, 40.0)));
+        assert_eq!(curves[0].last(|r| r.base_psnr), None);
+        // One measurement is no line, nor are several at one cost.
+        let lines = |k: usize| Cost::ALL.map(|cost| curves[k].goes_over(cost));
+        assert_eq!([lines(0), lines(1)], [[true, false, false], [false; 3]]);
         assert!(super::curves(&records, "sector").is_empty());
         assert_eq!(holdouts(&records), ["every"]);
     }

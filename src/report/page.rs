@@ -122,9 +122,17 @@ const SCRIPT: &str = "document.querySelectorAll('th:not(.picture)').forEach((hea
     .forEach(row=>body.append(row))});";
 
 pub(super) fn cells(quality: &Quality) -> String {
-    // An infinite one sorts as a number too.
-    let psnr = if quality.psnr.is_finite() { format!("{:.2}", quality.psnr) } else { "Infinity".into() };
-    format!("<td>{psnr}</td><td>{:.4}</td>", quality.ssim)
+    format!("<td>{}</td><td>{:.4}</td>", decibels(quality.psnr), quality.ssim)
+}
+
+/// An infinite one sorts as a number too.
+pub(super) fn decibels(psnr: f64) -> String {
+    if psnr.is_finite() { format!("{psnr:.2}") } else { "Infinity".into() }
+}
+
+/// A table that scrolls where the window is narrower.
+pub(super) fn scrolling(class: &str, content: &str) -> String {
+    format!("<div class=\"scroll\"><table class=\"{class}\">{content}</table></div>\n")
 }
 
 /// A picture as a `data:` address for a page: PNG up to 256 pixels a side; larger ones are reduced to 400, and JPEG.

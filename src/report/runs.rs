@@ -4,7 +4,10 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::{page::escape, spending};
+use super::{
+    page::{escape, scrolling},
+    spending,
+};
 use crate::pipelines::spend::Spending;
 
 /// Mean device time of a stage over steps all through a run.
@@ -50,39 +53,35 @@ pub struct Run {
     pub device_megabytes: Option<f64>,
 }
 
-/// As a page shows them: plans, and what all took, side by side. Empty without runs.
-pub fn html(runs: &[Run]) -> String {
-    let mut out: String = runs.iter().filter_map(|run| Some(spending::html(&run.name, run.plan.as_ref()?))).collect();
+/// The head and the content of what a page has of a run's plan, where there is one.
+pub fn plan_html(run: &Run) -> Option<(String, String)> {
+    Some((format!("Plan of {}", escape(&run.name)), spending::html(run.plan.as_ref()?)))
+}
+
+/// What all took, side by side, as a page shows it; the stages of a step are folded in. `None` without runs.
+pub fn html(runs: &[Run]) -> Option<String> {
     if runs.is_empty() {
-        return out;
+        return None;
     }
-    out += "<h2>Time and memory</h2>\n<table class=\"took\"><thead><tr><th></th>";
-    runs.iter().for_each(|run| out += &format!("<th>{}</th>", escape(&run.name)));
-    out += "</tr></thead>\n<tbody>";
-    let mut row = |what: &str, decimals: usize, value: &dyn Fn(&Run) -> Option<f64>| {
-        let values = runs.iter().map(value).collect::<Vec<_>>();
-        if values.iter().all(Option::is_none) {
-            return;
-        }
-        let _ = write!(out, "<tr><td>{}</td>", escape(what));
-        for value in values {
-            let _ = write!(out, "<td>{}</td>", value.map_or_else(String::new, |value| format!("{value:.decimals$}")));
-        }
-        out += "</tr>\n";
-    };
     let mut phases: Vec<&str> = Vec::new();
     for (phase, _) in runs.iter().flat_map(|run| &run.phases) {
         if !phases.contains(&phase.as_str()) {
             phases.push(phase);
         }
     }
+    let mut rows = String::new();
     for phase in phases {
         let seconds = |run: &Run| run.phases.iter().find(|(name, _)| name == phase).map(|(_, seconds)| *seconds);
-        row(&format!("{phase} [s]"), 1, &seconds);
+        rows += &row(runs, &format!("{phase} [s]"), 1, seconds);
     }
-    row("held on the device at most [MB]", 1, &|run| run.device_megabytes);
+    rows += &row(runs, "held on the device at most [MB]", 1, |run| run.device_megabytes);
     let all = |run: &Run| run.stages.iter().map(|stage| stage.milliseconds_per_step).sum::<f64>();
-    row("a step on the device [ms]", 3, &|run| Some(all(run)).filter(|all| *all > 0.0));
+    rows += &row(runs, "a step on the device [ms]", 3, |run| Some(all(run)).filter(|all| *all > 0.0));
+    let names: String = runs.iter().map(|run| format!("<th>{}</th>", escape(&run.name))).collect();
+    let table = |class: &str, rows: &str| {
+        scrolling(class, &format!("<thead><tr><th></th>{names}</tr></thead>\n<tbody>{rows}</tbody>"))
+    };
+    let mut out = table("took", &rows);
     // The stage that takes most in all of them comes first.
     let mut stages: Vec<(&str, f64)> = Vec::new();
     for stage in runs.iter().flat_map(|run| &run.stages) {
@@ -92,11 +91,24 @@ pub fn html(runs: &[Run]) -> String {
         }
     }
     stages.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (name, _) in stages {
-        let time = |run: &Run| run.stages.iter().find(|stage| stage.name == name).map(|s| s.milliseconds_per_step);
-        row(name, 3, &time);
+    if !stages.is_empty() {
+        let time = |run: &Run, name: &str| run.stages.iter().find(|s| s.name == name).map(|s| s.milliseconds_per_step);
+        let rows: String = stages.iter().map(|(name, _)| row(runs, name, 3, |run| time(run, name))).collect();
+        let stages = table("stages", &rows);
+        let _ = writeln!(out, "<details><summary>the stages of a step [ms]</summary>\n{stages}</details>");
     }
-    out + "</tbody></table>\n"
+    Some(out)
+}
+
+/// A value of each run; nothing where none has one.
+fn row(runs: &[Run], what: &str, decimals: usize, value: impl Fn(&Run) -> Option<f64>) -> String {
+    let values: Vec<Option<f64>> = runs.iter().map(value).collect();
+    if values.iter().all(Option::is_none) {
+        return String::new();
+    }
+    let shown = |value: &Option<f64>| value.map_or_else(String::new, |value| format!("{value:.decimals$}"));
+    let cells: String = values.iter().map(|value| format!("<td>{}</td>", shown(value))).collect();
+    format!("<tr><td>{}</td>{cells}</tr>\n", escape(what))
 }
 
 #[cfg(test)]
@@ -116,13 +128,14 @@ mod tests {
             run("more & more", "a<b", &[("emit", 1.0), ("blend", 3.0)], Some(12.34)),
             run("other", "joint phase", &[("sort", 0.5)], None),
         ];
-        let page = html(&runs);
+        let page = html(&runs).unwrap();
         let rows = [
             "<th>more &amp; more</th><th>other</th>",
             "<td>a&lt;b [s]</td><td>3.2</td><td></td>",
             "<td>joint phase [s]</td><td></td><td>3.2</td>",
             "<td>held on the device at most [MB]</td><td>12.3</td><td></td>",
             "<td>a step on the device [ms]</td><td>4.000</td><td>0.500</td>",
+            "<details>",
             "<td>blend</td><td>3.000</td><td></td>",
             "<td>emit</td><td>1.000</td><td></td>",
             "<td>sort</td><td></td><td>0.500</td>",
@@ -130,7 +143,8 @@ mod tests {
         let found: Vec<_> = rows.iter().map(|row| page.find(row)).collect();
         assert!(found.iter().all(Option::is_some) && found.is_sorted(), "{found:?} in {page}");
         // A device without timestamps, and nothing told.
-        assert!(!html(&[Run { stages: Vec::new(), ..runs[0].clone() }]).contains("a step"));
-        assert_eq!(html(&[]), "");
+        let untimed = html(&[Run { stages: Vec::new(), ..runs[0].clone() }]).unwrap();
+        assert!(!untimed.contains("a step") && !untimed.contains("details"), "{untimed}");
+        assert_eq!((html(&[]), plan_html(&runs[0])), (None, None));
     }
 }

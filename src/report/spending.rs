@@ -83,10 +83,9 @@ pub fn text(plan: &Spending) -> String {
     format!("plan: {does}\n{}\n{left_out}\n{gains}\n", table(plan))
 }
 
-/// As a page shows it, under the name of what was made.
-pub fn html(name: &str, plan: &Spending) -> String {
-    let mut out =
-        format!("<h2>Plan of {}</h2>\n<pre class=\"plan\">{}</pre>\n", escape(name), escape(&table(plan).to_string()));
+/// As a page shows it.
+pub fn html(plan: &Spending) -> String {
+    let mut out = format!("<pre class=\"plan\">{}</pre>\n", escape(&table(plan).to_string()));
     for sentence in sentences(plan) {
         let _ = writeln!(out, "<p>{}</p>", escape(&sentence));
     }
@@ -144,6 +143,6 @@ mod tests {
         }
         let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, ..plan.clone() };
         assert!(text(&none).contains("none is, and the scene stays as it is") && !text(&none).contains("training on,"));
-        assert!(html("a<b", &plan).contains("<h2>Plan of a&lt;b</h2>"));
+        assert!(html(&plan).contains("the same without lobes") && html(&plan).contains("<p>left out of 120"));
     }
 }

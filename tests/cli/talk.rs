@@ -165,10 +165,10 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     fs::write(work.path("plan.json"), report.to_string()).unwrap();
     work.ok("report data base=base.ply more=a.ply -o page --run base.json --run plan.json");
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();
-    assert!(page.contains("<h2>Plan of a.ply</h2>") && page.contains("Gaussians with lobes"));
+    assert!(page.contains("<h2>Plan of more</h2>") && page.contains("Gaussians with lobes"));
     // What both took; the joint phase is some of a run's seconds.
     for part in [
-        "<th>base.ply</th><th>a.ply</th>",
+        "<th>base</th><th>more</th>",
         "<td>training [s]",
         "<td>joint phase [s]",
         "held on the device",

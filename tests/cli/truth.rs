@@ -49,9 +49,24 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
     assert!(table.contains("diffuse PSNR [dB]") && table.contains("specular PSNR [dB]"), "{table}");
     assert!(work.json("eval more.ply shiny --json").get("decomposition").is_none());
 
+    // On a page the true parts of both views stand beside those of both scenes, with the numbers of eval.
+    work.ok("report shiny few=few.ply more=more.ply -o page");
+    let html = fs::read_to_string(work.path("page/index.html")).unwrap();
+    let count = |part: &str| html.matches(part).count();
+    let numbers: Value = serde_json::from_slice(&fs::read(work.path("page/report.json")).unwrap()).unwrap();
+    for (scene, expected) in numbers["scenes"].as_array().unwrap().iter().zip([few, more]) {
+        let found = [scene, &scene["views"][0]].map(|of| of["decomposition"]["specular"].as_f64().unwrap());
+        assert!((found[0] - expected[1]).abs() < 1e-9 && found[1].is_finite(), "{found:?} {expected:?}");
+        assert!(count(&format!("<td>{:.2}</td><td>{:.2}</td></tr>", expected[0], expected[1])) == 1, "{html}");
+    }
+    assert_eq!([count("true diffuse of"), count("true specular of"), count("few: diffuse of")], [2; 3], "{html}");
+    assert_eq!((count("over few [dB]"), count("× 4</th>")), (1, 2), "{html}");
+
     // A part that is missing or of another size is named.
     write_png_rgb(work.path("shiny/specular/view_08.png"), 5, 5, &[0.0; 75]).unwrap();
-    work.refused("eval more.ply shiny --decomposition", &["specular/view_08.png", "5 × 5", "24 × 24"]);
+    for command in ["eval more.ply shiny --decomposition", "report shiny few=few.ply -o page --force"] {
+        work.refused(command, &["specular/view_08.png", "5 × 5", "24 × 24"]);
+    }
     fs::remove_file(work.path("shiny/specular/view_08.png")).unwrap();
     work.refused("eval more.ply shiny --decomposition", &["view_08", "no true specular part"]);
     work.refused("eval more.ply data --decomposition", &["a.png", "no true diffuse part"]);
@@ -75,6 +90,8 @@ fn scenes_are_shown_beside_each_other() {
     };
     let history = line("base", 0, 1.0, 20.0, "every")
         + &line("base", 1, 3.0, 22.0, "every")
+        + &line("base", 0, 2.0, 21.0, "every")
+        + &line("base", 1, 6.0, 23.0, "every")
         + &line("base", 0, 1.0, 19.0, "sector");
     fs::write(work.path("runs.jsonl"), history).unwrap();
     let report = "report data base=base.ply more=augmented.ply -o shown --split all";
@@ -85,8 +102,9 @@ fn scenes_are_shown_beside_each_other() {
     let count = |part: &str| html.matches(part).count();
     // Nine views: a photograph and two renders of each, an error of either scene, the parts of the augmented one.
     assert_eq!((count("<section"), count("class=\"shot"), count("class=\"part")), (9, 27, 36));
-    assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (12, 1, 1));
-    assert!(!html.contains("://") && html.contains("<td>21.00 (20.00 to 22.00)</td>"));
+    // Over seconds, of the hold-out in which runs go on.
+    assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
+    assert!(!html.contains("://") && html.contains("<td>22.00 (21.00 to 23.00)</td>"));
     // Its numbers are those of eval.
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("shown/report.json")).unwrap()).unwrap();
     let found = work.json("eval augmented.ply data --split all --json");
