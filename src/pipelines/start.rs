@@ -25,8 +25,9 @@ pub const MAX_RANDOM_POINTS: usize = 100_000;
 /// than one, at a fourth of the speed; in runs of 20 s they lose 0.7 dB to one for each pixel.
 pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
-/// A run whose number grows begins with one in so many of these: the rest comes to where errors are (fox at 128 pixels, 2,000 steps: 32.52 dB
-/// with a quarter of them at the start and 31.52 with all).
+/// A run whose number grows begins with one in so many of these: the rest comes to where errors are. Of fox at 128 pixels, which has none of
+/// its own, 9,216 points come to 36,864 Gaussians and 32.52 dB in 2,000 steps, as many points make 31.52 in 1.5 times the time; to 24,768 in
+/// 500 steps 30.40 dB beside 29.49, and in 2,000 steps 32.60 beside 32.63 (two seeds).
 pub const RANDOM_NTH: usize = 4;
 
 /// Cameras of `photos`, and their photographs as targets, with smaller ones beside them whose sides are halved up to `halvings` times; a pixel that does not count has alpha 0. Photographs are decoded a
