@@ -103,6 +103,8 @@ struct Made {
     steps: u32,
     /// From the first step of its base on.
     seconds: f64,
+    /// It goes on from the base.
+    from_base: bool,
     told: Run,
 }
 
@@ -245,7 +247,7 @@ impl Args {
         let trained = train_base(session, &model, views, &options, true, |done| bar.set(done.into()))?;
         let seconds = started.elapsed().as_secs_f64();
         let told = trained_run(session, what, seconds, &trained.steps);
-        Ok(Made { what, scene: model.download()?, steps: iterations, seconds, told })
+        Ok(Made { what, scene: model.download()?, steps: iterations, seconds, from_base: false, told })
     }
 
     /// Trains the base on as a joint phase does, with nothing added.
@@ -259,7 +261,8 @@ impl Args {
         let trained = trainer.run(&model, views, true, |done| bar.set(done.into()))?;
         let seconds = started.elapsed().as_secs_f64();
         let told = trained_run(session, what, seconds, &trained.steps);
-        Ok(Made { what, scene: model.download()?, steps: base.steps + steps, seconds: base.seconds + seconds, told })
+        let (steps, seconds) = (base.steps + steps, base.seconds + seconds);
+        Ok(Made { what, scene: model.download()?, steps, seconds, from_base: true, told })
     }
 
     fn augment(
@@ -290,7 +293,7 @@ impl Args {
             device_megabytes: Some(most_megabytes(session)),
         };
         let steps = base.steps + options.join.steps_per_view * views.cameras.len() as u32;
-        Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, told }, enhanced))
+        Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, from_base: true, told }, enhanced))
     }
 
     /// The page that compares all that was made.
@@ -304,16 +307,21 @@ impl Args {
     ) -> Result<()> {
         let shown =
             made.each_ref().map(|Made { what, scene, .. }| Shown { name: what, scene, bytes: scene_bytes(scene) });
-        let records = rows.iter().zip(&shown).map(|(row, shown)| Record {
-            name: row.what.into(),
+        let record = |what: &str, row: &Row, bytes| Record {
+            name: what.into(),
             seconds: row.seconds,
-            bytes: shown.bytes,
+            bytes,
             gaussians: (row.gaussians + row.supplementary) as u64,
             psnr: row.psnr,
             ssim: row.ssim,
             seed: self.seed.into(),
             holdout: Holdout::default().to_string(),
             base_psnr: Some(rows[0].psnr),
+        };
+        let records = rows.iter().zip(&made[..]).zip(&shown).flat_map(|((row, made), of)| {
+            // What goes on from the base has it for its first point.
+            let first = made.from_base.then(|| record(row.what, &rows[0], shown[0].bytes));
+            first.into_iter().chain([record(row.what, row, of.bytes)])
         });
         let told = made.each_ref().map(|made| made.told.clone());
         compare(context, &shown, test, RenderOptions::default(), background)?.write(
@@ -469,6 +477,9 @@ mod tests {
         let found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert!([BASE, AUGMENTED, PAGE, NUMBERS].iter().all(|name| found.iter().any(|file| file == name)), "{found:?}");
         assert_eq!(found.len(), 4 + views);
+        // What goes on from the base does so over seconds, bytes and Gaussians: three plots of PSNR and three of SSIM.
+        let page = std::fs::read_to_string(output.join(PAGE)).unwrap();
+        assert_eq!(page.matches("<svg").count(), 6);
         // What is there is not written over unasked.
         assert!(line.args.run_for(&length).is_err());
     }
