@@ -21,6 +21,8 @@ const GROWTH: usize = 4;
 const PIXELS_EACH: [u64; 2] = [16, 256];
 /// And no more than have room in this part of the memory, with what is by intersection.
 const MEMORY_PART: f64 = 0.75;
+/// Bytes of a photo's pixel, which is one word, and a half more for smaller ones beside it.
+const PIXEL_BYTES: f64 = 6.0;
 /// Bytes of a Gaussian beside what it learns: 52 of its splat and 40 of each of some six intersections (`tests/model.rs` holds these), scores.
 const WORKING_BYTES: u64 = 320;
 
@@ -41,8 +43,7 @@ impl First {
     /// No more than there is room for on a device, where nobody asked for so many: a Gaussian that learns takes so many bytes, photos of so
     /// many pixels are there, too.
     pub(super) fn fit(&mut self, context: &Context, bytes: u64, pixels: u64) -> Option<String> {
-        let room = MEMORY_PART * context.memory_at_most() as f64 - 6.0 * pixels as f64;
-        let fit = (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize;
+        let fit = fit(context.memory_at_most(), bytes, pixels);
         let (first, most) = (self.gaussians.len(), self.most);
         if !self.chosen || fit >= most || most <= first {
             return None;
@@ -50,6 +51,12 @@ impl First {
         self.most = fit.max(first);
         Some(format!("at most {} Gaussians, as many as find room in the device's memory", self.most))
     }
+}
+
+/// Gaussians that find room in so much memory, each with so many bytes of what it learns, beside photos of so many pixels.
+fn fit(memory: u64, bytes: u64, pixels: u64) -> usize {
+    let room = MEMORY_PART * memory as f64 - PIXEL_BYTES * pixels as f64;
+    (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize
 }
 
 /// Gaussians of a run that begins with so many points and whose training photos have so many pixels.
@@ -146,6 +153,15 @@ impl Args {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scene_may_grow_as_far_as_memory_goes() {
+        // 680 learned bytes each: three quarters of 4 GB hold as many thousands as there are megabytes of room.
+        assert_eq!(fit(4_000_000_000, 680, 0), 3_000_000);
+        assert_eq!(fit(4_000_000_000, 680, 100_000_000), 2_400_000);
+        // Where photos take all, none.
+        assert_eq!([fit(4_000_000_000, 680, 1 << 40), fit(0, 680, 0)], [0; 2]);
+    }
 
     #[test]
     fn a_scene_may_grow_by_its_points_and_pixels() {
