@@ -9,8 +9,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, Reached, SceneArgs, WatchArgs,
-    Watched, calibrate, counted,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
+    calibrate, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, MOST, duration},
     interrupt::Interrupt,
@@ -278,7 +278,7 @@ struct Report<'a> {
     supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     plain_gaussians: u32,
-    /// Of both in the file.
+    /// Of both in the file: 0 where they were discarded.
     bytes_added: u64,
     /// Of the whole file, with what the base became where that is kept beside it.
     file_bytes: u64,
@@ -286,7 +286,7 @@ struct Report<'a> {
     plan: Option<&'a Spending>,
     /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
     faded_gaussians: u32,
-    /// The file's `vertex` is the base as it was given: what it became is worse without the supplement.
+    /// What the base became is worse without the supplement, so `vertex` is the base as it was given.
     original_kept: bool,
     seconds: Seconds,
     /// The most that the device held.
@@ -298,7 +298,8 @@ struct Report<'a> {
     joint_loss_last: Option<f64>,
     /// What was placed, each time.
     placements: Vec<Placement>,
-    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was.
+    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was, and all else that is
+    /// told of Gaussians and gains is of what was made.
     discarded: bool,
     /// On the test views; null where there are none.
     gain: Option<Gain>,
@@ -310,7 +311,8 @@ struct Placement {
     plain: u32,
 }
 
-/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: what seeds move it by.
+/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: less than any seed moves it by
+/// (docs/results.md), so that what is only chance is kept.
 const WORSE_DB: f64 = 0.02;
 
 /// What the test views, which nothing was learned from, say of an augmentation.
@@ -500,7 +502,7 @@ impl Args {
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
-                bytes_added: allowance.taken(plain, found.lifted),
+                bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) },
                 file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
                 plan: found.spending.as_ref(),
                 faded_gaussians: found.faded,
@@ -678,9 +680,6 @@ pub(super) struct Beside<'a> {
     pub(super) silent: bool,
 }
 
-/// What the joint phase is called while it goes on.
-const JOINING: &str = "joining";
-
 /// Augments with a bar for each phase. `look_at` sees the model at each event.
 pub(super) fn run_with_progress(
     session: &Session,
@@ -732,11 +731,11 @@ pub(super) fn run_with_progress(
                 let (done, total) = screen_steps(&options.schedule, *batch, *batches, progress);
                 Some(("refining", done, total))
             }
-            Event::Join { step, steps } => Some((JOINING, u64::from(*step), u64::from(*steps))),
+            Event::Join { step, steps } => Some(("joining", u64::from(*step), u64::from(*steps))),
             _ => None,
         };
-        if let Some((phase, step, steps)) = told_of {
-            look_at(enhancer.model(), Reached { phase, step, steps });
+        if let Some((label, done, total)) = told_of {
+            look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
         }
         match event {
             // The next event brings a bar of its own.
@@ -812,7 +811,7 @@ pub(super) fn run_with_progress(
                     }
                 }
                 let lately = enhancer.lately(step, views);
-                show(JOINING, step.into(), steps.into(), Some(learned(lately, None, &session.context)));
+                show("joining", step.into(), steps.into(), Some(learned(lately, None, &session.context)));
                 if let (0, None, Some((work, every))) = (step, &kept, work) {
                     let (path, settings) = match options.method {
                         Method::Pursuit => work.joint_without_lifts(),

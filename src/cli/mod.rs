@@ -30,7 +30,7 @@ mod verify;
 mod view;
 
 use std::{
-    fmt::{self, Display},
+    fmt::{Arguments, Display},
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -267,25 +267,8 @@ fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
     }
 }
 
-/// How far a run has come.
-#[derive(Debug, Clone, Copy)]
-struct Reached {
-    /// Empty where it has one phase only.
-    phase: &'static str,
-    step: u64,
-    steps: u64,
-}
-
-impl Display for Reached {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Reached { phase, step, steps } = self;
-        let comma = if phase.is_empty() { "" } else { ", " };
-        write!(f, "{phase}{comma}step {step} of {steps}")
-    }
-}
-
 /// What a run calls between its steps: with its model, and how it gets on.
-type Look<'a> = dyn FnMut(&Model, Reached) + 'a;
+type Look<'a> = dyn FnMut(&Model, Arguments<'_>) + 'a;
 
 /// Whether a run is looked at.
 #[derive(Debug, Args)]

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, Reached, SceneArgs, WatchArgs, Watched, counted,
+    DeviceArgs, DrawArgs, Failure, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::{Deadline, FIRST, MOST, Plan, duration},
     history::{History, Moment},
@@ -311,7 +311,9 @@ impl Args {
             let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
             let packed = self.learn.precision == super::Precision::Half;
             let bytes = learning_bytes(sh_degree, packed, control.strategy.is_newton());
-            first.fit(context, bytes, pixels).into_iter().for_each(note);
+            if self.gaussians.is_none() {
+                first.fit(context, bytes, pixels).into_iter().for_each(note);
+            }
             let density = |iterations| self.density([count, first.most], iterations);
             let control = density(iterations);
             let most = control.limit.max(count as u32);
@@ -411,7 +413,7 @@ impl Args {
                     if let Some(done) = trainer.advance(&model, &views)? {
                         at = at.after(done);
                         let (taken, all) = (at.taken, at.taken + at.total.saturating_sub(at.done));
-                        look_at(&model, Reached { phase: "", step: taken.into(), steps: all.into() });
+                        look_at(&model, format_args!("step {taken} of {all}"));
                         training.set_of(taken.into(), all.into());
                         let small = match halvings_at(options(at.total).part(done), halvings) {
                             0 => String::new(),

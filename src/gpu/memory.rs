@@ -195,8 +195,8 @@ pub struct RawBuffer {
     allocation: Option<Allocation>,
     /// Of the memory that the budget is about.
     counts: bool,
-    /// In whose memory it lies, where it has none of its own.
-    over: Option<Arc<RawBuffer>>,
+    /// In whose memory it lies and from which byte on, where it has none of its own.
+    over: Option<(Arc<RawBuffer>, u64)>,
     context: Context,
     _share: Share,
 }
@@ -230,7 +230,7 @@ impl RawBuffer {
 
     /// Stands for its memory: one for all that lie in the same.
     pub(super) fn memory(&self) -> vk::Buffer {
-        self.over.as_ref().map_or(self.handle, |over| over.handle)
+        self.over.as_ref().map_or(self.handle, |(over, _)| over.handle)
     }
 
     /// Its name, for debuggers.
@@ -323,8 +323,13 @@ impl<T: Pod> Buffer<T> {
     ) -> Result<Self, GpuError> {
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let within = first.checked_add(bytes).is_some_and(|end| end <= parent.raw.bytes);
+        // Where `parent` itself lies in another's.
+        let (root, first) = match &parent.raw.over {
+            Some((root, begin)) => (root, begin + first),
+            None => (&parent.raw, first),
+        };
         // Memory that Vulkan was told is of one buffer has no room for another.
-        let Some(allocation) = parent.raw.allocation.as_ref().filter(|a| within && !a.is_dedicated()) else {
+        let Some(allocation) = root.allocation.as_ref().filter(|a| within && !a.is_dedicated()) else {
             return Self::new(context, name, len, Location::Device);
         };
         let device = &context.0.device;
@@ -335,23 +340,23 @@ impl<T: Pod> Buffer<T> {
             name: name.into(),
             allocation: None,
             counts: false,
-            over: Some(parent.raw.clone()),
+            over: Some((root.clone(), first)),
             context: context.clone(),
             _share: Share::take(context, name, 0, Location::Device)?,
         };
         // SAFETY: the handle was made above, and is destroyed when `raw` is dropped.
         let needs = unsafe { device.get_buffer_memory_requirements(raw.handle) };
         // SAFETY: as above.
-        let parents = unsafe { device.get_buffer_memory_requirements(parent.raw.handle) };
+        let roots = unsafe { device.get_buffer_memory_requirements(root.handle) };
         let offset = allocation.offset() + first;
         // Whatever the device asks, which no device at hand does.
         if !offset.is_multiple_of(needs.alignment)
-            || first + needs.size > parents.size
-            || parents.memory_type_bits & !needs.memory_type_bits != 0
+            || first + needs.size > roots.size
+            || roots.memory_type_bits & !needs.memory_type_bits != 0
         {
             return Self::new(context, name, len, Location::Device);
         }
-        // SAFETY: both are live, and the memory as long as `raw` holds `parent`; offset, size and type of the memory were asked above.
+        // SAFETY: both are live, and the memory as long as `raw` holds `root`; offset, size and type of the memory were asked above.
         unsafe { device.bind_buffer_memory(raw.handle, allocation.memory(), offset) }.check("vkBindBufferMemory")?;
         raw.label();
         Ok(Buffer { raw: Arc::new(raw), len, element: PhantomData })

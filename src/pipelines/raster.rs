@@ -3,24 +3,24 @@
 //! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase), which fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
+mod memory;
+
 use std::mem;
 
+pub(super) use memory::LIST_BYTES;
+use memory::{DEPTH_BITS, DepthSorting, GaussianRecords, Isects, RasterParts, Sorting};
+pub use memory::{RasterBuffers, RasterOptions, Records};
+
 use super::{
-    plan::{Held, Plan, buffers},
-    session::Policy,
+    plan::{Held, Plan},
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Recorder, Unused},
     stages::{
-        WORKGROUP, blend, blend_backward, blend_backward_atomic,
-        blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
-        constants::{slots::SLOTS_PER_BLOCK, status::NO_RESOURCE},
-        dispatch_args, emit,
-        status::Resource,
-        tile_ranges,
-        types::{Frame, Splat},
+        WORKGROUP, blend, blend_backward, blend_backward_atomic, blocks::items_per_group,
+        constants::status::NO_RESOURCE, dispatch_args, emit, status::Resource, tile_ranges, types::Frame,
     },
 };
 
@@ -117,80 +117,6 @@ impl Grid {
     }
 }
 
-/// What a [`Raster`] must hold and do.
-#[derive(Debug, Clone, Copy)]
-pub struct RasterOptions {
-    /// Splats that a projection stage fills.
-    pub splats: u32,
-    /// Pixels of all frames of the largest batch.
-    pub pixels: u32,
-    /// Tiles of the largest grid.
-    pub tiles: u32,
-    /// Intersections to begin with; [`Raster::grow`] makes room for more.
-    pub isects: u32,
-    /// Splats belong to many frames, `splat_frames` says to which.
-    pub batch: bool,
-    /// The background is an image, `backdrop`.
-    pub background_image: bool,
-    /// Also find the Gaussian of median depth of each pixel.
-    pub median: bool,
-    /// What lies behind `scene_depths` is not seen.
-    pub occluded: bool,
-    /// Gradients will be asked for.
-    pub backward: bool,
-    /// And sums by blend weight, see [`Raster::record_scores`].
-    pub scores: bool,
-    /// Which variants run; of it, the reduction, whether records are packed, and the tile.
-    pub policy: Policy,
-}
-
-impl RasterOptions {
-    /// Bits of a tile's number.
-    fn tile_bits(&self) -> u32 {
-        self.tiles.saturating_sub(1).checked_ilog2().map_or(1, |b| b + 1)
-    }
-
-    fn only_if(&self, what: bool, elements: u32) -> u32 {
-        if what { elements } else { 1 }
-    }
-
-    /// Gradient records of intersections are packed: of all but batches, whose reader knows them as floats only.
-    fn packed(&self) -> bool {
-        self.policy.packed && !self.batch
-    }
-
-    /// Elements of each buffer of gradient records by intersection.
-    fn records(&self, packed: bool) -> u32 {
-        self.only_if(self.backward && self.packed() == packed, self.room())
-    }
-
-    /// Intersections of which a device binds a list with so many bytes for each.
-    pub(super) fn most_isects(device: &DeviceInfo, bytes: u64) -> u32 {
-        let whole = |isects: u64| isects / u64::from(LIST_ALIGNMENT) * u64::from(LIST_ALIGNMENT);
-        whole((device.max_storage_bytes / bytes).min(u32::MAX.into())) as u32
-    }
-
-    /// Elements of lists by intersection: as many as there are, and as splats, which are sorted in the same memory before; rounded up so
-    /// that lists that share memory begin where a device lets buffers begin.
-    fn room(&self) -> u32 {
-        aligned(self.isects.max(self.splats))
-    }
-
-    /// Elements of what is by splat and serves something else between frames of a raster that learns.
-    fn splat_room(&self) -> u32 {
-        if self.backward { aligned(self.splats) } else { self.splats }
-    }
-
-    /// Bytes of the widest of an intersection's gradient records.
-    fn record_bytes(&self) -> u64 {
-        if self.packed() { 16 } else { 12 }
-    }
-}
-
-fn aligned(elements: u32) -> u32 {
-    elements.checked_next_multiple_of(LIST_ALIGNMENT).unwrap_or(elements)
-}
-
 /// Words of `count`.
 const SPLATS: u32 = 0;
 pub(crate) const VISIBLE: u32 = 1;
@@ -200,184 +126,6 @@ const ISECTS_SORTED: u32 = 3;
 const VISIBLE_BLOCKS: u32 = 0;
 const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
-/// Bits of a depth key.
-const DEPTH_BITS: u32 = 32;
-/// Bytes of an intersection in a list that is sorted.
-pub(super) const LIST_BYTES: u64 = 4;
-/// Words: 256 bytes, where every driver at hand lets a buffer begin in memory. Else [`Buffer::over`] takes memory of its own.
-const LIST_ALIGNMENT: u32 = 64;
-
-buffers! {
-    /// What is by splat, by pixel and by tile.
-    pub struct RasterBuffers(o: RasterOptions) {
-        /// By Gaussian index, where `tile_counts` is not 0.
-        pub splats: Splat = o.splat_room(),
-        /// sRGB, ≥ 0.
-        pub splat_colours: [f32; 3] = o.splat_room(),
-        /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view.
-        pub depth_keys: u32 = o.splats,
-        /// Tiles that a splat touches.
-        pub tile_counts: u32 = o.splats,
-        /// By Gaussian index: where its intersection slots, and with them its gradient records, begin. Valid where `tile_counts` is not 0.
-        pub first_slot: u32 = o.only_if(o.backward, o.splats),
-        /// RGB with the background, and transmittance.
-        pub image: [f32; 4] = o.pixels,
-        /// ∂loss/∂RGB by pixel, interleaved.
-        pub image_grad: f32 = 3 * u64::from(o.only_if(o.backward, o.pixels)),
-        /// RGB and transmittance of what lies behind all splats.
-        pub backdrop: [f32; 4] = o.only_if(o.background_image, o.pixels),
-        /// Gaussian index of each pixel's median; NONE: none.
-        pub median_ids: u32 = o.only_if(o.median, o.pixels),
-        /// By pixel, as a depth buffer has them.
-        pub scene_depths: f32 = o.only_if(o.occluded, o.pixels),
-        pub(crate) tile_ranges: [u32; 2] = o.tiles,
-        pub(crate) count: u32 = 4,
-        args: u32 = 9,
-        global_from_rank: u32 = o.only_if(o.backward, o.splats),
-        block_sums: u32 = block_sums_len(o.splats),
-        depth_block_counts: u32 = block_counts_len(o.splats, DEPTH_BITS),
-        digit_totals: u32 = DIGIT_TOTALS,
-    }
-}
-
-buffers! {
-    /// What is by intersection, while the view is blended and after. In `isect_slots` sorting ends; where gradients are asked for it sorts
-    /// slots, as records lie by slot, and `rank_blocks` says whose they are; else Gaussian indices.
-    struct Isects(o: RasterOptions) {
-        isect_slots: u32 = o.room(),
-        rank_blocks: [u32; 2] = o.only_if(o.backward, o.isects.div_ceil(SLOTS_PER_BLOCK)),
-        isect_block_counts: u32 = block_counts_len(o.isects, o.tile_bits()),
-    }
-}
-
-buffers! {
-    /// What is by intersection until they are sorted. Sorting goes from `isect_tiles` to `isect_keys`, back, and so on.
-    struct Sorting(o: RasterOptions) {
-        isect_tiles: u32 = o.room(),
-        isect_keys: u32 = o.room(),
-        isect_slots_1: u32 = o.room(),
-    }
-}
-
-impl Sorting {
-    /// In the memory of records by intersection, which are written when all is sorted.
-    fn over(context: &Context, options: &RasterOptions, records: &Records) -> Result<Self, GpuError> {
-        let list = |name, place: u64| {
-            let (first, len) = (place * LIST_BYTES * u64::from(options.room()), options.room() as usize);
-            match options.packed() {
-                true => Buffer::over(context, name, &records.record_words, first, len),
-                false => Buffer::over(context, name, &records.record_shapes, first, len),
-            }
-        };
-        Ok(Sorting {
-            isect_tiles: list("isect_tiles", 0)?,
-            isect_keys: list("isect_keys", 1)?,
-            isect_slots_1: list("isect_slots_1", 2)?,
-        })
-    }
-
-    /// Nothing.
-    fn none(unused: &Unused) -> Self {
-        Sorting { isect_tiles: unused.of(), isect_keys: unused.of(), isect_slots_1: unused.of() }
-    }
-}
-
-buffers! {
-    /// Gradient records, by intersection slot. Until the backward pass their memory may be what sorting works in.
-    pub struct Records(o: RasterOptions) {
-        /// Σ g w_u, Σ g w_v, Σ ∂loss/∂opacity.
-        pub record_centres: [f32; 3] = o.records(false),
-        /// Σ g w_u², Σ g w_u w_v, Σ g w_v².
-        pub record_shapes: [f32; 3] = o.records(false),
-        /// ∂loss/∂rgb.
-        pub record_colours: [f32; 3] = o.records(false),
-        /// All of these in four words, where they are packed (`glsl/shared/packed_record.glsl`).
-        pub record_words: [u32; 4] = o.records(true),
-    }
-}
-
-impl Records {
-    /// How many of either kind there are.
-    fn len(&self) -> usize {
-        self.record_centres.len().max(self.record_words.len())
-    }
-}
-
-buffers! {
-    /// Gradient records added up by Gaussian.
-    struct GaussianRecords(o: RasterOptions) {
-        record_centres: [f32; 3] = o.only_if(o.backward, o.splats),
-        record_shapes: [f32; 3] = o.only_if(o.backward, o.splats),
-        record_colours: [f32; 3] = o.only_if(o.backward, o.splats),
-    }
-}
-
-/// What splats are sorted by depth in, and what the lists by intersection are made from.
-struct DepthSorting {
-    keys: [Buffer<u32>; 2],
-    /// Gaussian index by rank; one of both once all are sorted.
-    global_from_rank: [Buffer<u32>; 2],
-    rank_first_slot: Buffer<u32>,
-}
-
-impl DepthSorting {
-    /// In the memory of the lists by intersection. `emit` writes `isect_tiles` and `values`, place 2 or 3, and reads the ranks and their
-    /// first slots, so these lie in the others; gradients need the ranks until the end, so there they have memory of their own.
-    fn over(raster: &RasterParts<'_>) -> Result<Self, GpuError> {
-        let RasterParts { context, options, buffers, isects, sorting, records, last, values } = *raster;
-        let list = |name, place: usize| {
-            let (first, len) = (place as u64 * LIST_BYTES * u64::from(options.room()), options.splats as usize);
-            match (place, records) {
-                (3, _) => Buffer::over(context, name, &isects.isect_slots, 0, len),
-                (_, Some(records)) if options.packed() => {
-                    Buffer::over(context, name, &records.record_words, first, len)
-                }
-                (_, Some(records)) => Buffer::over(context, name, &records.record_shapes, first, len),
-                (0, _) => Buffer::over(context, name, &sorting.isect_tiles, 0, len),
-                (1, _) => Buffer::over(context, name, &sorting.isect_keys, 0, len),
-                _ => Buffer::over(context, name, &sorting.isect_slots_1, 0, len),
-            }
-        };
-        let free = 5 - values;
-        let ranks = match options.backward {
-            true => buffers.global_from_rank.clone(),
-            false => list("global_from_rank", 1)?,
-        };
-        let mut global_from_rank = [ranks, list("global_from_rank_1", values)?];
-        if last == 1 {
-            global_from_rank.swap(0, 1);
-        }
-        Ok(DepthSorting {
-            keys: [list("sorted_keys", 0)?, list("sorted_keys_1", free)?],
-            global_from_rank,
-            // When keys are sorted they are not needed any more.
-            rank_first_slot: list("rank_first_slot", free)?,
-        })
-    }
-
-    /// Nothing.
-    fn none(unused: &Unused) -> Self {
-        let none = || unused.of();
-        DepthSorting { keys: [none(), none()], global_from_rank: [none(), none()], rank_first_slot: none() }
-    }
-}
-
-/// What [`DepthSorting`] lies in.
-#[derive(Clone, Copy)]
-struct RasterParts<'a> {
-    context: &'a Context,
-    options: &'a RasterOptions,
-    buffers: &'a RasterBuffers,
-    isects: &'a Isects,
-    sorting: &'a Sorting,
-    /// In whose memory `sorting` lies, if in any.
-    records: Option<&'a Records>,
-    /// Which of both pairs the depths' sort ends in.
-    last: usize,
-    /// Place of the values that `emit` writes.
-    values: usize,
-}
-
 /// The blend's backward pass: of gradients, and of scores where these are asked for.
 enum Backward {
     /// Records by intersection slot.
@@ -559,14 +307,12 @@ impl Raster {
     }
 
     fn parts(&self) -> RasterParts<'_> {
-        let records = matches!(self.backward, Some(Backward::Deterministic(..))).then_some(&self.records);
         RasterParts {
             context: &self.context,
             options: &self.options,
             buffers: &self.buffers,
             isects: &self.isects,
             sorting: &self.sorting,
-            records,
             last: self.depth_sort.last_pair(),
             values: if self.tile_sort.last_pair() == 0 { 2 } else { 3 },
         }

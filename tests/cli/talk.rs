@@ -212,6 +212,10 @@ fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
     let enhance = "enhance data --base base.ply";
     let report = work.json(&format!("{enhance} -o a.ply --json"));
     let psnr = |what: &str| report["gain"][what]["psnr"].as_f64().unwrap();
+    assert_eq!(
+        (&report["bytes_added"], &report["file_bytes"]),
+        (&0.into(), &fs::metadata(work.path("base.ply")).unwrap().len().into())
+    );
     assert!(report["discarded"] == true && psnr("after") < psnr("before") - 0.02, "{report}");
     assert!(report["placements"].as_array().unwrap().len() == 3 && report["supplementary_gaussians"].is_u64());
     assert!(fs::read(work.path("a.ply")).unwrap() == fs::read(work.path("base.ply")).unwrap());

@@ -31,8 +31,6 @@ pub(super) struct First {
     pub(super) gaussians: Gaussians,
     /// As many as it may come to.
     pub(super) most: usize,
-    /// `most` is nobody's wish.
-    chosen: bool,
     /// Of [`BaseOptions`](super::BaseOptions).
     pub(super) begins: f64,
     /// What the user would not expect of it.
@@ -40,12 +38,12 @@ pub(super) struct First {
 }
 
 impl First {
-    /// No more than there is room for on a device, where nobody asked for so many: a Gaussian that learns takes so many bytes, photos of so
-    /// many pixels are there, too.
+    /// For where nobody asked for so many: no more than there is room for on a device. A Gaussian that learns takes so many bytes, photos of
+    /// so many pixels are there, too.
     pub(super) fn fit(&mut self, context: &Context, bytes: u64, pixels: u64) -> Option<String> {
         let fit = fit(context.memory_at_most(), bytes, pixels);
         let (first, most) = (self.gaussians.len(), self.most);
-        if !self.chosen || fit >= most || most <= first {
+        if fit >= most || most <= first {
             return None;
         }
         self.most = fit.max(first);
@@ -115,7 +113,7 @@ impl Args {
                 let gaussians = base.with_degree(self.degree());
                 // Whoever made them chose their number.
                 let most = limit.unwrap_or(gaussians.len());
-                return Ok(First { most, chosen: false, gaussians, begins: LEARNED, notes });
+                return Ok(First { most, gaussians, begins: LEARNED, notes });
             }
             None => "sparse points",
         };
@@ -146,7 +144,7 @@ impl Args {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = matches!(self.strategy, StrategyArg::Fixed);
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
-        Ok(First { gaussians, most, chosen: limit.is_none(), begins: 0.0, notes: said.into_iter().collect() })
+        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
     }
 }
 

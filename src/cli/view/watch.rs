@@ -4,6 +4,7 @@
 //! the run learns has the same bits with a window and without.
 
 use std::{
+    fmt::Arguments,
     rc::Rc,
     time::{Duration, Instant},
 };
@@ -18,7 +19,7 @@ use winit::{
 };
 
 use super::{
-    super::{Failure, Look, Outcome, Reached, progress::note, tell_end},
+    super::{Failure, Look, Outcome, progress::note, tell_end},
     scenery::Scenery,
     screen::Lender,
     window::{Desk, Open, closes, no_window, open_window},
@@ -96,7 +97,7 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     /// What has happened in the window, and a frame where one is due. Whatever is wrong with the window, the run goes on.
-    fn look(&mut self, model: &Model, progress: Reached) {
+    fn look(&mut self, model: &Model, progress: Arguments<'_>) {
         let Some(shown) = &mut self.shown else { return };
         match shown.look(self.desk, model, progress) {
             Ok(true) => {}
@@ -118,7 +119,7 @@ impl Watch<'_> {
 
 impl Shown {
     /// False once somebody wants it closed.
-    fn look(&mut self, desk: &Desk<'_>, model: &Model, progress: Reached) -> Outcome<bool> {
+    fn look(&mut self, desk: &Desk<'_>, model: &Model, progress: Arguments<'_>) -> Outcome<bool> {
         let began = Instant::now();
         let (waited, _) = self.open.costs();
         let mut pumped = Pumped { open: &mut self.open, desk, model, closed: false, outcome: Ok(()) };
