@@ -648,8 +648,8 @@ fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
     Ok(greatest_opacities(&supplement, views).into_iter().filter(|&opacity| opacity < least.into()).count() as u32)
 }
 
-/// Passes over the photographs of the trial that tells what training on gains. One is too few: the first steps of a base that has settled
-/// disturb it, and what they gain is less than nothing.
+/// Passes over the photographs of the trial that tells what training on gains. One says little of a base that has settled, as its first
+/// steps, at rates that it ended far below, disturb it.
 pub const TRIAL_PASSES: u32 = 3;
 
 /// Name of the number of placements in a checkpoint.
