@@ -10,7 +10,8 @@
 //! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its own;
 //! - `augs+`: its placement, and a joint phase in which everything learns, as the others have it.
 //!
-//! Prints a table, or with `--json` a line of JSON for each row and seed.
+//! Prints a table, or with `--json` a line of JSON for each row and seed: what `glint report --history` reads, and `views`, the PSNR of each
+//! held-out photo by its name, since one that shows what no training photo saw can move the mean from seed to seed.
 
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
@@ -33,10 +34,10 @@ use glint::{
         train::{BaseOptions, train_base},
         views::Views,
     },
-    report::{evaluate::evaluate, metrics::Quality},
+    report::evaluate::{Evaluation, evaluate},
     scene::{Scene, from_points},
 };
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 #[derive(Parser)]
 #[command(name = "ablation", about = "What each way of augmenting a base gains on held-out photographs")]
@@ -181,7 +182,9 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
 
 /// What became of one row and seed.
 struct Found {
-    quality: Quality,
+    /// Means over the held-out photos: dB, and −1 to 1.
+    psnr: f64,
+    ssim: f64,
     lobes: u32,
     plain: u32,
     /// Seconds until the joint phase, and of everything.
@@ -189,9 +192,14 @@ struct Found {
     seconds: f64,
 }
 
-fn quality(session: &Session, scene: &Scene, photos: &[&Photo]) -> Result<Quality> {
+fn judge(session: &Session, scene: &Scene, photos: &[&Photo]) -> Result<Evaluation> {
     let render = RenderOptions { policy: session.policy, ..Default::default() };
-    Ok(evaluate(&session.context, scene, photos, render, session.background, |_| Ok(()))?.augmented)
+    evaluate(&session.context, scene, photos, render, session.background, |_| Ok(()))
+}
+
+/// PSNR of the whole scene, by the photo's name.
+fn by_view(evaluation: &Evaluation) -> Map<String, Value> {
+    evaluation.views.iter().map(|view| (view.name.clone(), view.augmented.psnr.into())).collect()
 }
 
 fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Result<Scene> {
@@ -223,7 +231,7 @@ fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.keep {
         write_scene(path, &base)?;
     }
-    let before = quality(&session(0), &base, &held)?;
+    let before = judge(&session(0), &base, &held)?.augmented;
     let split = holdout.to_string();
     let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
     let mut table = Vec::new();
@@ -263,7 +271,8 @@ fn run(args: &Args) -> Result<()> {
                 }
             };
             let seconds = started.elapsed().as_secs_f64();
-            let after = quality(&session, &scene, &held)?;
+            let judged = judge(&session, &scene, &held)?;
+            let after = judged.augmented;
             let supplement = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
             let bytes = scene_bytes(&scene);
             if args.json {
@@ -273,19 +282,20 @@ fn run(args: &Args) -> Result<()> {
                         "name": row, "dataset": name, "seed": seed, "holdout": split, "psnr": after.psnr, "ssim": after.ssim,
                         "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
                         "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": lobes, "plain": plain,
+                        "views": by_view(&judged),
                     })
                 );
             }
-            found.push(Found { quality: after, lobes, plain, place, seconds });
+            found.push(Found { psnr: after.psnr, ssim: after.ssim, lobes, plain, place, seconds });
         }
         let mean = |of: fn(&Found) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
-        let psnr = mean(|f| f.quality.psnr);
-        let most = found.iter().map(|f| f.quality.psnr).fold(f64::MIN, f64::max);
-        let least = found.iter().map(|f| f.quality.psnr).fold(f64::MAX, f64::min);
+        let psnr = mean(|f| f.psnr);
+        let most = found.iter().map(|f| f.psnr).fold(f64::MIN, f64::max);
+        let least = found.iter().map(|f| f.psnr).fold(f64::MAX, f64::min);
         let row_values = [
             psnr,
             psnr - before.psnr,
-            mean(|f| f.quality.ssim),
+            mean(|f| f.ssim),
             most - least,
             mean(|f| f.lobes.into()),
             mean(|f| f.plain.into()),

@@ -362,7 +362,7 @@ mod tests {
         read_history(path)
     }
 
-    const LINE: &str = r#"{"name":"a","seconds":1.5,"bytes":10,"gaussians":2,"psnr":25.5,"ssim":0.8,"seed":3,"holdout":"sector","note":1}"#;
+    const LINE: &str = r#"{"name":"a","seconds":1.5,"bytes":10,"gaussians":2,"psnr":25.5,"ssim":0.8,"seed":3,"holdout":"sector","views":{"a.png":26.5}}"#;
 
     #[test]
     fn lines_are_read_and_bad_ones_named() {
@@ -377,7 +377,7 @@ mod tests {
             holdout: "sector".into(),
             base_psnr: None,
         };
-        let with_base = LINE.replace("\"note\":1", "\"base_psnr\":24.5");
+        let with_base = LINE.replace("\"views\"", "\"base_psnr\":24.5,\"views\"");
         let of_base = Record { base_psnr: Some(24.5), ..expected.clone() };
         assert_eq!(read(&format!("{LINE}\n\n{with_base}\r\n")).unwrap(), [expected, of_base]);
         assert_eq!(read("").unwrap(), []);
