@@ -410,7 +410,7 @@ fn augment(gpu: &Gpu) -> Outcome {
     let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, options).unwrap();
     let schedule = Schedule { round_steps: 8, final_steps: 4, max_rounds: 3, shared_steps: false };
     let session = Session { seed: 1, ..session(gpu) };
-    let mut refiner = Refiner::new(&session, &views, &[30, 20], schedule).unwrap();
+    let mut refiner = Refiner::new(&session, &views, &[30, 20], schedule, None).unwrap();
     let refined = refiner.refine(&mut renderer, &model, &views, 0, |_| ()).unwrap();
     let gaussians = refiner.download().unwrap();
     let phase = LiftPhase::new(gpu, LiftOptions::default()).unwrap();

@@ -17,7 +17,7 @@ use super::{
     model::{Model, Room, Segment},
     pursuit::{self, Placed, Pursuit, PursuitOptions},
     render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
-    screen::{self, Refiner, Schedule, base_losses, budgets},
+    screen::{self, Refiner, Schedule, base_renders, budgets},
     session::Session,
     spend::{Allowance, Spending, TrainingOn, Weigh},
     train::{TrainReport, Trainer},
@@ -310,7 +310,7 @@ impl Enhancer {
             let started = Instant::now();
             match &mut self.next {
                 Next::Base if self.options.method == Method::Pursuit => {
-                    self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+                    self.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
                     let [lobes, plain] = self.allowance.most();
                     let most = lobes.max(plain);
                     let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
@@ -388,11 +388,13 @@ impl Enhancer {
                     }
                 }
                 Next::Base => {
-                    self.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+                    let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
+                    self.base_losses = renders.losses;
                     self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
                     self.model.reserve(Segment::Supplement, self.budgets.iter().sum())?;
                     self.times.base = started.elapsed();
-                    self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, self.options.schedule)?);
+                    let (schedule, first) = (self.options.schedule, Some(renders.first));
+                    self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, schedule, first)?);
                     self.times.screen = started.elapsed() - self.times.base;
                     self.next = Next::Batch(0);
                     return Ok(Some(Event::Base));
@@ -519,7 +521,7 @@ impl Enhancer {
     /// Whether the base that learned is still as good by itself.
     fn finish_join(&mut self, views: &Views) -> Result<()> {
         self.next = Next::Done;
-        let now = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
+        let now = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
         // NaN counts as worse.
         let [now, before] = [&now, &self.base_losses].map(|losses| losses.iter().sum::<f64>());
         self.worse_alone = now > before || now.is_nan() || before.is_nan();

@@ -1,12 +1,12 @@
 //! The screen phase (method, section 3): for each view, supplementary Gaussians in image space over the fixed base render. Many
 //! views at once, each by itself: a view's result does not depend on those it shares a batch with.
 //!
-//! base_losses → budgets → for each batch: [`Refiner`], and lift what is left on the device.
+//! base_renders → budgets → for each batch: [`Refiner`], and lift what is left on the device.
 
 pub mod batch;
 pub mod rig;
 
-use std::ops::Range;
+use std::{mem, ops::Range};
 
 use batch::{ScreenSizes, batches, frames_of};
 use rig::{LEARNED, Screen};
@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Location, Recorder},
+    gpu::{Buffer, Context, Location, Recorder},
     stages::{
         constants::{
             constants::NONE,
@@ -35,6 +35,8 @@ use crate::{
 
 /// Steps in one submission: a step is some 30 dispatches.
 const STEPS_PER_SUBMISSION: u32 = 10;
+/// One part in so many of a batch's memory stays free beside renders that are kept: memory is taken in blocks.
+const SPARE: u64 = 4;
 
 /// When Gaussians are drawn, stepped and pruned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,11 +124,33 @@ pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
     losses.iter().map(|&l| if total > 0.0 { (budget * usable(l) / total).ceil() as u32 } else { 0 }).collect()
 }
 
-/// Loss of the base render of every view: 0.8 · L1 + 0.2 · (1 − SSIM). Waits.
+/// The base as the views show it.
+pub struct BaseRenders {
+    /// By view: 0.8 · L1 + 0.2 · (1 − SSIM).
+    pub losses: Vec<f64>,
+    /// Of the first batch; the others need the same memory.
+    pub first: Backdrop,
+}
+
+/// What the 2D Gaussians of a batch are rendered onto, by pixel of the batch.
+pub struct Backdrop {
+    images: Buffer<[f32; 4]>,
+    /// Camera z, 0: none.
+    depths: Buffer<f32>,
+}
+
+impl Backdrop {
+    fn new(context: &Context, pixels: u32) -> Result<Self> {
+        let images = Buffer::new(context, "backdrop", pixels as usize, Location::Device)?;
+        Ok(Backdrop { images, depths: Buffer::new(context, "depths", pixels as usize, Location::Device)? })
+    }
+}
+
+/// Renders the base in every view, and compares it with the photographs; `renderer` must have been made with depth. Waits.
 ///
 /// # Errors
 /// Where the device's memory is too small, or the device fails.
-pub fn base_losses(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Vec<f64>> {
+pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<BaseRenders> {
     let context = &session.context;
     let batches = batches(context, views);
     let all_frames: Vec<Vec<Frame>> = batches.iter().map(|b| frames_of(views, b)).collect();
@@ -140,35 +164,45 @@ pub fn base_losses(session: &Session, renderer: &mut Renderer, model: &Model, vi
         probe: false,
     };
     let loss = Photometric::new(context, &options)?;
-    let images = Buffer::new(context, "base_renders", sizes.pixels as usize, Location::Device)?;
+    let first = Backdrop::new(context, sizes.pixels)?;
     let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;
     let mut steps = Steps::new(context, STEPS_PER_SUBMISSION)?;
-    let mut losses = Vec::with_capacity(views.cameras.len());
-    for (batch, list) in batches.iter().zip(&all_frames) {
+    let mut losses = vec![0.0; views.cameras.len()];
+    // The first batch last, so that its renders are what is left.
+    for (batch, list) in batches.iter().zip(&all_frames).rev() {
         frames.upload(0, list)?;
-        let background = session.background;
-        let first = batch.start as u32;
-        let mut work = BaseRenders { renderer, model, views, background, first, list, images: &images, depths: None };
+        let mut work = BaseWork {
+            renderer,
+            model,
+            views,
+            background: session.background,
+            first: batch.start as u32,
+            list,
+            images: &first.images,
+            depths: &first.depths,
+        };
         steps.run(list.len() as u32, false, &mut work, |_| ())?;
-        let batch = Batch {
+        let of_batch = Batch {
             frames: &frames,
             frame_first: 0,
             frame_count: list.len() as u32,
             tiles_per_frame: tiles_per_frame(list),
-            image: &images,
+            image: &first.images,
             targets: views.targets(batch.start),
         };
         let mut recorder = context.recorder("base losses")?;
-        loss.record_forward(&mut recorder, &batch, Tiles::All, None);
-        loss.record_sum(&mut recorder, &batch, 0);
+        loss.record_forward(&mut recorder, &of_batch, Tiles::All, None);
+        loss.record_sum(&mut recorder, &of_batch, 0);
         recorder.submit()?.wait()?;
-        losses.extend(loss.losses.mapped()[..list.len()].iter().map(|l| f64::from(l.total)));
+        for (to, found) in losses[batch.clone()].iter_mut().zip(loss.losses.mapped()) {
+            *to = found.total.into();
+        }
     }
-    Ok(losses)
+    Ok(BaseRenders { losses, first })
 }
 
 /// Renders the views of a batch one after the other into `images`, and their depths into `depths`.
-struct BaseRenders<'a> {
+struct BaseWork<'a> {
     renderer: &'a mut Renderer,
     model: &'a Model,
     views: &'a Views,
@@ -177,19 +211,17 @@ struct BaseRenders<'a> {
     first: u32,
     list: &'a [Frame],
     images: &'a Buffer<[f32; 4]>,
-    depths: Option<&'a Buffer<f32>>,
+    depths: &'a Buffer<f32>,
 }
 
-impl Looped for BaseRenders<'_> {
+impl Looped for BaseWork<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
         let frame = &self.list[step as usize];
         let show = Show { upto: Segment::Base, degree: self.model.sh_degree, background: self.background };
         self.renderer.record(recorder, self.model, self.views, self.first + step, &show, status)?;
         let (first, pixels) = (frame.image_first as usize, (frame.width * frame.height) as usize);
         recorder.copy(&self.renderer.raster.buffers.image, 0, self.images, first, pixels);
-        if let Some(depths) = self.depths {
-            recorder.copy(&self.renderer.depths, 0, depths, first, pixels);
-        }
+        recorder.copy(&self.renderer.depths, 0, self.depths, first, pixels);
         Ok(())
     }
 
@@ -261,6 +293,11 @@ enum Job {
     Final,
 }
 
+impl Job {
+    /// The first draw has no steps before it.
+    const FIRST_ROUND: Job = Job::Round { round: 1, steps: 0 };
+}
+
 /// Refines batches of views; what is left of one stays on the device until the next is begun.
 pub struct Refiner {
     /// The buffers and stages of one batch, used for one after the other.
@@ -271,6 +308,8 @@ pub struct Refiner {
     seed: u32,
     background: [f32; 3],
     steps: Steps,
+    /// The base is rendered in the views of the first batch.
+    has_first: bool,
     /// The batch at hand, its frames and what is done to it.
     batch: Range<usize>,
     frames: Vec<Frame>,
@@ -280,11 +319,18 @@ pub struct Refiner {
 }
 
 impl Refiner {
-    /// `budgets` are those of all views, see [`budgets`].
+    /// `budgets` are those of all views, see [`budgets`]. With `first`, of [`base_renders`] for the same views, the first batch begins
+    /// with what was rendered of it, as far as memory has room for that while the refiner is made.
     ///
     /// # Errors
     /// [`Error::Usage`] where the views and the budgets are not of the same number; else what the device lacks.
-    pub fn new(session: &Session, views: &Views, budgets: &[u32], schedule: Schedule) -> Result<Self> {
+    pub fn new(
+        session: &Session,
+        views: &Views,
+        budgets: &[u32],
+        schedule: Schedule,
+        first: Option<Backdrop>,
+    ) -> Result<Self> {
         if budgets.len() != views.cameras.len() {
             let (n, v) = (budgets.len(), views.cameras.len());
             return Err(Error::Usage(format!("{n} budgets for {v} views: one for each is needed")));
@@ -300,8 +346,18 @@ impl Refiner {
             })?;
             sizes = sizes.max(ScreenSizes::of_frames(&frames_of(views, batch), places));
         }
+        // It must not be the reason that anything else finds no room, or has less.
+        let (memory, needed) = (context.memory(), Screen::plan(context, &sizes, session.policy).bytes());
+        let fits = memory.taken.saturating_add(needed).saturating_add(needed / SPARE) <= memory.budget;
+        let first = first.filter(|first| fits && first.depths.len() == sizes.pixels as usize);
+        let mut screen = Screen::new(context, sizes, session.policy)?;
+        let has_first = first.is_some();
+        if let Some(Backdrop { images, depths }) = first {
+            (screen.raster.buffers.backdrop, screen.buffers.depths) = (images, depths);
+        }
         Ok(Refiner {
-            screen: Screen::new(context, sizes, session.policy)?,
+            screen,
+            has_first,
             batches,
             budgets: budgets.to_vec(),
             schedule,
@@ -328,8 +384,9 @@ impl Refiner {
 
     /// Begins batch `batch` of `views`. Waits.
     pub fn start(&mut self, views: &Views, batch: usize) -> Result<()> {
-        let Some(batch) = self.batches.get(batch).cloned() else {
-            return Err(Error::Usage(format!("batch {batch} of {}", self.batches.len())));
+        let number = batch;
+        let Some(batch) = self.batches.get(number).cloned() else {
+            return Err(Error::Usage(format!("batch {number} of {}", self.batches.len())));
         };
         self.frames = frames_of(views, &batch);
         let mut quotas = Vec::with_capacity(batch.len());
@@ -342,10 +399,11 @@ impl Refiner {
         let list: Vec<_> = cameras.map(|(camera, frame)| view(camera, frame.image_first)).collect();
         self.screen.begin(&self.frames, &list, &quotas)?;
         self.batch = batch;
-        self.job = Job::Base;
+        // Another batch is rendered over it.
+        self.job = if mem::take(&mut self.has_first) && number == 0 { Job::FIRST_ROUND } else { Job::Base };
         self.refined = Refined::default();
         self.progress = Progress { round: 0, step: 0, steps: 0, last: false, count: 0, budget: first, loss: f64::NAN };
-        self.steps.start(self.frames.len() as u32, false)
+        self.start_job()
     }
 
     /// Goes on with the batch that was begun, over `model`'s base; `renderer` must have been made with depth. `None` once
@@ -364,9 +422,9 @@ impl Refiner {
                 Job::Base => {
                     let images = self.screen.raster.buffers.backdrop.clone();
                     let (background, list) = (self.background, &self.frames[..]);
-                    let depths = Some(&self.screen.buffers.depths);
+                    let depths = &self.screen.buffers.depths;
                     let mut work =
-                        BaseRenders { renderer, model, views, background, first, list, images: &images, depths };
+                        BaseWork { renderer, model, views, background, first, list, images: &images, depths };
                     self.steps.advance(&mut work)?
                 }
                 _ => {
@@ -417,8 +475,7 @@ impl Refiner {
         let grown = self.steps.report().grown;
         self.job = match self.job {
             Job::Idle => Job::Idle,
-            // The first draw has no steps before it.
-            Job::Base => Job::Round { round: 1, steps: 0 },
+            Job::Base => Job::FIRST_ROUND,
             Job::Round { round, .. } => {
                 self.refined.grown += grown;
                 self.refined.rounds = round;
@@ -454,6 +511,11 @@ impl Refiner {
                 Job::Idle
             }
         };
+        self.start_job()
+    }
+
+    /// Lets the job begin.
+    fn start_job(&mut self) -> Result<()> {
         let steps = match self.job {
             Job::Idle => return Ok(()),
             Job::Base => self.frames.len() as u32,
