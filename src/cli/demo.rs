@@ -4,7 +4,11 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, LearnArgs, Outcome,
-    enhance::{Beside, ChoiceArgs, Preset, Way, joint_stages, run_with_progress},
+    enhance::{
+        ChoiceArgs, Preset, Way,
+        bars::{Beside, run_with_progress},
+        report::joint_stages,
+    },
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},

@@ -1,47 +1,45 @@
 use std::{
     fs,
-    path::{Path, PathBuf},
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
+use bars::{Beside, run_with_progress};
 use clap::ValueEnum;
+use report::{Placement, Report, Seconds, gain, joint_stages, pass_loss};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    calibrate, counted,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, calibrate,
     dataset::{check_sight, is_uncounted, note_uncounted},
-    deadline::{Deadline, MOST, duration},
+    deadline::duration,
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, NOTHING, photos_json},
+    kept::{KeepArgs, NOTHING, photos_json},
     lock::Lock,
     names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
-    progress::{Progress, learned, note},
+    progress::{Progress, note},
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, write_augmented, write_scene},
+    data::{Photo, Split, write_augmented, write_scene},
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
+        enhance::{EnhanceOptions, Enhanced, Method},
         join::JoinOptions,
         lift::LiftOptions,
-        render::RenderOptions,
-        screen::{self, Schedule},
+        screen::Schedule,
         session::{Policy, Reduction, Session},
-        spend::{MOST_BY_BYTES, MOST_BY_GAIN, Spending, Weigh},
+        spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
         start::{photos_of, upload_photos},
-        views::Views,
         work::WorkDir,
     },
-    report::{evaluate::evaluate, metrics::Quality, runs::StageMean, spending},
-    scene::{
-        Scene,
-        layout::{self, BETAS, colour_name},
-    },
+    scene::layout::{self, BETAS, colour_name},
 };
+
+pub(super) mod bars;
+pub(super) mod report;
 
 const EXAMPLES: &str = "\
 Gaussians are placed where they take most from the squared error of all training photos together: supplementary ones, whose \
@@ -263,78 +261,9 @@ fn parse_share(text: &str) -> Result<f32, String> {
     found.ok_or_else(|| "expected a number from 0.01 to 0.99".into())
 }
 
-/// What `--json` prints.
-#[derive(Serialize)]
-struct Report<'a> {
-    output: &'a str,
-    device: &'a str,
-    photos: usize,
-    /// Photos whose lifts came from `--work`.
-    photos_resumed: usize,
-    base_gaussians: usize,
-    /// Gaussians allowed; with --method augs 2D Gaussians left after the screen phase.
-    budget: u32,
-    refined: u32,
-    supplementary_gaussians: u32,
-    /// Plain Gaussians that pursuit added to the base.
-    plain_gaussians: u32,
-    /// Of both in the file: 0 where they were discarded.
-    bytes_added: u64,
-    /// Of the whole file, with what the base became where that is kept beside it.
-    file_bytes: u64,
-    /// What pursuit meant to do; null of --method augs.
-    plan: Option<&'a Spending>,
-    /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
-    faded_gaussians: u32,
-    /// What the base became is worse without the supplement, so `vertex` is the base as it was given.
-    original_kept: bool,
-    seconds: Seconds,
-    /// The most that the device held.
-    device_megabytes: f64,
-    /// Of a step of the joint phase, in the order in which they first run; empty where the device has no timestamps.
-    stages: Vec<StageMean>,
-    /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
-    joint_loss_first: Option<f64>,
-    joint_loss_last: Option<f64>,
-    /// What was placed, each time.
-    placements: Vec<Placement>,
-    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was, and all else that is
-    /// told of Gaussians and gains is of what was made.
-    discarded: bool,
-    /// On the test views; null where there are none.
-    gain: Option<Gain>,
-}
-
-#[derive(Serialize)]
-struct Placement {
-    lobes: u32,
-    plain: u32,
-}
-
 /// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: less than any seed moves it by
 /// (docs/results.md), so that what is only chance is kept.
 const WORSE_DB: f64 = 0.02;
-
-/// What the test views, which nothing was learned from, say of an augmentation.
-#[derive(Serialize)]
-struct Gain {
-    views: usize,
-    /// The base as it was given.
-    before: Quality,
-    after: Quality,
-    /// The `vertex` part of the result, which other viewers show: the base as it was given where what it became is worse alone.
-    base_alone: Quality,
-}
-
-#[derive(Serialize)]
-struct Seconds {
-    base: f64,
-    weigh: f64,
-    place: f64,
-    screen: f64,
-    lift: f64,
-    join: f64,
-}
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
@@ -507,14 +436,7 @@ impl Args {
                 plan: found.spending.as_ref(),
                 faded_gaussians: found.faded,
                 original_kept: found.original.is_some(),
-                seconds: Seconds {
-                    base: found.times.base.as_secs_f64(),
-                    weigh: found.times.weigh.as_secs_f64(),
-                    place: found.times.place.as_secs_f64(),
-                    screen: found.times.screen.as_secs_f64(),
-                    lift: found.times.lift.as_secs_f64(),
-                    join: found.times.join.as_secs_f64(),
-                },
+                seconds: Seconds::of(&found.times),
                 device_megabytes: context.memory().most_used as f64 / 1e6,
                 stages: joint_stages(&found),
                 joint_loss_first: pass_loss(&found, photos.len(), false),
@@ -526,24 +448,7 @@ impl Args {
             if self.json {
                 print_json(&report)?;
             } else {
-                let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = &report;
-                let times = match options.method {
-                    Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
-                    Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
-                };
-                let plain = if plain > 0 { format!(" and {plain} plain ones") } else { String::new() };
-                let faded = match found.faded {
-                    0 => String::new(),
-                    faded => format!(", without {faded} that faded"),
-                };
-                let discarded = if discarded { " were made and discarded: it is the base as it was" } else { "" };
-                print(format_args!(
-                    "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
-                     base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
-                    seconds.base,
-                    seconds.join,
-                    gain.as_ref().map_or(String::new(), Gain::text)
-                ))?;
+                print(report.text(options.method))?;
             }
             if ended {
                 let output = report.output;
@@ -606,268 +511,6 @@ impl Args {
     }
 }
 
-/// What a step of the joint phase took.
-pub(super) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
-    found.join.as_ref().map_or_else(Vec::new, |join| StageMean::all(&join.steps.milliseconds()))
-}
-
-/// Compares the base and what became of it with the test views.
-fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) -> Result<Option<Gain>> {
-    let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
-    if photos.is_empty() {
-        return Ok(None);
-    }
-    let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
-    let options = RenderOptions { policy: session.policy, ..Default::default() };
-    let compare = |scene: &Scene| {
-        evaluate(&session.context, scene, &photos, options, dataset.background, |_| {
-            bar.advance();
-            Ok(())
-        })
-    };
-    let before = match compare(base) {
-        // The scene is written: that nothing can be said of it is no failure.
-        Err(Error::Usage(why)) => {
-            note(why);
-            return Ok(None);
-        }
-        before => before?,
-    };
-    let after = compare(&found.scene)?;
-    let base_alone = if found.original.is_some() { before.augmented } else { after.base };
-    let views = after.views.len();
-    note_uncounted(photos.len() - views);
-    let (before, after) = (before.augmented, after.augmented);
-    Ok(Some(Gain { views, before, after, base_alone }))
-}
-
-impl Gain {
-    fn text(&self) -> String {
-        let Gain { views, before, after, base_alone } = self;
-        format!(
-            "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
-             the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n",
-            counted(*views, "test view"),
-            before.psnr,
-            after.psnr,
-            after.psnr - before.psnr,
-            before.ssim,
-            after.ssim,
-            base_alone.psnr,
-            base_alone.psnr - before.psnr
-        )
-    }
-}
-
-/// Mean loss of the first or the last pass over the photos.
-fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
-    let losses = &found.join.as_ref()?.losses;
-    let n = photos.min(losses.len());
-    let pass = if last { &losses[losses.len() - n..] } else { &losses[..n] };
-    Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
-}
-
-/// What an augmentation has to do with while it goes on.
-#[derive(Default)]
-pub(super) struct Beside<'a> {
-    /// Keeps what it can, the joint phase at such intervals, and is gone on from.
-    pub(super) work: Option<(&'a WorkDir, Duration)>,
-    /// Ends the joint phase when it is asked to; must live until the result is written.
-    pub(super) interrupt: Option<&'a Interrupt>,
-    /// When the joint phase is to end.
-    pub(super) end: Option<Instant>,
-    /// The plan is not printed.
-    pub(super) silent: bool,
-}
-
-/// Augments with a bar for each phase. `look_at` sees the model at each event.
-pub(super) fn run_with_progress(
-    session: &Session,
-    scene: &Scene,
-    views: &Views,
-    options: &EnhanceOptions,
-    beside: &Beside,
-    look_at: &mut Look<'_>,
-) -> Result<Enhanced> {
-    let &Beside { work, interrupt, end, silent } = beside;
-    let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
-    let mut show = |label: &'static str, done: u64, total: u64, said: Option<String>| {
-        if total == 0 {
-            bar = None;
-            return;
-        }
-        if bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
-            // The old one goes first.
-            bar = None;
-            let begun = Progress::new(label, "steps", total);
-            // A phase may go on where a placement or an earlier run left it.
-            begun.goes_on_from(done);
-            bar = Some((label, begun));
-        }
-        if let Some((_, bar)) = &bar {
-            bar.set_of(done, total);
-            if let Some(said) = said {
-                bar.say(said);
-            }
-        }
-    };
-    let mut enhancer = Enhancer::new(session, scene, views, options)?;
-    let mut kept: Option<Kept> = None;
-    let (mut told, mut begun) = (0, Instant::now());
-    let mut clock: Option<Deadline> = None;
-    // When the placement that is being made began, and how long the last one took.
-    let (mut placing, mut placed_in) = (None, Duration::ZERO);
-    loop {
-        let before = Instant::now();
-        let event = match (enhancer.next(views), &mut kept) {
-            (Ok(Some(event)), _) => event,
-            (Ok(None), _) => break,
-            (Err(error), Some(kept)) => return Err(kept.keep_after(error, || enhancer.checkpoint(views))),
-            (Err(error), None) => return Err(error),
-        };
-        let told_of = match &event {
-            Event::Place(at) => Some(("placing", at.step.into(), at.steps.into())),
-            Event::Screen { batch, batches, progress } => {
-                let (done, total) = screen_steps(&options.schedule, *batch, *batches, progress);
-                Some(("refining", done, total))
-            }
-            Event::Join { step, steps } => Some(("joining", u64::from(*step), u64::from(*steps))),
-            _ => None,
-        };
-        if let Some((label, done, total)) = told_of {
-            look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
-        }
-        match event {
-            // The next event brings a bar of its own.
-            Event::Base => begun = Instant::now(),
-            Event::Weigh { step, steps } => show("weighing", step.into(), steps.into(), None),
-            Event::Weighed => {
-                if let Some(end) = end {
-                    let (passed, left) = (begun.elapsed(), end.saturating_duration_since(Instant::now()));
-                    // A pass took that long; all placements together are thought to take two, until one has been made.
-                    let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
-                    enhancer.take_steps((passes * views.cameras.len() as f64).min(MOST.into()) as u32);
-                }
-            }
-            Event::Planned => {
-                show("", 0, 0, None);
-                if let (Some(plan), false) = (enhancer.spending(), silent) {
-                    print(spending::text(plan))?;
-                }
-            }
-            Event::Place(at) => {
-                placing.get_or_insert(before);
-                show("placing", at.step.into(), at.steps.into(), None);
-            }
-            Event::Batch { views: range, .. } => {
-                let Some((work, _)) = work else { continue };
-                let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
-                if let Some(lifts) = work.resume(range, damaged)? {
-                    enhancer.resume(&lifts)?;
-                }
-            }
-            Event::Screen { batch, batches, progress } => {
-                let (done, total) = screen_steps(&options.schedule, batch, batches, &progress);
-                let screen::Progress { loss, count, budget, .. } = progress;
-                let said = loss.is_finite().then(|| format!("loss {loss:.4}, {count}/{budget} placed"));
-                show("refining", done, total, said);
-            }
-            Event::Lifted { .. } => {
-                if let (Some((work, _)), Some((refiner, lifted))) = (work, enhancer.lifted()) {
-                    work.keep(&views.cameras, refiner, lifted)?;
-                }
-            }
-            Event::Join { step, steps } => {
-                for (k, placed) in enhancer.placed().iter().enumerate().skip(told) {
-                    let (placement, placements) = (k + 1, options.pursuit.placements.max(1));
-                    tracing::info!(
-                        "placement {placement} of {placements}: {} Gaussians with lobes, {} plain",
-                        placed.lobes,
-                        placed.plain
-                    );
-                }
-                told = enhancer.placed().len();
-                if let Some(began) = placing.take() {
-                    placed_in = began.elapsed();
-                    if let Some(deadline) = &mut clock {
-                        deadline.leave_out(placed_in);
-                    }
-                }
-                if let Some(end) = end {
-                    let now = Instant::now();
-                    let deadline = clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
-                    if deadline.is_over(now) && step < steps {
-                        note(format!("the time was over after {step} of {steps} joint steps"));
-                        enhancer.stop(views)?;
-                        continue;
-                    }
-                    if deadline.is_due(step, now) {
-                        enhancer.replan(views, |step| {
-                            // Those that are to come take as long as the last one did.
-                            let more = options.pursuit.placements.saturating_sub(told as u32);
-                            let plan = deadline.plan(step, Instant::now(), placed_in * more);
-                            [plan.total, plan.done]
-                        })?;
-                    }
-                }
-                let lately = enhancer.lately(step, views);
-                show("joining", step.into(), steps.into(), Some(learned(lately, None, &session.context)));
-                if let (0, None, Some((work, every))) = (step, &kept, work) {
-                    let (path, settings) = match options.method {
-                        Method::Pursuit => work.joint_without_lifts(),
-                        Method::Augs => work.joint()?,
-                    };
-                    let mut found = Kept::new(path, settings, every);
-                    // The folder's settings are its own: of lifts that were made anew, or nothing of ours.
-                    let other = |path: &Path, why: &str| {
-                        note(format!("{}: of another joint phase ({why}); all steps are done again", path.display()));
-                        Ok(())
-                    };
-                    if let Some(checkpoint) = found.find(other)? {
-                        enhancer.resume_join(&checkpoint)?;
-                    }
-                    kept = Some(found);
-                }
-                if let Some(interrupt) = interrupt {
-                    interrupt.listen()?;
-                }
-                let asked = interrupt.is_some_and(Interrupt::asked);
-                if let Some(kept) = &mut kept {
-                    // What is learned last is kept until it is written.
-                    if asked || step == steps {
-                        kept.keep(|| enhancer.checkpoint(views))?;
-                    } else {
-                        kept.look(|| enhancer.checkpoint(views))?;
-                    }
-                }
-                if asked {
-                    enhancer.stop(views)?;
-                }
-            }
-        }
-    }
-    enhancer.finish(views)
-}
-
-/// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
-/// come place as many Gaussians each as those before, they fill the budget after so many.
-fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
-    let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
-    let rounds = if at.last {
-        at.round
-    } else if at.round == 0 {
-        // A draw is a fifth of the budget.
-        5.min(max_rounds)
-    } else {
-        let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
-        u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
-    };
-    let whole_rounds = if at.last { at.round } else { at.round.saturating_sub(1) };
-    let done = u64::from(whole_rounds) * u64::from(round_steps) + u64::from(at.step);
-    let all = u64::from(rounds) * u64::from(round_steps) + u64::from(final_steps);
-    (batch as u64 * all + done, batches as u64 * all)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -878,31 +521,5 @@ mod tests {
         let right = ["2MB", "500kB", "1.5 GB", "7B", "12"].map(bytes);
         assert_eq!(right, [2_000_000, 500_000, 1_500_000_000, 7, 12].map(Some));
         assert_eq!(["-1MB", "2TB", "", "NaN", "1e9GB"].map(bytes), [None; 5]);
-    }
-
-    #[test]
-    fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
-        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
-        let at = |round, step, steps, count| {
-            let last = steps == schedule.final_steps;
-            let progress = screen::Progress { round, step, steps, last, count, budget: 100, loss: 0.5 };
-            screen_steps(&schedule, 0, 1, &progress)
-        };
-        // A fifth placed in one round: five rounds.
-        assert_eq!(at(1, 50, 200, 20), (50, 2000));
-        assert_eq!(at(3, 50, 200, 60), (450, 2000));
-        // Half of each draw is pruned: ten.
-        assert_eq!(at(3, 0, 200, 30), (400, 3000));
-        // As many as there may be, and no fewer than there were.
-        assert_eq!(at(2, 0, 200, 0), (200, 5000));
-        assert_eq!(at(7, 100, 200, 100), (1300, 2400));
-        // Before the first.
-        assert_eq!(at(0, 0, 200, 0), (0, 2000));
-        // The last steps.
-        assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
-        assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
-        let progress =
-            screen::Progress { round: 1, step: 50, steps: 200, last: false, count: 20, budget: 100, loss: 0.5 };
-        assert_eq!(screen_steps(&schedule, 2, 3, &progress), (4050, 6000));
     }
 }

@@ -1,0 +1,191 @@
+//! What an augmentation tells of itself in the end.
+
+use serde::Serialize;
+
+use crate::{
+    Error, Result,
+    cli::{
+        counted,
+        dataset::note_uncounted,
+        progress::{Progress, note},
+    },
+    data::{Dataset, Photo, Split},
+    pipelines::{
+        enhance::{Enhanced, Method, Times},
+        render::RenderOptions,
+        session::Session,
+        spend::Spending,
+    },
+    report::{evaluate::evaluate, metrics::Quality, runs::StageMean},
+    scene::Scene,
+};
+
+/// What `--json` prints.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    pub(super) output: &'a str,
+    pub(super) device: &'a str,
+    pub(super) photos: usize,
+    /// Photos whose lifts came from `--work`.
+    pub(super) photos_resumed: usize,
+    pub(super) base_gaussians: usize,
+    /// Gaussians allowed; with --method augs 2D Gaussians left after the screen phase.
+    pub(super) budget: u32,
+    pub(super) refined: u32,
+    pub(super) supplementary_gaussians: u32,
+    /// Plain Gaussians that pursuit added to the base.
+    pub(super) plain_gaussians: u32,
+    /// Of both in the file: 0 where they were discarded.
+    pub(super) bytes_added: u64,
+    /// Of the whole file, with what the base became where that is kept beside it.
+    pub(super) file_bytes: u64,
+    /// What pursuit meant to do; null of --method augs.
+    pub(super) plan: Option<&'a Spending>,
+    /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
+    pub(super) faded_gaussians: u32,
+    /// What the base became is worse without the supplement, so `vertex` is the base as it was given.
+    pub(super) original_kept: bool,
+    pub(super) seconds: Seconds,
+    /// The most that the device held.
+    pub(super) device_megabytes: f64,
+    /// Of a step of the joint phase, in the order in which they first run; empty where the device has no timestamps.
+    pub(super) stages: Vec<StageMean>,
+    /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
+    pub(super) joint_loss_first: Option<f64>,
+    pub(super) joint_loss_last: Option<f64>,
+    /// What was placed, each time.
+    pub(super) placements: Vec<Placement>,
+    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was, and all else that is
+    /// told of Gaussians and gains is of what was made.
+    pub(super) discarded: bool,
+    /// On the test views; null where there are none.
+    pub(super) gain: Option<Gain>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Placement {
+    pub(super) lobes: u32,
+    pub(super) plain: u32,
+}
+
+/// What the test views, which nothing was learned from, say of an augmentation.
+#[derive(Serialize)]
+pub(super) struct Gain {
+    views: usize,
+    /// The base as it was given.
+    pub(super) before: Quality,
+    pub(super) after: Quality,
+    /// The `vertex` part of the result, which other viewers show: the base as it was given where what it became is worse alone.
+    pub(super) base_alone: Quality,
+}
+
+#[derive(Serialize)]
+pub(super) struct Seconds {
+    base: f64,
+    weigh: f64,
+    place: f64,
+    screen: f64,
+    lift: f64,
+    join: f64,
+}
+
+impl Seconds {
+    pub(super) fn of(times: &Times) -> Self {
+        Seconds {
+            base: times.base.as_secs_f64(),
+            weigh: times.weigh.as_secs_f64(),
+            place: times.place.as_secs_f64(),
+            screen: times.screen.as_secs_f64(),
+            lift: times.lift.as_secs_f64(),
+            join: times.join.as_secs_f64(),
+        }
+    }
+}
+
+impl Report<'_> {
+    /// For people, in place of JSON.
+    pub(super) fn text(&self, method: Method) -> String {
+        let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = self;
+        let times = match method {
+            Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
+            Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
+        };
+        let plain = match self.plain_gaussians {
+            0 => String::new(),
+            plain => format!(" and {plain} plain ones"),
+        };
+        let faded = match self.faded_gaussians {
+            0 => String::new(),
+            faded => format!(", without {faded} that faded"),
+        };
+        let discarded = if self.discarded { " were made and discarded: it is the base as it was" } else { "" };
+        format!(
+            "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
+             base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
+            seconds.base,
+            seconds.join,
+            gain.as_ref().map_or(String::new(), Gain::text)
+        )
+    }
+}
+
+/// What a step of the joint phase took.
+pub(in crate::cli) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
+    found.join.as_ref().map_or_else(Vec::new, |join| StageMean::all(&join.steps.milliseconds()))
+}
+
+/// Compares the base and what became of it with the test views.
+pub(super) fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) -> Result<Option<Gain>> {
+    let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
+    if photos.is_empty() {
+        return Ok(None);
+    }
+    let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
+    let options = RenderOptions { policy: session.policy, ..Default::default() };
+    let compare = |scene: &Scene| {
+        evaluate(&session.context, scene, &photos, options, dataset.background, |_| {
+            bar.advance();
+            Ok(())
+        })
+    };
+    let before = match compare(base) {
+        // The scene is written: that nothing can be said of it is no failure.
+        Err(Error::Usage(why)) => {
+            note(why);
+            return Ok(None);
+        }
+        before => before?,
+    };
+    let after = compare(&found.scene)?;
+    let base_alone = if found.original.is_some() { before.augmented } else { after.base };
+    let views = after.views.len();
+    note_uncounted(photos.len() - views);
+    let (before, after) = (before.augmented, after.augmented);
+    Ok(Some(Gain { views, before, after, base_alone }))
+}
+
+impl Gain {
+    fn text(&self) -> String {
+        let Gain { views, before, after, base_alone } = self;
+        format!(
+            "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
+             the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n",
+            counted(*views, "test view"),
+            before.psnr,
+            after.psnr,
+            after.psnr - before.psnr,
+            before.ssim,
+            after.ssim,
+            base_alone.psnr,
+            base_alone.psnr - before.psnr
+        )
+    }
+}
+
+/// Mean loss of the first or the last pass over the photos.
+pub(super) fn pass_loss(found: &Enhanced, photos: usize, last: bool) -> Option<f64> {
+    let losses = &found.join.as_ref()?.losses;
+    let n = photos.min(losses.len());
+    let pass = if last { &losses[losses.len() - n..] } else { &losses[..n] };
+    Some(pass.iter().map(|&l| f64::from(l)).sum::<f64>() / n.max(1) as f64)
+}
