@@ -30,7 +30,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
 #define SH 3
 #define LOBES 4
 #define MODEL_LOADS
-#define SH_HALVES
+#define HALVES
 #include "../shared/model.glsl"
 layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer SplatColours { vec3 splat_colours[]; };
@@ -61,9 +61,11 @@ void main() {
     }
     if (!(opacity >= ALPHA_MIN)) return;
 
-    vec4 q = load_quat(place);
+    vec4 q;
+    vec3 log_scale;
+    load_form(place, q, log_scale);
     if (!(to_unit(q) > 0.0)) return; // guard: rotation without a direction
-    Projection e = project_covariance(view, p, q, exp(load_geometry3(LOG_SCALE, place)));
+    Projection e = project_covariance(view, p, q, exp(log_scale));
     if (!(e.det <= FLOAT_MAX)) return; // guard: determinant within float32
     if (COMPENSATE) {
         opacity *= sqrt(e.det0 / e.det);

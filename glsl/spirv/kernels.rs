@@ -3863,6 +3863,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub centre: bool,
+    pub half_width: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3895,7 +3896,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, centre: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, centre: call.constant(1) != 0, half_width: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3916,13 +3917,14 @@ impl crate::gpu::Kernel for Kernel {
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"centre", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"half_width", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.centre as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.centre as u32), (11, spec.half_width as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.median_ids.raw(), b.depths.raw()])
     }
@@ -3947,7 +3949,7 @@ pub struct Spec {
     pub compensate: bool,
     pub has_lobes: bool,
     pub sh_degree: u32,
-    pub half_sh: bool,
+    pub half_width: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3996,7 +3998,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, compensate: call.constant(3) != 0, has_lobes: call.constant(4) != 0, sh_degree: call.constant(10) as u32, half_sh: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, compensate: call.constant(3) != 0, has_lobes: call.constant(4) != 0, sh_degree: call.constant(10) as u32, half_width: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4025,14 +4027,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"compensate", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
-        crate::gpu::Constant { id: 11, name: c"half_sh", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"half_width", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.compensate as u32), (4, spec.has_lobes as u32), (10, spec.sh_degree as u32), (11, spec.half_sh as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.compensate as u32), (4, spec.has_lobes as u32), (10, spec.sh_degree as u32), (11, spec.half_width as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.splats.raw(), b.splat_colours.raw(), b.depth_keys.raw(), b.tile_counts.raw()])
     }
@@ -5313,6 +5315,11 @@ pub mod model {
 #[doc = "4 planes: w, x, y, z, of any length"] pub const QUAT: u32 = 4;
 #[doc = "3 planes: natural logarithms of the standard deviations"] pub const LOG_SCALE: u32 = 8;
 #[doc = ""] pub const GEOMETRY_PLANES: u32 = 11;
+#[doc = "of half width, see above"] pub const HALF_GEOMETRY_PLANES: u32 = 8;
+#[doc = "2^-16: 22 bits reach from -32 to 32, and err by 8e-6 of a scale"] pub const LOG_SCALE_STEP: f32 = 1.52587890625e-5;
+#[doc = "of the 20 of a part"] pub const ROTATION_LOW_BITS: u32 = 10;
+#[doc = "2^19"] pub const ROTATION_ZERO: u32 = 524288;
+#[doc = "sqrt(1/2) / (2^19 - 1): no component but the largest is beyond sqrt(1/2)"] pub const ROTATION_STEP: f32 = 1.3487017e-6;
 #[doc = "3 planes, of any length"] pub const LOBE_DIRECTION: u32 = 0;
 #[doc = "T, 0.01 to 1"] pub const LOBE_WIDTH: u32 = 3;
 #[doc = "beta"] pub const LOBE_SHARPNESS: u32 = 4;

@@ -68,7 +68,7 @@ pub struct Needs {
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where nothing has a lobe.
     pub lobe_degrees: Vec<u32>,
-    /// Harmonics are of half width, see [`Model::is_half`].
+    /// Models are of half width, see [`Model::is_half`].
     pub half: bool,
 }
 
@@ -161,13 +161,14 @@ impl ModelStages {
                     compensate: options.policy.compensate,
                     has_lobes,
                     sh_degree,
-                    half_sh: needs.half,
+                    half_width: needs.half,
                 };
                 project::Stage::new(context, &spec)
             };
             degrees.iter().map(stage).collect()
         };
-        let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
+        let depth_spec =
+            median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth, half_width: needs.half };
         Ok(ModelStages {
             project: [project(Segment::Base)?, project(Segment::Supplement)?],
             median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
@@ -190,7 +191,7 @@ impl ModelStages {
         } else if lobes && !lobe_degrees.contains(&lobed) {
             format!("supplements of degrees {lobe_degrees:?} of harmonics, not of {lobed}")
         } else if model.is_half() != self.needs.half {
-            format!("harmonics of {} width", if self.needs.half { "half" } else { "full" })
+            format!("models of {} width", if self.needs.half { "half" } else { "full" })
         } else {
             return Ok(());
         };
@@ -394,7 +395,7 @@ impl Renderer {
         }
         let raster = &self.raster;
         let grid = raster.grid(view, 1, camera.width, camera.height);
-        self.stages.record_project(recorder, raster, &placed(model, views, view, show));
+        self.splats_of(recorder, model, views, view, show);
         let splats = SplatCount {
             count: &model.population,
             index: show.upto.index() + 1,
@@ -403,6 +404,11 @@ impl Renderer {
         };
         raster.record_order(recorder, splats, &grid, &views.frames, None, status);
         Ok(grid)
+    }
+
+    /// The first of that, of what was checked: splats, their depths and numbers of tiles.
+    pub(crate) fn splats_of(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
+        self.stages.record_project(recorder, &self.raster, &placed(model, views, view, show));
     }
 
     /// Whether there is such a view, and the renderer was made for it and for the model.

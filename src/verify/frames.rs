@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::{
     Bench,
     bounds::NEAR_THRESHOLD,
+    half::rounded,
     judge::Work,
     raster::{BACKGROUND, compare_image},
     sort::noise,
@@ -25,7 +26,6 @@ use crate::{
         resolve::{self as twin, To},
         tiles::Tiling,
     },
-    scene::layout,
     stages::{
         WORKGROUP,
         constants::resolve::{BGRA8, OPAQUE, OVER, PREMULTIPLIED, RGBA8, RGBA16F, RGBA32F},
@@ -127,7 +127,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     Ok(())
 }
 
-/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths of harmonics and with depths of its own,
+/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths and with depths of its own,
 /// against a twin that shares nothing with the device but the scene.
 fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (1500, 500, 97, 71) } else { (20_000, 5_000, 403, 301) };
@@ -172,9 +172,7 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     ] {
         let model = Model::upload_around(context, DVec3::ZERO, &scene, Room { half, ..Default::default() })?;
         if half {
-            // The twin is given what a half holds.
-            let rounded = |p: &mut f64| *p = f64::from(layout::halves(layout::pack_halves(*p as f32, 0.0))[0]);
-            params.sh.iter_mut().for_each(rounded);
+            params = rounded(&params);
         }
         let limits = Limits { depth_in: true, depth_out, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
         let mut frames = Frames::new(context, limits)?;

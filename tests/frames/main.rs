@@ -310,7 +310,7 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
 }
 
 #[test]
-fn a_model_of_half_width_takes_144_bytes_and_looks_the_same() {
+fn a_model_of_half_width_takes_128_bytes_and_looks_the_same() {
     let gpu = Gpu::new();
     let (scene, camera) = (random_scene(5, 800, 200, 3), random_camera(61, 47));
     let want = rendered(&gpu, &scene, &camera);
@@ -320,8 +320,8 @@ fn a_model_of_half_width_takes_144_bytes_and_looks_the_same() {
         let planes = [&part.geometry, &part.sh, &part.lobes].into_iter().filter(|planes| planes.planes() > 0);
         planes.map(|planes| 16 * planes.page(0).len() / part.pages[0].capacity as usize).sum::<usize>()
     };
-    assert_eq!(bytes(model.part(model::Segment::Base)), 144);
-    assert_eq!(bytes(model.part(model::Segment::Supplement)), 176);
+    assert_eq!(bytes(model.part(model::Segment::Base)), 128);
+    assert_eq!(bytes(model.part(model::Segment::Supplement)), 160);
     let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
     let engine = Engine::new(&gpu, 1);
     let float = Float::new(&gpu, camera.pixels());

@@ -1,5 +1,7 @@
 //! From Gaussians to pixels and back to gradient records.
 
+use std::borrow::Cow;
+
 use super::{Outcome, page, params, pixels, view, wide_rows};
 use crate::{
     reference::{
@@ -21,12 +23,12 @@ twins!(blend, blend_backward, blend_backward_atomic, emit, median_depth, project
 
 pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
     let kernels::project::Push { segment, page_first, stride, view: view_index, splat_first } = h.push;
-    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, half_sh, .. } = h.spec;
+    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, half_width, .. } = h.spec;
     let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
     let first = first + splat_first as usize;
-    let whole = if half_sh { layout::unpack_halves(h.sh, stride as usize) } else { vec![] };
-    let params =
-        params([h.geometry, if half_sh { &whole } else { h.sh }, h.lobes], count, stride, has_lobes, sh_degree);
+    let geometry = whole_geometry(h.geometry, half_width, stride);
+    let sh: Cow<'_, _> = if half_width { layout::unpack_halves(h.sh, stride as usize).into() } else { h.sh.into() };
+    let params = params([&geometry, &sh, h.lobes], count, stride, has_lobes, sh_degree);
     let options = Options { active_degree: sh_degree, compensate, tile_width, tile_height, ..Default::default() };
     let projected = twin::project::project(&params, &view(&h.views[view_index as usize]), &options);
     for (i, (splat, tiles)) in (first..).zip(projected.splats.iter().zip(projected.tile_counts)) {
@@ -38,6 +40,14 @@ pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
         }
     }
     Ok(())
+}
+
+/// A page of geometry, three quads for each Gaussian, from one of either width.
+fn whole_geometry(geometry: &[[f32; 4]], half_width: bool, stride: u32) -> Cow<'_, [[f32; 4]]> {
+    match half_width {
+        true => layout::unpack_geometry_page(geometry, stride as usize).into(),
+        false => geometry.into(),
+    }
 }
 
 pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
@@ -311,7 +321,8 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     // By place in the page; other pages take the other pixels.
     let here = |&i: &u32| i.checked_sub(first as u32).filter(|&place| i != NONE && (place as usize) < count);
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
-    let params = params([h.geometry, &[], &[]], count, stride, false, 0);
+    let geometry = whole_geometry(h.geometry, h.spec.half_width, stride);
+    let params = params([&geometry, &[], &[]], count, stride, false, 0);
     let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
     let depths = twin::median_depth::median_depth(&params, &view, &median, at, scale.into());
     let to = &mut h.depths[depth_first as usize..][..pixels];
