@@ -162,6 +162,7 @@ impl ModelStages {
                     has_lobes,
                     sh_degree,
                     half_width: needs.half,
+                    packed_splats: needs.half && !options.backward,
                 };
                 project::Stage::new(context, &spec)
             };
@@ -201,6 +202,7 @@ impl ModelStages {
     /// Splats, colours, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
         let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
+        let Some(depth_keys) = raster.depth_keys() else { return };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
             let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
@@ -217,7 +219,8 @@ impl ModelStages {
                         lobes: part.lobes.page(k),
                         splats: &raster.buffers.splats,
                         splat_colours: &raster.buffers.splat_colours,
-                        depth_keys: &raster.buffers.depth_keys,
+                        packed_splats: &raster.buffers.packed_splats,
+                        depth_keys,
                         tile_counts: &raster.buffers.tile_counts,
                     },
                     &project::Push {
@@ -314,6 +317,7 @@ impl Renderer {
             occluded: false,
             backward: options.backward,
             scores: false,
+            packed_splats: needs.half && !options.backward,
             policy: options.policy,
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };

@@ -21,6 +21,7 @@ use crate::{
         Background, Intersections, Options, Params, View,
         blend::{Margin, blend_before},
         median_depth::{DepthAt, median_depth},
+        packed_splat::packed,
         project::project,
         random_camera, random_scene,
         resolve::{self as twin, To},
@@ -185,8 +186,12 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         let times = bench.time(|recorder| drop(unsafe { frames.record_into(recorder, &frame) }))?;
         let options = Options { active_degree: 3, ..Default::default() };
         let seen = View::from_camera(&camera).rounded();
-        let projected = project(&params, &seen, &options);
-        let isects = Intersections::new(&projected, Tiling::new(width, height, &options));
+        let tiling = Tiling::new(width, height, &options);
+        let mut projected = project(&params, &seen, &options);
+        if half {
+            projected = packed(projected, &tiling);
+        }
+        let isects = Intersections::new(&projected, tiling);
         // In the model's own units.
         let farthest = |p: usize| twin::camera_z(depths[p].into(), [form.a, form.b]) / transform.scale;
         let behind = Background::Color(BACKGROUND.map(f64::from));

@@ -139,6 +139,7 @@ impl Limits {
             occluded: self.depth_in,
             backward: false,
             scores: false,
+            packed_splats: self.half,
             policy: self.policy,
         }
     }
