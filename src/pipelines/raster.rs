@@ -496,7 +496,7 @@ impl Raster {
     }
 
     /// Sorts the splats by depth, lists their tiles and sorts the list by tile, front to back in each. Raises `status` where the
-    /// intersections do not fit. `splat_frames` is for a batch raster.
+    /// intersections do not fit. `splat_frames` is for a batch raster. What projection left in [`Raster::depth_keys`] may be gone then.
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
