@@ -63,7 +63,7 @@ struct Args {
     /// Views of a frame, side by side as eyes are
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     views: u32,
-    /// Harmonics of half width
+    /// Half width
     #[arg(long)]
     half: bool,
     /// Frames that are timed
@@ -281,14 +281,15 @@ impl Bytes<'_> {
         let (gaussians, pixels) =
             (f64::from(self.model.capacity()), self.args.size.map(f64::from).iter().product::<f64>());
         let harmonics = sh_planes(self.degree) as f64 * if self.args.half { 2.0 } else { 4.0 };
+        let (geometry, splat) = if self.args.half { (32.0, 28.0) } else { (44.0, 36.0) };
         let of_a_view = match stage {
             // Geometry, keys and tile counts of all; harmonics, splats and colours of those in the view.
-            "project" => gaussians * (44.0 + 8.0) + self.visible * (harmonics + 24.0 + 12.0),
+            "project" => gaussians * (geometry + 8.0) + self.visible * (harmonics + splat),
             // Key and value of what is visible, in and out, once.
             "radix_upsweep" | "radix_downsweep" => 16.0 * (self.visible + self.isects),
             "emit" => self.visible * 32.0 + self.isects * 12.0,
             "tile_ranges" => self.isects * 4.0,
-            "blend" => self.isects * 4.0 + self.visible * 36.0 + pixels * 16.0,
+            "blend" => self.isects * 4.0 + self.visible * splat + pixels * 16.0,
             "resolve" => pixels * 32.0,
             _ => return None,
         };

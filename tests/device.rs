@@ -268,6 +268,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
             occluded: false,
             direct: false,
             unrolled: false,
+            packed_splats: false,
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())
     };

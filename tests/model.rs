@@ -11,6 +11,7 @@ use glint::{
     gpu::Buffer,
     pipelines::{
         density::{DensityOptions, Strategy},
+        frames::{self, Frames, Limits},
         learn::{Learner, Lesson, Rates, Seen, learning_bytes},
         model::{Model, Rearrange, Room, Segment, Sources},
         raster::{Raster, RasterOptions},
@@ -239,12 +240,50 @@ fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() 
     }
 }
 
+/// README's figures of a renderer: the model of a Gaussian of degree 3 and what lies beside it, and an intersection.
+#[test]
+fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_intersections() {
+    let gpu = Gpu::new();
+    let camera = random_camera(32, 32);
+    // Memory is counted in blocks of 4 MiB, so that numbers are large.
+    let scenes = [40_000, 160_000].map(|count| random_scene(1, count, 0, 3));
+    for (half, depth_in, gaussian) in [(false, false, 280), (true, false, 160), (false, true, 284), (true, true, 164)] {
+        let held = |scene: &Scene, isects: u32| {
+            let before = gpu.memory().used;
+            let room = Room { half, ..Default::default() };
+            let model = Model::upload_around(&gpu, DVec3::ZERO, scene, room).unwrap();
+            let room = frames::Room::Intersections(isects);
+            let limits = Limits { intersections: room, depth_in, ..Limits::of(&model, 32, 32) };
+            let _frames = Frames::new(&gpu, limits).unwrap();
+            gpu.memory().used - before
+        };
+        let [few, more] = [0, 1].map(|k| held(&scenes[k], 4 * scenes[k].base.len() as u32));
+        let lists = held(&scenes[1], 8 * 160_000) - more;
+        let isect = lists as f64 / 640_000.0;
+        let each = (more - few) as f64 / 120_000.0 - 4.0 * isect;
+        // Counts of blocks are some bits of a word for each.
+        assert!((16.0..16.5).contains(&isect), "{isect} bytes for an intersection");
+        let gaussian = f64::from(gaussian);
+        assert!((gaussian..gaussian + 2.0).contains(&each), "{each} bytes of {gaussian}");
+    }
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let room = Room { half: true, ..Default::default() };
+    let held = [0, 1].map(|k| {
+        let before = gpu.memory().used;
+        let model = Model::upload_around(&gpu, DVec3::ZERO, &scenes[k], room).unwrap();
+        let _renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+        gpu.memory().used - before
+    });
+    let each = (held[1] - held[0]) as f64 / 120_000.0 - 4.0 * 16.0;
+    assert!((160.0..162.0).contains(&each), "{each} bytes in a renderer with room for 4 intersections each");
+}
+
 /// README's figures of what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
 #[test]
 fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     let gpu = Gpu::new();
     let model = Model::upload(&gpu, &random_scene(1, 64, 0, 3), 0).unwrap();
-    let held = |splats: u32, isects: u32, backward: bool, packed: bool, reduction: Reduction| {
+    let held = |splats: u32, isects: u32, [backward, packed, half]: [bool; 3], reduction: Reduction| {
         let options = RasterOptions {
             splats,
             pixels: 1,
@@ -256,6 +295,7 @@ fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
             occluded: false,
             backward,
             scores: false,
+            packed_splats: half,
             policy: Policy { reduction, packed, ..Policy::default() },
         };
         Raster::plan(&options).bytes()
@@ -266,14 +306,15 @@ fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     // instead of slots.
     let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
     // Packed, a record takes 16 bytes in place of 36.
-    for (backward, packed, reduction, splat, isect) in [
-        (true, false, fixed, 52, 40),
-        (true, true, fixed, 52, 20),
-        (true, false, atomic, 88, 16),
-        (true, true, atomic, 88, 16),
-        (false, false, fixed, 44, 16),
+    for (what, reduction, splat, isect) in [
+        ([true, false, false], fixed, 52, 40),
+        ([true, true, false], fixed, 52, 20),
+        ([true, false, false], atomic, 88, 16),
+        ([true, true, false], atomic, 88, 16),
+        ([false, false, false], fixed, 40, 16),
+        ([false, false, true], fixed, 32, 16),
     ] {
-        let held = |splats, isects| held(splats, isects, backward, packed, reduction) as usize;
+        let held = |splats, isects| held(splats, isects, what, reduction) as usize;
         // Splats are sorted in the memory of intersections, of which there are at least as many.
         let of_splat = (held(many, 4 * many) - held(1, 4 * many)) / many as usize;
         let of_isect = (held(1, many) - held(1, 1)) / many as usize;

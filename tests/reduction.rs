@@ -44,6 +44,7 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
         occluded: false,
         backward: true,
         scores: false,
+        packed_splats: false,
         policy: Policy { reduction, ..Default::default() },
     }
 }

@@ -2,12 +2,13 @@
 // Blends each tile's splats front to back into colour and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, depth_keys, scene_depths -> image (rgb with background, transmittance), median_ids
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours or packed_splats, depth_keys, scene_depths -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"
 #include "../shared/splat.glsl"
+#include "../shared/packed_splat.glsl"
 #include "../shared/frame.glsl"
 #include "../shared/tile.glsl"
 #include "../shared/slots.glsl"
@@ -16,6 +17,7 @@ layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background i
 layout(constant_id = 6) const bool MEDIAN = false;           // also note the Gaussian of median depth
 layout(constant_id = 7) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
 layout(constant_id = 8) const bool DIRECT = false;           // `isect_slots` holds Gaussian indices, not slots
+layout(constant_id = 9) const bool PACKED_SPLATS = false;
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;      // the first frame, index in frames
@@ -39,6 +41,7 @@ layout(set = 0, binding = 8, scalar) writeonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer MedianIds { uint median_ids[]; };
 layout(set = 0, binding = 10, scalar) readonly buffer DepthKeys { uint depth_keys[]; };
 layout(set = 0, binding = 11, scalar) readonly buffer SceneDepths { float scene_depths[]; };
+layout(set = 0, binding = 12, scalar) readonly buffer PackedSplats { PackedSplat packed_splats[]; };
 
 // Camera z of what a mesh left in the depth buffer; the farthest where it left nothing: there is what the buffer is cleared to, wherever
 // the far plane is (or nonsense).
@@ -120,8 +123,14 @@ void main() {
         if (mine < range.y) {
             global = isect_slots[mine];
             if (!DIRECT) global = global_from_rank[rank_of(rank_blocks[global / SLOTS_PER_BLOCK], global)];
-            own = splats[global];
-            tint = splat_colours[global];
+            if (PACKED_SPLATS) {
+                PackedSplat packed = packed_splats[global];
+                own = unpack_splat(packed);
+                tint = unpack_colour(packed);
+            } else {
+                own = splats[global];
+                tint = splat_colours[global];
+            }
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
         }
         if (UNROLLED) {

@@ -3,7 +3,7 @@
 //
 // One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
 // Gaussian filling the screen does not hold its neighbours up.
-// global_from_rank, splats, rank_first_slot, tile_counts -> isect_tiles and, where DIRECT, isect_globals (by slot), else rank_blocks, which
+// global_from_rank, splats or packed_splats, rank_first_slot, tile_counts -> isect_tiles and, where DIRECT, isect_globals (by slot), else rank_blocks, which
 // begin at 0 (shared/slots.glsl), and first_slot (by Gaussian index), where its gradient's records will be
 // A splat has exactly as many slots as projection counted, whatever is found here: a tile more than counted is left out, and for
 // each tile fewer a slot gets the tile NONE, which the sort drops. The two come from one arithmetic (shared/splat.glsl), but a tile
@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
+#include "../shared/packed_splat.glsl"
 #include "../shared/frame.glsl"
 #include "../shared/slots.glsl"
 
@@ -19,6 +20,7 @@ layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const bool BATCH = false;  // splats of many frames at once, splat_frames says which
 layout(constant_id = 4) const bool DIRECT = false; // Gaussian indices are sorted, not slots
+layout(constant_id = 5) const bool PACKED_SPLATS = false;
 
 layout(push_constant, scalar) uniform Push {
     uint frame_first;     // the first frame, index in frames
@@ -39,6 +41,7 @@ layout(set = 0, binding = 7, scalar) writeonly buffer IsectTiles { uint isect_ti
 layout(set = 0, binding = 8, scalar) writeonly buffer IsectGlobals { uint isect_globals[]; };
 layout(set = 0, binding = 9, scalar) buffer RankBlocks { uvec2 rank_blocks[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer FirstSlot { uint first_slot[]; };
+layout(set = 0, binding = 11, scalar) readonly buffer PackedSplats { PackedSplat packed_splats[]; };
 
 const int BIG = 8;
 // llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
@@ -83,7 +86,11 @@ void main() {
         global = global_from_rank[rank];
         slot = rank_first_slot[rank];
         room = slot < push.capacity ? min(tile_counts[global], push.capacity - slot) : 0; // guard: emit keeps within its room
-        s = splats[global];
+        if (PACKED_SPLATS) {
+            s = unpack_splat(packed_splats[global]);
+        } else {
+            s = splats[global];
+        }
         if (BATCH) {
             frame = splat_frames[global];
             size = uvec2(frames[push.frame_first + frame].width, frames[push.frame_first + frame].height);

@@ -30,6 +30,7 @@ layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_f
 layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
 #define GEOMETRY 2
 #define MODEL_LOADS
+#define HALVES
 #include "../shared/model.glsl"
 layout(set = 0, binding = 3, scalar) readonly buffer MedianIds { uint median_ids[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Depths { float depths[]; };
@@ -57,10 +58,11 @@ void main() {
         vec2 px = vec2(pixel % view.width, pixel / view.width) + 0.5;
         vec2 slope = (px - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
         vec3 ray = slope.x * view.row_x.xyz + slope.y * view.row_y.xyz + view.row_z.xyz;
-        vec3 log_scale = load_geometry3(LOG_SCALE, place);
+        vec4 q;
+        vec3 log_scale;
+        load_form(place, q, log_scale);
         // guard: flat Gaussians' depth
         vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
-        vec4 q = load_quat(place);
         to_unit(q); // no median Gaussian is without a rotation: it was projected
         vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
         float best = -dot(o, d) / dot(d, d) * (push.scale * push.scale); // guard: depth of a scaled model

@@ -2,7 +2,7 @@
 // Projects Gaussians into one view: culls, makes splats, depth keys and tile counts.
 //
 // One thread takes one Gaussian of a page.
-// population, geometry, sh, lobes (by place), views -> splats, splat_colours, depth_keys, tile_counts (by Gaussian index)
+// population, geometry, sh, lobes (by place), views -> splats, splat_colours or packed_splats, depth_keys, tile_counts (by Gaussian index)
 // EWA splatting (Zwicker 2001) as in 3DGS (Kerbl 2023); opacity lobe of AuGS (2026), section 1 of the method.
 // Limits: culled where camera z is not beyond the view's near plane, opacity < 1/255, no pixel centre is reached, or anything is NaN.
 #extension GL_GOOGLE_include_directive : require
@@ -10,11 +10,13 @@
 #include "../shared/population.glsl"
 #include "../shared/view.glsl"
 #include "../shared/splat.glsl"
+#include "../shared/packed_splat.glsl"
 
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const bool COMPENSATE = false; // opacity *= sqrt(det0 / det), as in Mip-Splatting
 layout(constant_id = 4) const bool HAS_LOBES = false;  // the segment is the supplement
+layout(constant_id = 12) const bool PACKED_SPLATS = false;
 
 layout(push_constant, scalar) uniform Push {
     uint segment;
@@ -30,12 +32,13 @@ layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
 #define SH 3
 #define LOBES 4
 #define MODEL_LOADS
-#define SH_HALVES
+#define HALVES
 #include "../shared/model.glsl"
 layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer SplatColours { vec3 splat_colours[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer DepthKeys { uint depth_keys[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer PackedSplats { PackedSplat packed_splats[]; };
 
 #include "../shared/gaussian.glsl"
 #include "../shared/colour.glsl"
@@ -61,9 +64,11 @@ void main() {
     }
     if (!(opacity >= ALPHA_MIN)) return;
 
-    vec4 q = load_quat(place);
+    vec4 q;
+    vec3 log_scale;
+    load_form(place, q, log_scale);
     if (!(to_unit(q) > 0.0)) return; // guard: rotation without a direction
-    Projection e = project_covariance(view, p, q, exp(load_geometry3(LOG_SCALE, place)));
+    Projection e = project_covariance(view, p, q, exp(log_scale));
     if (!(e.det <= FLOAT_MAX)) return; // guard: determinant within float32
     if (COMPENSATE) {
         opacity *= sqrt(e.det0 / e.det);
@@ -75,7 +80,7 @@ void main() {
     s.shape.z = inversesqrt(c);
     s.shape.x = sqrt(c / e.det);
     s.shape.y = -e.b * s.shape.z * inversesqrt(e.det);
-    s.shape.w = opacity;
+    s.shape.w = PACKED_SPLATS ? opacity_of(opacity_word(opacity)) : opacity;
     s.centre = vec2(view.fx, view.fy) * p.xy * e.inv_z + vec2(view.cx, view.cy);
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(view.width, view.height));
     if (tiles == 0) return;
@@ -84,8 +89,12 @@ void main() {
     vec3 size = abs(colour);
     if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return; // guard: colour within float32
 
-    splats[i] = s;
-    splat_colours[i] = max(colour, vec3(0.0));
+    if (PACKED_SPLATS) {
+        packed_splats[i] = pack_splat(s, max(colour, vec3(0.0)));
+    } else {
+        splats[i] = s;
+        splat_colours[i] = max(colour, vec3(0.0));
+    }
     depth_keys[i] = floatBitsToUint(p.z);
     tile_counts[i] = tiles;
 }

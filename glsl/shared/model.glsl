@@ -6,13 +6,25 @@
 // is the page's capacity. SH coefficient k of channel c is plane 3k + c of `sh`, so that four coefficients are three quads.
 //
 // A kernel declares `push.stride`, defines the binding of each array it uses (GEOMETRY, SH, LOBES, GEOMETRY_MOMENTS,
-// SH_MOMENTS, LOBE_MOMENTS) and MODEL_LOADS, MODEL_STORES or both, then includes this file.
+// SH_MOMENTS, LOBE_MOMENTS) and MODEL_LOADS, MODEL_STORES or both, then includes this file. One that renders defines HALVES as well, and
+// goes without stores.
+//
+// Of half width, for rendering alone, geometry has two quads. The first is the same: mean and opacity. Word k of the second, k below 3, is log
+// scale k in its upper bits, in units of LOG_SCALE_STEP, with a sign, and the upper ROTATION_LOW_BITS of part k of the rotation; the last word
+// has the lower bits of the three parts, the first part lowest, and in two bits above which component of the unit quaternion is not among
+// them: the largest, taken to be positive. A part is a component in units of ROTATION_STEP, and ROTATION_ZERO more. What projection would not
+// draw for its rotation or its scales has an opacity that is not a number (`scene::layout::pack_geometry`).
 
 const uint MEAN = 0;           // 3 planes: x, y, z, scene units from the model's origin
 const uint OPACITY = 3;        // logit
 const uint QUAT = 4;           // 4 planes: w, x, y, z, of any length
 const uint LOG_SCALE = 8;      // 3 planes: natural logarithms of the standard deviations
 const uint GEOMETRY_PLANES = 11;
+const uint HALF_GEOMETRY_PLANES = 8;          // of half width, see above
+const float LOG_SCALE_STEP = 1.52587890625e-5; // 2^-16: 22 bits reach from -32 to 32, and err by 8e-6 of a scale
+const uint ROTATION_LOW_BITS = 10;            // of the 20 of a part
+const uint ROTATION_ZERO = 524288;            // 2^19
+const float ROTATION_STEP = 1.3487017e-6;     // sqrt(1/2) / (2^19 - 1): no component but the largest is beyond sqrt(1/2)
 const uint LOBE_DIRECTION = 0; // 3 planes, of any length
 const uint LOBE_WIDTH = 3;     // T, 0.01 to 1
 const uint LOBE_SHARPNESS = 4; // beta
@@ -28,6 +40,14 @@ uint quad_of(uint p, uint place) { return p / 4 * push.stride + place; }
 #define MODEL_ACCESS writeonly
 #endif
 
+#ifdef MODEL_LOADS
+#ifdef HALVES
+layout(constant_id = 11) const bool HALF_WIDTH = false; // geometry as above; planes 2p and 2p + 1 of `sh` are the halves of the words of plane p
+#else
+const bool HALF_WIDTH = false;
+#endif
+#endif
+
 #ifdef GEOMETRY
 layout(set = 0, binding = GEOMETRY, scalar) MODEL_ACCESS buffer Geometry { vec4 geometry[]; };
 #ifdef MODEL_LOADS
@@ -35,6 +55,25 @@ float load_geometry(uint p, uint place) { return geometry[quad_of(p, place)][p %
 // Means or log scales.
 vec3 load_geometry3(uint p, uint place) { return geometry[quad_of(p, place)].xyz; }
 vec4 load_quat(uint place) { return geometry[quad_of(QUAT, place)]; }
+#ifdef HALVES
+// Rotation and log scales, of either width; those of half width as one access.
+void load_form(uint place, out vec4 quat, out vec3 log_scale) {
+    if (!HALF_WIDTH) {
+        quat = load_quat(place);
+        log_scale = load_geometry3(LOG_SCALE, place);
+        return;
+    }
+    uvec4 words = floatBitsToUint(geometry[quad_of(QUAT, place)]);
+    log_scale = LOG_SCALE_STEP * vec3(ivec3(words.xyz) >> ROTATION_LOW_BITS);
+    const uint LOW = (1u << ROTATION_LOW_BITS) - 1;
+    uvec3 low = words.www >> uvec3(0, ROTATION_LOW_BITS, 2 * ROTATION_LOW_BITS) & LOW;
+    vec3 parts = ROTATION_STEP * vec3(ivec3((words.xyz & LOW) << ROTATION_LOW_BITS | low) - int(ROTATION_ZERO));
+    float largest = sqrt(max(1.0 - dot(parts, parts), 0.0));
+    uint missing = words.w >> 3 * ROTATION_LOW_BITS;
+    quat = missing < 2 ? missing == 0 ? vec4(largest, parts) : vec4(parts.x, largest, parts.yz)
+                       : missing == 2 ? vec4(parts.xy, largest, parts.z) : vec4(parts, largest);
+}
+#endif
 #endif
 #ifdef MODEL_STORES
 void store_geometry(uint p, uint place, float value) { geometry[quad_of(p, place)][p % 4] = value; }
@@ -46,18 +85,13 @@ void store_quat(uint place, vec4 value) { geometry[quad_of(QUAT, place)] = value
 #ifdef SH
 layout(set = 0, binding = SH, scalar) MODEL_ACCESS buffer Sh { vec4 sh[]; };
 #ifdef MODEL_LOADS
-#ifdef SH_HALVES
-layout(constant_id = 11) const bool HALF_SH = false; // for rendering alone: planes 2p and 2p + 1 are the halves of the words of plane p
-#else
-const bool HALF_SH = false;
-#endif
 // Planes 12g to 12g + 11, as far as they are below `planes`: coefficients 4g to 4g + 3.
 void load_sh12(uint g, uint planes, uint place, out vec4 quads[3]) {
     [[unroll]] for (uint q = 0; q < 3; ++q) {
         uint p = 12 * g + 4 * q;
         quads[q] = vec4(0.0);
         if (p >= planes) continue;
-        if (!HALF_SH) {
+        if (!HALF_WIDTH) {
             quads[q] = sh[quad_of(p, place)];
             continue;
         }

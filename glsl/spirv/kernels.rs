@@ -46,6 +46,11 @@ pub struct Loss {
     pub total: f32,
 }
 #[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct PackedSplat {
+    pub first: [u32; 4],
+    pub rest: [u32; 3],
+}
+#[repr(C)] #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Page {
     pub segment: u32,
     pub first: u32,
@@ -3360,6 +3365,7 @@ pub struct Spec {
     pub median: bool,
     pub occluded: bool,
     pub direct: bool,
+    pub packed_splats: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3387,6 +3393,8 @@ pub struct Buffers<'a> {
     pub depth_keys: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub scene_depths: &'a crate::gpu::Buffer<f32>,
+    /// ReadOnly
+    pub packed_splats: &'a crate::gpu::Buffer<PackedSplat>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3417,12 +3425,14 @@ pub struct Host<'a> {
     pub depth_keys: &'a [u32],
     /// ReadOnly
     pub scene_depths: &'a [f32],
+    /// ReadOnly
+    pub packed_splats: &'a [PackedSplat],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, packed_splats: call.constant(9) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3444,6 +3454,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3455,15 +3466,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 6, name: c"median", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 7, name: c"occluded", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 8, name: c"direct", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 9, name: c"packed_splats", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32), (9, spec.packed_splats as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw(), b.packed_splats.raw()])
     }
 }
 }
@@ -3748,6 +3760,7 @@ pub struct Spec {
     pub tile_height: u32,
     pub batch: bool,
     pub direct: bool,
+    pub packed_splats: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3773,6 +3786,8 @@ pub struct Buffers<'a> {
     pub rank_blocks: &'a crate::gpu::Buffer<[u32; 2]>,
     /// WriteOnly
     pub first_slot: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub packed_splats: &'a crate::gpu::Buffer<PackedSplat>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3801,12 +3816,14 @@ pub struct Host<'a> {
     pub rank_blocks: &'a mut [[u32; 2]],
     /// WriteOnly
     pub first_slot: &'a mut [u32],
+    /// ReadOnly
+    pub packed_splats: &'a [PackedSplat],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, batch: call.constant(3) != 0, direct: call.constant(4) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, batch: call.constant(3) != 0, direct: call.constant(4) != 0, packed_splats: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), count: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), rank_first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), splat_frames: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), isect_globals: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), count: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), rank_first_slot: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), splat_frames: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), isect_globals: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), first_slot: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3827,6 +3844,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"isect_globals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3834,15 +3852,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"tile_height", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"batch", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"direct", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 5, name: c"packed_splats", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.batch as u32), (4, spec.direct as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.batch as u32), (4, spec.direct as u32), (5, spec.packed_splats as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.count.raw(), b.global_from_rank.raw(), b.rank_first_slot.raw(), b.splats.raw(), b.tile_counts.raw(), b.splat_frames.raw(), b.isect_tiles.raw(), b.isect_globals.raw(), b.rank_blocks.raw(), b.first_slot.raw()])
+        with(&[b.frames.raw(), b.count.raw(), b.global_from_rank.raw(), b.rank_first_slot.raw(), b.splats.raw(), b.tile_counts.raw(), b.splat_frames.raw(), b.isect_tiles.raw(), b.isect_globals.raw(), b.rank_blocks.raw(), b.first_slot.raw(), b.packed_splats.raw()])
     }
 }
 }
@@ -3863,6 +3882,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub centre: bool,
+    pub half_width: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3895,7 +3915,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, centre: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, centre: call.constant(1) != 0, half_width: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depths: crate::gpu::next_binding(&mut bindings), }
     }
@@ -3916,13 +3936,14 @@ impl crate::gpu::Kernel for Kernel {
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"centre", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"half_width", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.centre as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.centre as u32), (11, spec.half_width as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.median_ids.raw(), b.depths.raw()])
     }
@@ -3947,7 +3968,8 @@ pub struct Spec {
     pub compensate: bool,
     pub has_lobes: bool,
     pub sh_degree: u32,
-    pub half_sh: bool,
+    pub half_width: bool,
+    pub packed_splats: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3969,6 +3991,8 @@ pub struct Buffers<'a> {
     pub depth_keys: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
     pub tile_counts: &'a crate::gpu::Buffer<u32>,
+    /// WriteOnly
+    pub packed_splats: &'a crate::gpu::Buffer<PackedSplat>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3993,12 +4017,14 @@ pub struct Host<'a> {
     pub depth_keys: &'a mut [u32],
     /// WriteOnly
     pub tile_counts: &'a mut [u32],
+    /// WriteOnly
+    pub packed_splats: &'a mut [PackedSplat],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, compensate: call.constant(3) != 0, has_lobes: call.constant(4) != 0, sh_degree: call.constant(10) as u32, half_sh: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, compensate: call.constant(3) != 0, has_lobes: call.constant(4) != 0, sh_degree: call.constant(10) as u32, half_width: call.constant(11) != 0, packed_splats: call.constant(12) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, population: crate::gpu::next_binding(&mut bindings), views: crate::gpu::next_binding(&mut bindings), geometry: crate::gpu::next_binding(&mut bindings), sh: crate::gpu::next_binding(&mut bindings), lobes: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), tile_counts: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -4017,6 +4043,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Write, element_bytes: size_of::<PackedSplat>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4025,16 +4052,17 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"compensate", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 4, name: c"has_lobes", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 10, name: c"sh_degree", kind: crate::gpu::ConstantKind::U32 },
-        crate::gpu::Constant { id: 11, name: c"half_sh", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 11, name: c"half_width", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 12, name: c"packed_splats", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.compensate as u32), (4, spec.has_lobes as u32), (10, spec.sh_degree as u32), (11, spec.half_sh as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.compensate as u32), (4, spec.has_lobes as u32), (10, spec.sh_degree as u32), (11, spec.half_width as u32), (12, spec.packed_splats as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.splats.raw(), b.splat_colours.raw(), b.depth_keys.raw(), b.tile_counts.raw()])
+        with(&[b.population.raw(), b.views.raw(), b.geometry.raw(), b.sh.raw(), b.lobes.raw(), b.splats.raw(), b.splat_colours.raw(), b.depth_keys.raw(), b.tile_counts.raw(), b.packed_splats.raw()])
     }
 }
 }
@@ -5313,10 +5341,19 @@ pub mod model {
 #[doc = "4 planes: w, x, y, z, of any length"] pub const QUAT: u32 = 4;
 #[doc = "3 planes: natural logarithms of the standard deviations"] pub const LOG_SCALE: u32 = 8;
 #[doc = ""] pub const GEOMETRY_PLANES: u32 = 11;
+#[doc = "of half width, see above"] pub const HALF_GEOMETRY_PLANES: u32 = 8;
+#[doc = "2^-16: 22 bits reach from -32 to 32, and err by 8e-6 of a scale"] pub const LOG_SCALE_STEP: f32 = 1.52587890625e-5;
+#[doc = "of the 20 of a part"] pub const ROTATION_LOW_BITS: u32 = 10;
+#[doc = "2^19"] pub const ROTATION_ZERO: u32 = 524288;
+#[doc = "sqrt(1/2) / (2^19 - 1): no component but the largest is beyond sqrt(1/2)"] pub const ROTATION_STEP: f32 = 1.3487017e-6;
 #[doc = "3 planes, of any length"] pub const LOBE_DIRECTION: u32 = 0;
 #[doc = "T, 0.01 to 1"] pub const LOBE_WIDTH: u32 = 3;
 #[doc = "beta"] pub const LOBE_SHARPNESS: u32 = 4;
 #[doc = ""] pub const LOBE_PLANES: u32 = 5;
+}
+pub mod packed_splat {
+#[doc = "1 / 65280, which is ALPHA_MIN / 256"] pub const OPACITY_STEP: f32 = 1.53186275e-5;
+#[doc = "the largest that a half holds"] pub const MOST_HALF: f32 = 65504.0;
 }
 pub mod population {
 #[doc = "segment"] pub const BASE: u32 = 0;

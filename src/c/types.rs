@@ -236,7 +236,7 @@ pub struct glint_model_counts {
     pub capacity: u32,
     /// The greatest of both segments, 0 to 3, or [`BETAS`].
     pub sh_degree: u32,
-    /// 1: harmonics are of half width.
+    /// 1: it is of half width.
     pub half: u32,
 }
 
@@ -310,7 +310,7 @@ pub struct glint_limits {
     pub degrees: u32,
     /// Bits: some supplements have or show degree d; 0: no model has one.
     pub lobe_degrees: u32,
-    /// 1: models have harmonics of half width.
+    /// 1: models are of half width.
     pub half: u32,
     /// 1: depths hide Gaussians.
     pub depth_in: u32,

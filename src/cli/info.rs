@@ -37,7 +37,7 @@ pub(super) struct Args {
     /// Pixels of the plan's view
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1080", value_parser = parse_size, requires = "plan")]
     resolution: Size,
-    /// Plan with harmonics of half width
+    /// Plan at half width
     #[arg(long, requires = "plan")]
     half: bool,
     #[command(flatten)]

@@ -248,7 +248,9 @@ impl Frames {
         recorder.update(&b.frames, v as usize, &[frame]);
         // A model may have room for more than it shows, and what it does not show was left by others.
         // guard: what other instances left
-        recorder.fill(&raster.buffers.depth_keys, NONE);
+        if let Some(depth_keys) = raster.depth_keys() {
+            recorder.fill(depth_keys, NONE);
+        }
         let place = |i: usize, splat_first: u32| {
             let Instance { model, transform, upto, degree } = instances[i];
             let (view, scale) = (v * self.limits.instances + i as u32, transform.scale as f32);

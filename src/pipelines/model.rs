@@ -14,7 +14,7 @@ use crate::{
     gpu::{Buffer, Context, DeviceInfo, GpuError, Location, Recorder, Unused},
     scene::{
         Gaussians, Lobes, Scene, Supplement,
-        layout::{self, GEOMETRY_PLANES, LOBE_PLANES, MEAN},
+        layout::{self, GEOMETRY_PLANES, HALF_GEOMETRY_PLANES, LOBE_PLANES, MEAN},
     },
     stages::{
         WORKGROUP,
@@ -148,7 +148,7 @@ pub struct Part {
     pub lobes: Planes,
     /// Of its harmonics, 0 to 3, or [`BETAS`](layout::BETAS).
     pub sh_degree: u32,
-    /// Planes of `sh` are words of two halves.
+    /// Of half width, see [`layout::pack_geometry`] and [`layout::pack_halves`].
     half: bool,
 }
 
@@ -170,7 +170,8 @@ pub struct Room {
     pub page: Option<u32>,
     /// Degree of the harmonics of a supplement that the scene does not have yet; `None` for the base's.
     pub supplement_degree: Option<u32>,
-    /// Harmonics at half width: 144 bytes for a Gaussian of degree 3 instead of 240. For rendering alone; nothing can learn.
+    /// Half width: 128 bytes for a Gaussian of degree 3 instead of 240, harmonics as half floats, rotation and scales in 128 bits. For
+    /// rendering alone; nothing can learn.
     pub half: bool,
 }
 
@@ -185,7 +186,10 @@ impl Room {
     fn planes(&self, segment: Segment, sh_degree: u32) -> [usize; 3] {
         let sh = layout::sh_planes(sh_degree);
         let lobes = if segment == Segment::Base { 0 } else { LOBE_PLANES };
-        [GEOMETRY_PLANES, if self.half { sh.div_ceil(2) } else { sh }, lobes]
+        match self.half {
+            true => [HALF_GEOMETRY_PLANES, sh.div_ceil(2), lobes],
+            false => [GEOMETRY_PLANES, sh, lobes],
+        }
     }
 
     /// Bytes of a Gaussian's geometry, harmonics and lobe.
@@ -476,7 +480,7 @@ impl Model {
         layout::shown(degree, self.part(segment).sh_degree)
     }
 
-    /// Harmonics are of half width, see [`Room::half`].
+    /// It is of half width, see [`Room::half`].
     pub fn is_half(&self) -> bool {
         self.parts[0].half
     }
@@ -543,11 +547,19 @@ impl Part {
         let (first, capacity) = (page.first as usize, page.capacity as usize);
         let numbers = first.min(gaussians.len())..gaussians.len().min(first + capacity);
         let count = numbers.len();
-        let geometry = layout::page(GEOMETRY_PLANES, capacity, count, |p, place| {
-            let value = layout::geometry(gaussians, first + place)[p];
+        let own = |place: usize| {
+            let mut planes = layout::geometry(gaussians, first + place);
             // guard: model around the origin
-            if (MEAN..MEAN + 3).contains(&p) { moved(value, -origin[p - MEAN]) } else { value }
-        });
+            (0..3).for_each(|c| planes[MEAN + c] = moved(planes[MEAN + c], -origin[c]));
+            planes
+        };
+        let geometry = match self.half {
+            true => {
+                let packed: Vec<_> = (0..count).map(|place| layout::pack_geometry(own(place))).collect();
+                layout::page(HALF_GEOMETRY_PLANES, capacity, count, |p, place| packed[place][p])
+            }
+            false => layout::page(GEOMETRY_PLANES, capacity, count, |p, place| own(place)[p]),
+        };
         let sh = layout::page(self.sh.planes, capacity, count, |p, place| match self.half {
             true => {
                 let half = |p| layout::sh(gaussians, first + place, p);
@@ -568,10 +580,14 @@ impl Part {
         let mut gaussians = Gaussians { sh_degree: self.sh_degree, ..Default::default() };
         let mut out = Lobes::default();
         for i in 0..count {
+            let own = match self.half {
+                true => layout::unpack_geometry(std::array::from_fn(|p| geometry[p][i])),
+                false => std::array::from_fn(|p| geometry[p][i]),
+            };
             let value = |p: usize| match p {
                 // guard: download around the origin
-                MEAN..3 => moved(geometry[p][i], origin[p - MEAN]),
-                _ => geometry[p][i],
+                MEAN..3 => moved(own[p], origin[p - MEAN]),
+                _ => own[p],
             };
             let harmonic = |p: usize| match self.half {
                 true => layout::halves(sh[p / 2][i])[p % 2],

@@ -267,9 +267,16 @@ impl Raster {
             occluded: options.occluded,
             unrolled: unrolled(context.info()),
             direct: !options.backward,
+            packed_splats: options.packed_splats,
         };
-        let emit_spec =
-            emit::Spec { workgroup_size, tile_width, tile_height, batch: options.batch, direct: !options.backward };
+        let emit_spec = emit::Spec {
+            workgroup_size,
+            tile_width,
+            tile_height,
+            batch: options.batch,
+            direct: !options.backward,
+            packed_splats: options.packed_splats,
+        };
         let (backward, records) = match options.backward {
             true => Backward::new(context, &options, tile).map(|(stage, records)| (Some(stage), records))?,
             false => (None, Records::new(context, &options)?),
@@ -489,7 +496,7 @@ impl Raster {
     }
 
     /// Sorts the splats by depth, lists their tiles and sorts the list by tile, front to back in each. Raises `status` where the
-    /// intersections do not fit. `splat_frames` is for a batch raster.
+    /// intersections do not fit. `splat_frames` is for a batch raster. What projection left in [`Raster::depth_keys`] may be gone then.
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
@@ -502,16 +509,16 @@ impl Raster {
         let per_block = items_per_group(self.context.info());
         let (f, isects, sorting, capacity) = (&self.buffers, &self.isects, &self.sorting, self.options.isects);
         let d = &self.by_depth;
-        if capacity == 0 {
+        let (Some(depth_keys), 1..) = (self.depth_keys(), capacity) else {
             // Growing has failed, and what there was could not be had again.
             recorder.fill(&f.tile_ranges, 0);
             return;
-        }
+        };
         let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
         recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
         let by_depth = self.depth_sort.record(
             recorder,
-            Pairs { keys: &f.depth_keys, values: &f.depth_keys },
+            Pairs { keys: depth_keys, values: depth_keys },
             [
                 Pairs { keys: &d.keys[0], values: &d.global_from_rank[0] },
                 Pairs { keys: &d.keys[1], values: &d.global_from_rank[1] },
@@ -553,6 +560,7 @@ impl Raster {
                 global_from_rank,
                 rank_first_slot: &d.rank_first_slot,
                 splats: &f.splats,
+                packed_splats: &f.packed_splats,
                 tile_counts: &f.tile_counts,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
                 isect_tiles: &sorting.isect_tiles,
@@ -623,6 +631,7 @@ impl Raster {
                 global_from_rank: self.global_from_rank(),
                 splats: &f.splats,
                 splat_colours: &f.splat_colours,
+                packed_splats: &f.packed_splats,
                 backdrop: &f.backdrop,
                 image: &f.image,
                 median_ids: &f.median_ids,
@@ -736,6 +745,16 @@ impl Raster {
                 let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
                 stage.record(recorder, &buffers, &push, tile_count);
             }
+        }
+    }
+
+    /// Bits of camera z by Gaussian index, [`NONE`](crate::stages::constants::constants::NONE) for what is not in the view: what a
+    /// projection fills before [`Raster::record_order`], which leaves them only where gradients or occlusion need them. `None` where
+    /// growing has failed and left no lists: then nothing is projected.
+    pub fn depth_keys(&self) -> Option<&Buffer<u32>> {
+        match self.options.keeps_depths() {
+            true => Some(&self.buffers.depth_keys),
+            false => (self.options.isects > 0).then_some(&self.by_depth.keys[1]),
         }
     }
 

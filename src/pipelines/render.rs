@@ -68,7 +68,7 @@ pub struct Needs {
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where nothing has a lobe.
     pub lobe_degrees: Vec<u32>,
-    /// Harmonics are of half width, see [`Model::is_half`].
+    /// Models are of half width, see [`Model::is_half`].
     pub half: bool,
 }
 
@@ -161,13 +161,15 @@ impl ModelStages {
                     compensate: options.policy.compensate,
                     has_lobes,
                     sh_degree,
-                    half_sh: needs.half,
+                    half_width: needs.half,
+                    packed_splats: needs.half && !options.backward,
                 };
                 project::Stage::new(context, &spec)
             };
             degrees.iter().map(stage).collect()
         };
-        let depth_spec = median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth };
+        let depth_spec =
+            median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth, half_width: needs.half };
         Ok(ModelStages {
             project: [project(Segment::Base)?, project(Segment::Supplement)?],
             median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
@@ -190,7 +192,7 @@ impl ModelStages {
         } else if lobes && !lobe_degrees.contains(&lobed) {
             format!("supplements of degrees {lobe_degrees:?} of harmonics, not of {lobed}")
         } else if model.is_half() != self.needs.half {
-            format!("harmonics of {} width", if self.needs.half { "half" } else { "full" })
+            format!("models of {} width", if self.needs.half { "half" } else { "full" })
         } else {
             return Ok(());
         };
@@ -200,6 +202,7 @@ impl ModelStages {
     /// Splats, colours, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
         let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
+        let Some(depth_keys) = raster.depth_keys() else { return };
         for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
             let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
             let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
@@ -216,7 +219,8 @@ impl ModelStages {
                         lobes: part.lobes.page(k),
                         splats: &raster.buffers.splats,
                         splat_colours: &raster.buffers.splat_colours,
-                        depth_keys: &raster.buffers.depth_keys,
+                        packed_splats: &raster.buffers.packed_splats,
+                        depth_keys,
                         tile_counts: &raster.buffers.tile_counts,
                     },
                     &project::Push {
@@ -313,6 +317,7 @@ impl Renderer {
             occluded: false,
             backward: options.backward,
             scores: false,
+            packed_splats: needs.half && !options.backward,
             policy: options.policy,
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };
@@ -394,7 +399,7 @@ impl Renderer {
         }
         let raster = &self.raster;
         let grid = raster.grid(view, 1, camera.width, camera.height);
-        self.stages.record_project(recorder, raster, &placed(model, views, view, show));
+        self.splats_of(recorder, model, views, view, show);
         let splats = SplatCount {
             count: &model.population,
             index: show.upto.index() + 1,
@@ -403,6 +408,11 @@ impl Renderer {
         };
         raster.record_order(recorder, splats, &grid, &views.frames, None, status);
         Ok(grid)
+    }
+
+    /// The first of that, of what was checked: splats, their depths and numbers of tiles.
+    pub(crate) fn splats_of(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
+        self.stages.record_project(recorder, &self.raster, &placed(model, views, view, show));
     }
 
     /// Whether there is such a view, and the renderer was made for it and for the model.

@@ -43,6 +43,7 @@ pub mod loss_probe;
 pub mod loss_sum;
 pub mod median_depth;
 pub mod packed_record;
+pub mod packed_splat;
 pub mod project;
 pub mod project_backward;
 pub mod pursuit;

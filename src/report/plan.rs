@@ -76,14 +76,15 @@ pub struct RenderPlan {
 }
 
 impl RenderPlan {
-    /// Of one view of `width` × `height` pixels. `half`: harmonics of half width.
+    /// Of one view of `width` × `height` pixels. `half`: of half width.
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) where there can be no such view.
     pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> Result<RenderPlan> {
         let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
-        let (model, frames) = (model_of(half), limits.plan(device)?);
+        let frames_of = |half| Limits { half, ..limits.clone() }.plan(device);
+        let (model, frames) = (model_of(half), frames_of(half)?);
         let more = |change: &dyn Fn(&mut Limits)| {
             let mut other = limits.clone();
             change(&mut other);
@@ -129,12 +130,14 @@ impl RenderPlan {
             let why = format!("the supplement has none; {} bytes a Gaussian", more_harmonics(lobe_degree));
             features.push(feature("harmonics of lobes, degree 3", false, why, both(&more_harmonics)));
         }
-        let halved = difference(&model_of(true), &model_of(false));
+        let halved = difference(&model_of(true).and(frames_of(true)?), &model_of(false).and(frames_of(false)?));
         features.extend([
             match half {
-                true => feature("half width", true, "harmonics are 16-bit floats".into(), halved),
+                true => {
+                    feature("half width", true, "colours are 16-bit floats, rotations and scales packed".into(), halved)
+                }
                 false => {
-                    feature("half width", false, "harmonics are 32-bit floats; --half shows the other".into(), halved)
+                    feature("half width", false, "all numbers are 32-bit floats; --half shows the other".into(), halved)
                 }
             },
             match supplementary {

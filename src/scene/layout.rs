@@ -24,6 +24,8 @@ pub const QUAT: usize = model::QUAT as usize;
 pub const OPACITY: usize = model::OPACITY as usize;
 /// Planes of geometry in all.
 pub const GEOMETRY_PLANES: usize = model::GEOMETRY_PLANES as usize;
+/// The same of half width: the mean, the opacity's logit, and four words with rotation and scales.
+pub const HALF_GEOMETRY_PLANES: usize = model::HALF_GEOMETRY_PLANES as usize;
 /// First plane of the lobe's direction, x, y and z, of any length.
 pub const LOBE_DIRECTION: usize = model::LOBE_DIRECTION as usize;
 /// Plane of T.
@@ -157,7 +159,65 @@ pub fn sh(gaussians: &Gaussians, i: usize, p: usize) -> f32 {
     if p / 3 < stored { gaussians.sh[i * stored + p / 3][p % 3] } else { 0.0 }
 }
 
-/// Two halves in a word, of planes 2p (low) and 2p + 1 (high), as `HALF_SH` of the model's kernels reads them. What a half cannot
+/// Geometry of half width, as `HALF_WIDTH` of the model's kernels reads it (`glsl/shared/model.glsl`). The mean and the opacity keep their
+/// bits, the rotation is known to 2e-6 rad and scales to 8e-6 of themselves; log scales beyond ±32 become the nearest in that range. Where
+/// projection would not draw a Gaussian, for a quaternion without a direction or a log scale that is NaN or +∞, its opacity becomes NaN.
+pub fn pack_geometry(planes: [f32; GEOMETRY_PLANES]) -> [f32; HALF_GEOMETRY_PLANES] {
+    let quat: [f64; 4] = std::array::from_fn(|k| planes[QUAT + k].into());
+    let scales: [f64; 3] = std::array::from_fn(|k| planes[LOG_SCALE + k].into());
+    let missing = (1..4).fold(0, |best, k| if quat[k].abs() > quat[best].abs() { k } else { best });
+    // As `to_unit` of the kernels takes it.
+    let turned = quat.iter().all(|q| q.is_finite()) && quat[missing].abs() >= f32::MIN_POSITIVE.into();
+    let drawn = turned && scales.iter().all(|&s| s < f64::INFINITY);
+    let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt().copysign(quat[missing]);
+    let step = f64::from(model::ROTATION_STEP) * length;
+    let (bits, zero) = (model::ROTATION_LOW_BITS, f64::from(model::ROTATION_ZERO));
+    let mut packed = [0.0; HALF_GEOMETRY_PLANES];
+    packed[MEAN..MEAN + 3].copy_from_slice(&planes[MEAN..MEAN + 3]);
+    // guard: what half width cannot say is not drawn
+    packed[OPACITY] = if drawn { planes[OPACITY] } else { f32::NAN };
+    let mut last = (missing as u32) << (3 * bits);
+    for (k, from) in (0..4).filter(|&k| k != missing).enumerate() {
+        let part = ((quat[from] / step).round() + zero).clamp(1.0, 2.0 * zero - 1.0) as u32;
+        last |= (part & ((1 << bits) - 1)) << (k as u32 * bits);
+        let most = f64::from(i32::MAX >> bits);
+        // guard: log scales of half width
+        let scale = (scales[k] / f64::from(model::LOG_SCALE_STEP)).round().clamp(-most - 1.0, most) as i32;
+        packed[QUAT + k] = f32::from_bits((scale as u32) << bits | part >> bits);
+    }
+    packed[QUAT + 3] = f32::from_bits(last);
+    packed
+}
+
+/// The planes that [`pack_geometry`] made such ones of, with a unit quaternion.
+pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PLANES] {
+    let words: [u32; 4] = std::array::from_fn(|k| packed[QUAT + k].to_bits());
+    let (bits, zero) = (model::ROTATION_LOW_BITS, f64::from(model::ROTATION_ZERO));
+    let mut planes = [0.0; GEOMETRY_PLANES];
+    planes[..QUAT].copy_from_slice(&packed[..QUAT]);
+    let missing = (words[3] >> (3 * bits)) as usize;
+    let mut squares = 0.0;
+    for (k, to) in (0..4).filter(|&k| k != missing).enumerate() {
+        let low = (1 << bits) - 1;
+        let part = (words[k] & low) << bits | (words[3] >> (k as u32 * bits)) & low;
+        let component = f64::from(model::ROTATION_STEP) * (f64::from(part) - zero);
+        squares += component * component;
+        planes[QUAT + to] = component as f32;
+        planes[LOG_SCALE + k] = (f64::from(model::LOG_SCALE_STEP) * f64::from(words[k] as i32 >> bits)) as f32;
+    }
+    planes[QUAT + missing] = (1.0 - squares).max(0.0).sqrt() as f32;
+    planes
+}
+
+/// The page of what a page of geometry of half width says: three quads for each Gaussian.
+pub fn unpack_geometry_page(quads: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> {
+    let (first, rest) = quads.split_at(stride.min(quads.len()));
+    let unpacked = |(a, b): (&[f32; 4], &[f32; 4])| unpack_geometry(std::array::from_fn(|p| [a, b][p / 4][p % 4]));
+    let all: Vec<_> = first.iter().zip(rest).map(unpacked).collect();
+    page(GEOMETRY_PLANES, stride, all.len(), |p, place| all[place][p])
+}
+
+/// Two halves in a word, of planes 2p (low) and 2p + 1 (high), as `HALF_WIDTH` of the model's kernels reads them. What a half cannot
 /// hold becomes the largest that it can.
 pub fn pack_halves(low: f32, high: f32) -> f32 {
     let half = |v: f32| f16::from_f32(v.clamp(-65504.0, 65504.0)).to_bits();
@@ -193,4 +253,67 @@ pub fn push_lobe(to: &mut Lobes, lobe: impl Fn(usize) -> f32) {
     to.directions.push([LOBE_DIRECTION, LOBE_DIRECTION + 1, LOBE_DIRECTION + 2].map(&lobe));
     to.widths.push(lobe(LOBE_WIDTH));
     to.sharpness.push(lobe(LOBE_SHARPNESS));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Quaternions of any length and sign, each component the largest, and log scales to the ends of the range. A part is rounded by half
+    /// a step of 1.35e-6, three of them by 1.2e-6 together, which the largest, at least 1/2, takes up to 1.7 times: 2e-6 in all, and
+    /// twice as much as an angle. Log scales have steps of 2^-16.
+    #[test]
+    fn geometry_of_half_width_comes_back() {
+        let mut state = 1u32;
+        let mut draw = || {
+            state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+            (f64::from(state) / f64::from(u32::MAX) - 0.5) as f32
+        };
+        for round in 0..4000 {
+            let mut planes: [f32; GEOMETRY_PLANES] = std::array::from_fn(|_| draw());
+            let length = [1.0, 1e-30, 1e37, 3.0][round % 4];
+            planes[QUAT..QUAT + 4].iter_mut().for_each(|q| *q *= length);
+            planes[QUAT + round / 4 % 4] *= if round % 3 == 0 { 100.0f32.min(1e37 / length) } else { 1.0 };
+            planes[LOG_SCALE..LOG_SCALE + 3].iter_mut().for_each(|s| *s *= 63.99);
+            let back = unpack_geometry(pack_geometry(planes));
+            assert_eq!(back[..QUAT], planes[..QUAT]);
+            let wide: [f64; 4] = std::array::from_fn(|k| planes[QUAT + k].into());
+            let norm = wide.iter().map(|q| q * q).sum::<f64>().sqrt();
+            let sign = (0..4).map(|k| wide[k] * f64::from(back[QUAT + k])).sum::<f64>().signum();
+            for k in 0..4 {
+                let off = f64::from(back[QUAT + k]) - sign * wide[k] / norm;
+                assert!(off.abs() < 2e-6, "{planes:?}, {back:?}");
+            }
+            for k in LOG_SCALE..LOG_SCALE + 3 {
+                assert!((back[k] - planes[k]).abs() <= model::LOG_SCALE_STEP / 2.0, "{planes:?}, {back:?}");
+            }
+            assert_eq!(unpack_geometry(pack_geometry(back))[LOG_SCALE..], back[LOG_SCALE..]);
+        }
+    }
+
+    #[test]
+    fn half_width_keeps_round_numbers_and_says_what_is_beyond_it() {
+        let of = |quat: [f32; 4], scale: f32| {
+            let mut planes = [1.0; GEOMETRY_PLANES];
+            planes[QUAT..QUAT + 4].copy_from_slice(&quat);
+            planes[LOG_SCALE] = scale;
+            unpack_geometry(pack_geometry(planes))
+        };
+        for k in 0..4 {
+            let mut unit = [0.0; 4];
+            unit[k] = 1.0;
+            assert_eq!(of(unit, -4.5)[QUAT..QUAT + 4], unit);
+            assert_eq!(of(unit.map(|q| -q), -4.5)[QUAT..QUAT + 4], unit);
+            assert_eq!(of(unit, -4.5)[LOG_SCALE], -4.5);
+        }
+        let unit = [1.0, 0.0, 0.0, 0.0];
+        let most = 32.0 - model::LOG_SCALE_STEP;
+        for (scale, want) in [(40.0, most), (f32::MAX, most), (-40.0, -32.0), (f32::NEG_INFINITY, -32.0)] {
+            assert_eq!((of(unit, scale)[LOG_SCALE], of(unit, scale)[OPACITY]), (want, 1.0));
+        }
+        let denormal = [f32::MIN_POSITIVE / 2.0, 0.0, 0.0, 0.0];
+        let undirected = [[0.0; 4], denormal, [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 1.0, 0.0, 0.0]];
+        assert!(undirected.into_iter().all(|quat| of(quat, 0.0)[OPACITY].is_nan()));
+        assert!([f32::NAN, f32::INFINITY].into_iter().all(|scale| of(unit, scale)[OPACITY].is_nan()));
+    }
 }

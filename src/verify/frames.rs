@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::{
     Bench,
     bounds::NEAR_THRESHOLD,
+    half::rounded,
     judge::Work,
     raster::{BACKGROUND, compare_image},
     sort::noise,
@@ -20,12 +21,12 @@ use crate::{
         Background, Intersections, Options, Params, View,
         blend::{Margin, blend_before},
         median_depth::{DepthAt, median_depth},
+        packed_splat::packed,
         project::project,
         random_camera, random_scene,
         resolve::{self as twin, To},
         tiles::Tiling,
     },
-    scene::layout,
     stages::{
         WORKGROUP,
         constants::resolve::{BGRA8, OPAQUE, OVER, PREMULTIPLIED, RGBA8, RGBA16F, RGBA32F},
@@ -127,7 +128,7 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     Ok(())
 }
 
-/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths of harmonics and with depths of its own,
+/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths and with depths of its own,
 /// against a twin that shares nothing with the device but the scene.
 fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (1500, 500, 97, 71) } else { (20_000, 5_000, 403, 301) };
@@ -172,9 +173,7 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     ] {
         let model = Model::upload_around(context, DVec3::ZERO, &scene, Room { half, ..Default::default() })?;
         if half {
-            // The twin is given what a half holds.
-            let rounded = |p: &mut f64| *p = f64::from(layout::halves(layout::pack_halves(*p as f32, 0.0))[0]);
-            params.sh.iter_mut().for_each(rounded);
+            params = rounded(&params);
         }
         let limits = Limits { depth_in: true, depth_out, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
         let mut frames = Frames::new(context, limits)?;
@@ -187,8 +186,12 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         let times = bench.time(|recorder| drop(unsafe { frames.record_into(recorder, &frame) }))?;
         let options = Options { active_degree: 3, ..Default::default() };
         let seen = View::from_camera(&camera).rounded();
-        let projected = project(&params, &seen, &options);
-        let isects = Intersections::new(&projected, Tiling::new(width, height, &options));
+        let tiling = Tiling::new(width, height, &options);
+        let mut projected = project(&params, &seen, &options);
+        if half {
+            projected = packed(projected, &tiling);
+        }
+        let isects = Intersections::new(&projected, tiling);
         // In the model's own units.
         let farthest = |p: usize| twin::camera_z(depths[p].into(), [form.a, form.b]) / transform.scale;
         let behind = Background::Color(BACKGROUND.map(f64::from));

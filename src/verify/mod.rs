@@ -6,6 +6,7 @@ mod density;
 mod exposure;
 mod floor;
 mod frames;
+mod half;
 mod judge;
 pub mod lift;
 pub mod loss;
@@ -67,6 +68,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     sort::cases(&mut bench, options.quick)?;
     model::cases(&mut bench, options.quick)?;
     raster::cases(&mut bench, options.quick)?;
+    half::cases(&mut bench, options.quick)?;
     loss::cases(&mut bench, options.quick)?;
     exposure::cases(&mut bench, options.quick)?;
     screen::cases(&mut bench, options.quick)?;

@@ -1,13 +1,14 @@
 //! Rendering: every kernel from projection to pixels and back to intersection records, alone and as a whole.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Bench, NEAR_THRESHOLD, judge::Work, sort::noise, step};
+use super::{Bench, NEAR_THRESHOLD, half::rounded, judge::Work, sort::noise, step};
 use crate::{
     error::Result,
     gpu::{Buffer, Recorder},
     pipelines::{
-        model::{Model, Segment},
+        model::{Model, Room, Segment},
         raster::{Grid, ISECTS, Raster, Records, TileShape, VISIBLE},
         render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer, Show},
         session::{Policy, Reduction},
@@ -22,7 +23,7 @@ use crate::{
         emit::{emit, globals},
         median_depth::{DepthAt, median_depth},
         packed_record::{pack_record, unit_of, unpack_record},
-        project::project,
+        project::{Projected, project},
         random_camera, random_scene,
         tile_ranges::tile_ranges,
         tiles::{Tiling, for_each_tile},
@@ -37,16 +38,16 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (2500, 800, 97, 71) } else { (30_000, 10_000, 403, 301) };
     let lanes = bench.context.info().subgroup_size;
     let chosen = TileShape::for_subgroup(lanes);
-    let scene = Scene::new(bench, 1, (count, supplement), 3, (width, height))?;
+    let scene = Scene::new(bench, 1, (count, supplement), 3, (width, height), false)?;
     let twin = scene.twin(false);
     for tile in TileShape::choices(lanes) {
         case(bench, &scene, &twin, tile, false)?;
     }
     case(bench, &scene, &scene.twin(true), chosen, true)?;
     // Without a supplement, and with fewer bands.
-    let plain = Scene::new(bench, 2, (count, 0), 1, (width, height))?;
+    let plain = Scene::new(bench, 2, (count, 0), 1, (width, height), false)?;
     case(bench, &plain, &plain.twin(false), chosen, false)?;
-    let betas = Scene::new(bench, 3, (count, 0), BETAS, (width, height))?;
+    let betas = Scene::new(bench, 3, (count, 0), BETAS, (width, height), false)?;
     case(bench, &betas, &betas.twin(false), chosen, false)
 }
 
@@ -61,18 +62,21 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    fn new(
+    /// With `half` its model is of half width, and its parameters are what that holds.
+    pub fn new(
         bench: &Bench<'_>,
         seed: u64,
         (count, supplement): (usize, usize),
         degree: u32,
         (width, height): (u32, u32),
+        half: bool,
     ) -> Result<Self> {
         let scene = random_scene(seed, count, supplement, degree);
         let camera = random_camera(width, height);
-        let model = Model::upload(bench.context, &scene, 0)?;
+        let model = Model::upload_around(bench.context, DVec3::ZERO, &scene, Room { half, ..Default::default() })?;
+        let params = Params::from_scene(&scene)?;
         Ok(Scene {
-            params: Params::from_scene(&scene)?,
+            params: if half { rounded(&params) } else { params },
             view: View::from_camera(&camera).rounded(),
             views: Views::upload(bench.context, &[camera], &[])?,
             show: Show::all(&model, BACKGROUND),
@@ -92,19 +96,19 @@ impl Scene {
     }
 
     /// All of rendering in float64. The tiles' shape does not matter to an image.
-    fn twin(&self, compensate: bool) -> reference::Rendered {
+    pub fn twin(&self, compensate: bool) -> reference::Rendered {
         let tile = TileShape { width: 16, height: 16, pixels: 1 };
         let background = Background::Color(BACKGROUND.map(f64::from));
         reference::render(&self.params, &self.view, &self.options(tile, compensate), background)
     }
 
-    fn renderer(&self, bench: &Bench<'_>, policy: Policy, set: impl Fn(&mut RenderOptions)) -> Result<Renderer> {
+    pub fn renderer(&self, bench: &Bench<'_>, policy: Policy, set: impl Fn(&mut RenderOptions)) -> Result<Renderer> {
         let mut options = RenderOptions { policy, ..Default::default() };
         set(&mut options);
         Ok(Renderer::new(bench.context, Needs::of(&self.model), &self.views, options)?)
     }
 
-    fn pixels(&self) -> usize {
+    pub fn pixels(&self) -> usize {
         self.view.width as usize * self.view.height as usize
     }
 
@@ -252,28 +256,7 @@ fn case(
     // Projection.
     let projected = project(&scene.params, &scene.view, &options);
     let mut row = bench.row("project", &variant);
-    let both: Vec<usize> =
-        (0..scene.params.count).filter(|&i| ordered.depth_keys[i] != NONE && projected.tile_counts[i] > 0).collect();
-    let fields: [fn(&Splat) -> f64; 10] =
-        [|s| s.x, |s| s.y, |s| s.l11, |s| s.l12, |s| s.l22, |s| s.opacity, |s| s.r, |s| s.g, |s| s.b, |s| s.z];
-    for field in fields {
-        // The device's own were float32.
-        row.numbers(both.iter().map(|&i| (field(&ordered.splats[i]) as f32, field(&projected.splats[i]))));
-    }
-    let (mut flips, mut wrong) = (0, 0);
-    for i in 0..scene.params.count {
-        let (here, there) = (ordered.depth_keys[i] != NONE, projected.tile_counts[i] > 0);
-        wrong += u64::from(here != (ordered.tile_counts[i] > 0));
-        if here != there {
-            let splat = if here { &ordered.splats[i] } else { &projected.splats[i] };
-            flips += 1;
-            wrong += u64::from(!is_marginal(splat, &tiling));
-        } else if ordered.tile_counts[i] != projected.tile_counts[i] {
-            flips += 1;
-        }
-    }
-    row.flips(flips, both.len());
-    row.unequal(wrong);
+    compare_splats(&mut row, &ordered.splats, &ordered.depth_keys, &ordered.tile_counts, &projected, &tiling);
     let planes = (GEOMETRY_PLANES + sh_planes(scene.degree)) as f64;
     let supplement = f64::from(scene.model.count_of(Segment::Supplement));
     row.work = Work {
@@ -336,6 +319,39 @@ fn case(
     Ok(())
 }
 
+/// Projected splats against the twin's: numbers of what both see, flips in what is seen and in numbers of tiles.
+pub(super) fn compare_splats(
+    row: &mut super::Row,
+    splats: &[Splat],
+    depth_keys: &[u32],
+    tile_counts: &[u32],
+    projected: &Projected,
+    tiling: &Tiling,
+) {
+    let both: Vec<usize> =
+        (0..splats.len()).filter(|&i| depth_keys[i] != NONE && projected.tile_counts[i] > 0).collect();
+    let fields: [fn(&Splat) -> f64; 10] =
+        [|s| s.x, |s| s.y, |s| s.l11, |s| s.l12, |s| s.l22, |s| s.opacity, |s| s.r, |s| s.g, |s| s.b, |s| s.z];
+    for field in fields {
+        // The device's own were float32.
+        row.numbers(both.iter().map(|&i| (field(&splats[i]) as f32, field(&projected.splats[i]))));
+    }
+    let (mut flips, mut wrong) = (0, 0);
+    for i in 0..splats.len() {
+        let (here, there) = (depth_keys[i] != NONE, projected.tile_counts[i] > 0);
+        wrong += u64::from(here != (tile_counts[i] > 0));
+        if here != there {
+            let splat = if here { &splats[i] } else { &projected.splats[i] };
+            flips += 1;
+            wrong += u64::from(!is_marginal(splat, tiling));
+        } else if tile_counts[i] != projected.tile_counts[i] {
+            flips += 1;
+        }
+    }
+    row.flips(flips, both.len());
+    row.unequal(wrong);
+}
+
 /// Whether float32 may see a splat that float64 does not, or the other way round: its opacity is at the threshold, it is at
 /// the near plane, or no pixel's centre is well within its ellipse.
 pub(super) fn is_marginal(splat: &Splat, tiling: &Tiling) -> bool {
@@ -389,16 +405,19 @@ fn compare_lists(ordered: &Ordered, shift: f64) -> (usize, u64) {
         flips += own.iter().filter(|tile| theirs.binary_search(tile).is_err()).count();
         for tile in theirs.iter().filter(|tile| own.binary_search(tile).is_err()) {
             flips += 1;
-            let (left, top) = (tile % tiling.tiles_x * tiling.tile_width, tile / tiling.tiles_x * tiling.tile_height);
-            let rows = top..(top + tiling.tile_height).min(tiling.height);
-            let columns = left..(left + tiling.tile_width).min(tiling.width);
-            let covered =
-                |row| columns.clone().any(|c| alpha(&splats[i], c, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD));
-            wrong += u64::from(rows.into_iter().any(covered));
+            wrong += u64::from(covers(&splats[i], *tile, &tiling));
         }
     }
     wrong += u64::from(slot != tile_of_slot.len());
     (flips, wrong)
+}
+
+/// Whether a splat covers a pixel of a tile for sure.
+pub(super) fn covers(splat: &Splat, tile: u32, tiling: &Tiling) -> bool {
+    let (left, top) = (tile % tiling.tiles_x * tiling.tile_width, tile / tiling.tiles_x * tiling.tile_height);
+    let mut rows = top..(top + tiling.tile_height).min(tiling.height);
+    let columns = left..(left + tiling.tile_width).min(tiling.width);
+    rows.any(|row| columns.clone().any(|c| alpha(splat, c, row) >= ALPHA_MIN * (1.0 + NEAR_THRESHOLD)))
 }
 
 /// The decisions that an image hangs on, without that of the order, which the lists decide.
@@ -417,7 +436,7 @@ pub(super) fn compare_image(row: &mut super::Row, got: &[[f32; 4]], want: &Blend
 }
 
 /// Pairs of pixel and splat that blending tests, and those that it blends.
-fn blend_pairs(splats: &[Splat], isects: &Intersections) -> [f64; 2] {
+pub(super) fn blend_pairs(splats: &[Splat], isects: &Intersections) -> [f64; 2] {
     let tiling = isects.tiling;
     (0..tiling.height)
         .into_par_iter()
@@ -490,19 +509,27 @@ fn blends(
                 options.depth = true;
                 options.centre_depth = centre;
             })?;
-            median_depths(bench, scene, &renderer, centre)?;
+            let (name, at) =
+                if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
+            median_depths(bench, scene, &renderer, at, name)?;
         }
     }
     Ok(own)
 }
 
 /// Of Gaussians wherever they are, so that some have their greatest response behind the camera.
-fn median_depths(bench: &mut Bench<'_>, scene: &Scene, renderer: &Renderer, centre: bool) -> Result<()> {
+pub(super) fn median_depths(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    renderer: &Renderer,
+    at: DepthAt,
+    name: &str,
+) -> Result<()> {
+    let centre = at == DepthAt::Centre;
     let (pixels, count) = (scene.pixels(), scene.params.count as u32);
     let ids: Vec<u32> = (0..pixels as u32).map(|p| if p % 9 == 4 { NONE } else { noise(p) % count }).collect();
     renderer.raster.buffers.median_ids.upload(0, &ids)?;
     let times = bench.time(|r| renderer.depths_of(r, &scene.model, &scene.views, 0, &scene.show))?;
-    let (name, at) = if centre { ("centre", DepthAt::Centre) } else { ("maximum response", DepthAt::MaximumResponse) };
     let mut row = bench.row("median_depth", name);
     row.chosen = !centre;
     let want = median_depth(&scene.params, &scene.view, &ids, at, 1.0);

@@ -207,7 +207,14 @@ fn what_does_not_fit_is_not_emitted() {
     // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
     let splat = |l: f32| Splat { shape: [l, 0.0, l, 0.5], centre: [128.0, 128.0] };
     let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
-    let spec = |direct| emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct };
+    let spec = |direct| emit::Spec {
+        workgroup_size: WORKGROUP,
+        tile_width: 8,
+        tile_height: 8,
+        batch: false,
+        direct,
+        packed_splats: false,
+    };
     for (direct, capacity) in [(true, 2), (true, 500), (false, 2), (false, 500)] {
         let emit = emit::Stage::new(&gpu, &spec(direct)).unwrap();
         let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &[7777; 2000]));
@@ -221,6 +228,7 @@ fn what_does_not_fit_is_not_emitted() {
                 global_from_rank: &words("ranks", &[0, 1]),
                 rank_first_slot: &words("first slots by rank", &[0, 100]),
                 splats: &Buffer::from_slice(&gpu, "splats", &[splat(0.5), splat(1e-6)]).unwrap(),
+                packed_splats: &Buffer::zeroed(&gpu, "packed splats", 1).unwrap(),
                 tile_counts: &words("tile counts", &[100, 1024]),
                 splat_frames: &words("splat frames", &[0, 0]),
                 isect_tiles: &tiles,
@@ -278,7 +286,14 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
         let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &vec![7777; slots + 9]));
         let blocks = Buffer::from_slice(&gpu, "rank blocks", &vec![[0u32; 2]; slots]).unwrap();
         for direct in [true, false] {
-            let spec = emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct };
+            let spec = emit::Spec {
+                workgroup_size: WORKGROUP,
+                tile_width: 8,
+                tile_height: 8,
+                batch: false,
+                direct,
+                packed_splats: false,
+            };
             let mut recorder = gpu.recorder("emit").unwrap();
             emit::Stage::new(&gpu, &spec).unwrap().record_indirect(
                 &mut recorder,
@@ -288,6 +303,7 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
                     global_from_rank: &words("ranks", &ranks),
                     rank_first_slot: &words("first slots by rank", &twin.first_slot),
                     splats: &Buffer::from_slice(&gpu, "splats", &splats).unwrap(),
+                    packed_splats: &Buffer::zeroed(&gpu, "packed splats", 1).unwrap(),
                     tile_counts: &words("tile counts", &counts),
                     splat_frames: &words("splat frames", &[0]),
                     isect_tiles: &tiles,

@@ -2,9 +2,14 @@
 
 use glam::DVec3;
 use glint::{
+    pipelines::{
+        model::{Model, Room},
+        render::{Needs, RenderOptions, Renderer},
+        views::Views,
+    },
     reference::random_scene,
     scene::{
-        Camera,
+        Camera, Scene,
         layout::{self, BETAS},
     },
 };
@@ -13,7 +18,7 @@ use super::{
     check,
     common::Gpu,
     company,
-    probe::{Blob, Probe, RATES, Setup, distance, ripple, scene, with_lobes},
+    probe::{BACKGROUND, Blob, Probe, RATES, Setup, distance, ripple, scene, with_lobes},
     usual,
 };
 
@@ -58,6 +63,48 @@ fn quaternions_of_any_length() {
         let shot = probe.shoot(&scene(&[near, far, Blob { quat, ..unit }]), &camera, &twin.image_grad);
         assert_eq!(shot.tile_counts[2], 0, "{quat:?}");
         assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "{quat:?}");
+    }
+}
+
+/// What half width cannot hold is drawn as at full width, or not at all.
+#[test]
+fn half_width_at_the_ends_of_what_it_holds() {
+    let (gpu, camera) = (Gpu::new(), usual());
+    let views = Views::upload(&gpu, &[camera], &[]).unwrap();
+    let image = |scene: &Scene, half: bool| {
+        let model = Model::upload_around(&gpu, DVec3::ZERO, scene, Room { half, ..Default::default() }).unwrap();
+        let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
+        renderer.render(&model, &views, 0, BACKGROUND).unwrap()
+    };
+    let [near, far] = company(&camera);
+    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
+    let alone = image(&scene(&[near, far]), true);
+    let full = image(&scene(&[near, far, blob]), false);
+    // Of unit quaternions and shorter, longer and turned ones.
+    for length in [1.0f32, -1.0, 1e-36, 1e37] {
+        let got = image(&scene(&[near, far, Blob { quat: blob.quat.map(|q| q * length), ..blob }]), true);
+        let off = got.color.iter().zip(&full.color).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Half an 8-bit step, as in tests/frames.
+        assert!(off < 0.5 / 255.0, "length {length}: {off}");
+        assert!(got != alone);
+    }
+    let with = |quat: [f32; 4], log_scale: f32| {
+        let mut scene = scene(&[near, far, Blob { quat, ..blob }]);
+        scene.base.log_scales[2][0] = log_scale;
+        scene
+    };
+    for quat in [[0.0; 4], [1e-40, 0.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0, 0.0]] {
+        assert_eq!(image(&with(quat, -1.0), true), alone, "{quat:?}");
+    }
+    let unit = [1.0, 0.0, 0.0, 0.0];
+    for scale in [f32::NAN, f32::INFINITY] {
+        assert_eq!(image(&with(unit, scale), true), alone, "{scale}");
+    }
+    // As far as half width reaches, and beyond: a line to the horizon, and a disc.
+    for scale in [28.0f32, 31.9, 33.0, 40.0, -31.0, -33.0, -80.0, f32::NEG_INFINITY] {
+        let [got, want] = [true, false].map(|half| image(&with(unit, scale), half));
+        let off = got.color.iter().zip(&want.color).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 0.5 / 255.0 && want != alone, "log scale {scale}: {off}");
     }
 }
 

@@ -63,7 +63,7 @@ pub struct Limits {
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where no model has one.
     pub lobe_degrees: Vec<u32>,
-    /// Models have harmonics of half width, see [`model::Room::half`](super::super::model::Room::half).
+    /// Models are of half width, see [`model::Room::half`](super::super::model::Room::half).
     pub half: bool,
     /// Views have depths that hide Gaussians.
     pub depth_in: bool,
@@ -139,6 +139,7 @@ impl Limits {
             occluded: self.depth_in,
             backward: false,
             scores: false,
+            packed_splats: self.half,
             policy: self.policy,
         }
     }

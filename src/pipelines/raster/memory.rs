@@ -6,7 +6,7 @@ use crate::{
     stages::{
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len},
         constants::slots::SLOTS_PER_BLOCK,
-        types::Splat,
+        types::{PackedSplat, Splat},
     },
 };
 
@@ -33,6 +33,8 @@ pub struct RasterOptions {
     pub backward: bool,
     /// And sums by blend weight, see [`Raster::record_scores`](super::Raster::record_scores).
     pub scores: bool,
+    /// Splats and their colours are packed: 28 bytes in place of 36. Not where gradients are asked for, nor batches.
+    pub packed_splats: bool,
     /// Which variants run; of it, the reduction, whether records are packed, and the tile.
     pub policy: Policy,
 }
@@ -69,9 +71,14 @@ impl RasterOptions {
         aligned(self.isects.max(self.splats))
     }
 
-    /// Elements of what is by splat and serves something else between frames of a raster that learns.
+    /// Elements of splats as floats, whose memory serves something else between frames of a raster that learns.
     pub(super) fn splat_room(&self) -> u32 {
-        if self.backward { aligned(self.splats) } else { self.splats }
+        if self.backward { aligned(self.splats) } else { self.only_if(!self.packed_splats, self.splats) }
+    }
+
+    /// Depths are asked for after they are sorted: what hides splats compares them, and between steps their memory serves something else.
+    pub(super) fn keeps_depths(&self) -> bool {
+        self.backward || self.occluded
     }
 
     /// Bytes of the widest of an intersection's gradient records.
@@ -98,8 +105,11 @@ buffers! {
         pub splats: Splat = o.splat_room(),
         /// sRGB, ≥ 0.
         pub splat_colours: [f32; 3] = o.splat_room(),
-        /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view.
-        pub depth_keys: u32 = o.splats,
+        /// Both in one, where that was asked for.
+        pub packed_splats: PackedSplat = o.only_if(o.packed_splats, o.splats),
+        /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view. Where nobody asks for them when they
+        /// are sorted, they lie in the lists by intersection, see [`Raster::depth_keys`](super::Raster::depth_keys).
+        pub depth_keys: u32 = o.only_if(o.keeps_depths(), o.splats),
         /// Tiles that a splat touches.
         pub tile_counts: u32 = o.splats,
         /// By Gaussian index: where its intersection slots, and with them its gradient records, begin. Valid where `tile_counts` is not 0.
@@ -198,6 +208,7 @@ buffers! {
 
 /// What splats are sorted by depth in, and what the lists by intersection are made from.
 pub(super) struct DepthSorting {
+    /// In the second of these sorting begins, where the keys are not kept.
     pub(super) keys: [Buffer<u32>; 2],
     /// Gaussian index by rank; one of both once all are sorted.
     pub(super) global_from_rank: [Buffer<u32>; 2],

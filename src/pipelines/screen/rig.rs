@@ -133,6 +133,7 @@ impl Screen {
             occluded: false,
             backward: true,
             scores: false,
+            packed_splats: false,
             policy,
         }
     }

@@ -1,5 +1,7 @@
 //! From Gaussians to pixels and back to gradient records.
 
+use std::borrow::Cow;
+
 use super::{Outcome, page, params, pixels, view, wide_rows};
 use crate::{
     reference::{
@@ -8,6 +10,7 @@ use crate::{
         emit::{Emitted, claim, globals},
         median_depth::DepthAt,
         packed_record::pack_record,
+        packed_splat::{pack_splat, packed, unpack_splat},
         tiles::Tiling,
     },
     scene::layout,
@@ -21,23 +24,47 @@ twins!(blend, blend_backward, blend_backward_atomic, emit, median_depth, project
 
 pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
     let kernels::project::Push { segment, page_first, stride, view: view_index, splat_first } = h.push;
-    let kernels::project::Spec { tile_width, tile_height, compensate, has_lobes, sh_degree, half_sh, .. } = h.spec;
+    let kernels::project::Spec {
+        tile_width,
+        tile_height,
+        compensate,
+        has_lobes,
+        sh_degree,
+        half_width,
+        packed_splats,
+        ..
+    } = h.spec;
     let (first, count) = page(h.population, segment, page_first, stride, h.workgroups.threads());
     let first = first + splat_first as usize;
-    let whole = if half_sh { layout::unpack_halves(h.sh, stride as usize) } else { vec![] };
-    let params =
-        params([h.geometry, if half_sh { &whole } else { h.sh }, h.lobes], count, stride, has_lobes, sh_degree);
+    let geometry = whole_geometry(h.geometry, half_width, stride);
+    let sh: Cow<'_, _> = if half_width { layout::unpack_halves(h.sh, stride as usize).into() } else { h.sh.into() };
+    let params = params([&geometry, &sh, h.lobes], count, stride, has_lobes, sh_degree);
     let options = Options { active_degree: sh_degree, compensate, tile_width, tile_height, ..Default::default() };
-    let projected = twin::project::project(&params, &view(&h.views[view_index as usize]), &options);
+    let view = view(&h.views[view_index as usize]);
+    let mut projected = twin::project::project(&params, &view, &options);
+    if packed_splats {
+        projected = packed(projected, &Tiling::new(view.width, view.height, &options));
+    }
     for (i, (splat, tiles)) in (first..).zip(projected.splats.iter().zip(projected.tile_counts)) {
         h.depth_keys[i] = NONE;
         h.tile_counts[i] = tiles;
         if tiles > 0 {
-            (h.splats[i], h.splat_colours[i]) = narrow(splat);
+            match packed_splats {
+                true => h.packed_splats[i] = pack_splat(splat),
+                false => (h.splats[i], h.splat_colours[i]) = narrow(splat),
+            }
             h.depth_keys[i] = (splat.z as f32).to_bits();
         }
     }
     Ok(())
+}
+
+/// A page of geometry, three quads for each Gaussian, from one of either width.
+fn whole_geometry(geometry: &[[f32; 4]], half_width: bool, stride: u32) -> Cow<'_, [[f32; 4]]> {
+    match half_width {
+        true => layout::unpack_geometry_page(geometry, stride as usize).into(),
+        false => geometry.into(),
+    }
 }
 
 pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
@@ -60,7 +87,7 @@ fn tiling(frame: &Frame, [tile_width, tile_height]: [u32; 2], tiles_x: u32, tile
 
 pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
     let kernels::emit::Push { frame_first, tiles_x, tiles_per_frame, capacity, count_index } = h.push;
-    let kernels::emit::Spec { tile_width, tile_height, batch, direct, .. } = h.spec;
+    let kernels::emit::Spec { tile_width, tile_height, batch, direct, packed_splats, .. } = h.spec;
     let count = h.workgroups.threads().min(h.count[count_index as usize] as usize);
     for (rank, (&global, &slot)) in (0..).zip(h.global_from_rank[..count].iter().zip(h.rank_first_slot)) {
         let i = global as usize;
@@ -68,7 +95,10 @@ pub(super) fn emit(h: kernels::emit::Host<'_>) -> Outcome {
         let frame = &h.frames[(frame_first + f) as usize];
         let room = h.tile_counts[i].min(capacity.saturating_sub(slot));
         let tiling = tiling(frame, [tile_width, tile_height], tiles_x, tiles_per_frame);
-        let splat = wide_splat(&h.splats[i], [0.0; 3]);
+        let splat = match packed_splats {
+            true => unpack_splat(&h.packed_splats[i]),
+            false => wide_splat(&h.splats[i], [0.0; 3]),
+        };
         let Emitted { tile_of_slot, .. } = twin::emit::emit(&[splat], &[room], &[0], &tiling);
         let slots = slot as usize..slot as usize + room as usize;
         for (slot, tile) in slots.zip(tile_of_slot) {
@@ -139,7 +169,9 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         median_threshold,
         depth_form: [a, b],
     } = h.push;
-    let kernels::blend::Spec { tile_width, tile_height, background_image, median, occluded, direct, .. } = h.spec;
+    let kernels::blend::Spec {
+        tile_width, tile_height, background_image, median, occluded, direct, packed_splats, ..
+    } = h.spec;
     // Where the list holds Gaussians, the slot of each is where it lies in the list.
     let places: Vec<u32> = (0..h.isect_slots.len() as u32).collect();
     let (isect_slots, global_from_slot) = match direct {
@@ -157,7 +189,10 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         tiles_per_frame,
         tile_count,
     };
-    let mut splats = wide_splats(h.splats, h.splat_colours);
+    let mut splats = match packed_splats {
+        true => h.packed_splats.iter().map(unpack_splat).collect(),
+        false => wide_splats(h.splats, h.splat_colours),
+    };
     if occluded {
         splats.iter_mut().zip(h.depth_keys).for_each(|(s, &key)| s.z = f32::from_bits(key).into());
     }
@@ -311,7 +346,8 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     // By place in the page; other pages take the other pixels.
     let here = |&i: &u32| i.checked_sub(first as u32).filter(|&place| i != NONE && (place as usize) < count);
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
-    let params = params([h.geometry, &[], &[]], count, stride, false, 0);
+    let geometry = whole_geometry(h.geometry, h.spec.half_width, stride);
+    let params = params([&geometry, &[], &[]], count, stride, false, 0);
     let at = if h.spec.centre { DepthAt::Centre } else { DepthAt::MaximumResponse };
     let depths = twin::median_depth::median_depth(&params, &view, &median, at, scale.into());
     let to = &mut h.depths[depth_first as usize..][..pixels];
