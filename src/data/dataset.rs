@@ -125,6 +125,8 @@ pub struct ImageFile {
     pub size: [u32; 2],
     /// Of the file, as it is decoded.
     pub bytes_per_pixel: u8,
+    /// Whether pixels may be transparent.
+    pub has_alpha: bool,
     /// What is taken out of it; none for a pinhole.
     pub lens: Option<Lens>,
     /// An image whose black pixels do not count.
@@ -286,13 +288,19 @@ impl Photo {
         let folder = file.path.parent().and_then(Path::parent);
         let path = folder.zip(file.path.file_name()).map(|(folder, name)| folder.join(part).join(name));
         let Some(path) = path.filter(|path| path.is_file()) else { return Ok(None) };
-        let images::Header { size, bytes_per_pixel, .. } = images::open(&path)?;
+        let images::Header { size, bytes_per_pixel, has_alpha } = images::open(&path)?;
         if size != file.size {
             let ([w, h], [ew, eh]) = (size, file.size);
             return Err(Error::input(path, format!("is {w} × {h}, but its photo is {ew} × {eh}")));
         }
-        let pixels = PixelSource::File(Box::new(ImageFile { path, bytes_per_pixel, ..ImageFile::clone(file) }));
+        let pixels =
+            PixelSource::File(Box::new(ImageFile { path, bytes_per_pixel, has_alpha, ..ImageFile::clone(file) }));
         Ok(Some(Photo { pixels, ..self.clone() }))
+    }
+
+    /// Whether the background may shine through it.
+    pub(super) fn shows_background(&self) -> bool {
+        matches!(&self.pixels, PixelSource::File(file) if file.has_alpha && file.alpha == Alpha::Background)
     }
 
     /// Bytes of memory that [`Photo::load`] takes at most, but for the file's own.

@@ -1,5 +1,6 @@
 //! Real datasets and scenes, read where `../shared/data` is there and skipped with a message where not.
 
+mod carving;
 #[path = "../common/mod.rs"]
 mod common;
 mod lenses;
