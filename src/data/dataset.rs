@@ -11,7 +11,7 @@ use super::images::{self, Image};
 use super::lens::Lens;
 use super::ply::PointCloud;
 use super::reduce::Reduce;
-use super::{assemble, colmap, kind, places, transforms};
+use super::{assemble, colmap, kind, places, reduced, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
@@ -30,6 +30,9 @@ pub struct DatasetOptions {
     pub max_size: Option<u32>,
     /// How they are reduced.
     pub reduce: Reduce,
+    /// Photos that `images_2`, `_4` or `_8` has at the size that they would be reduced to are taken from there, unless `images` says where
+    /// they are.
+    pub reduced_folders: bool,
     /// What transparent pixels are put over, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
     /// The folder of the photos, in the dataset or a path of its own; by default where the dataset has them.
@@ -196,7 +199,21 @@ impl Dataset {
             return Err(Error::Usage("every 0th photo cannot be for testing; expected 1 or more".into()));
         }
         let found = std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
-        if found.is_dir() {
+        let full = Dataset::read(path, found.is_dir(), options)?;
+        if !options.reduced_folders || options.images.is_some() {
+            return Ok(full);
+        }
+        let root = if found.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
+        // As they are: what is a pixel larger than it should be would only be blurred by another reduction.
+        let open = |folder: &Path| {
+            let options = DatasetOptions { images: Some(folder.to_owned()), max_size: None, ..options.clone() };
+            Dataset::read(path, found.is_dir(), &options)
+        };
+        Ok(reduced::instead(&full, root, open).unwrap_or(full))
+    }
+
+    fn read(path: &Path, is_folder: bool, options: &DatasetOptions) -> Result<Dataset> {
+        if is_folder {
             let near = places::find_model(path, options)?;
             let file = transforms::find(path);
             // A model in a folder of its own is often what a transforms.json was made from, and not what was asked for.

@@ -4,6 +4,7 @@ mod carving;
 #[path = "../common/mod.rs"]
 mod common;
 mod lenses;
+mod reduced;
 #[path = "../common/shared.rs"]
 mod shared;
 mod upload;
