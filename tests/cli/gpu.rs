@@ -97,8 +97,8 @@ assert g.schedule(7000, 9) == {'cap_max': 9, 'refine_start_iter': 116, 'refine_s
         return;
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let (points, photos): (usize, Vec<(String, [u32; 2], [f64; 4], [[f64; 3]; 3], [f64; 3])>) =
-        serde_json::from_slice(&output.stdout).unwrap();
+    type Given = (String, [u32; 2], [f64; 4], [[f64; 3]; 3], [f64; 3]);
+    let (points, photos): (usize, Vec<Given>) = serde_json::from_slice(&output.stdout).unwrap();
     let data = Dataset::open(&garden, &DatasetOptions::default()).unwrap();
     assert_eq!((points, photos.len()), (data.points.as_ref().unwrap().positions.len(), data.photos.len()));
     for (i, ((name, size, k, rotation, translation), photo)) in photos.iter().zip(&data.photos).enumerate() {
