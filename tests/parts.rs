@@ -39,6 +39,7 @@ fn the_score_of_the_parts_is_that_of_float64() {
         path,
         size,
         bytes_per_pixel: 3,
+        has_alpha: false,
         lens: None,
         mask: None,
         alpha: Alpha::Background,

@@ -104,12 +104,13 @@ pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<(
 pub(super) struct PhotoArgs {
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Downscale photos whose longer side has more pixels than this [default: 1600, as 3DGS]
+    /// Downscale photos whose longer side has more pixels than this; where images_2, images_4 or images_8 has all of them at that size, to
+    /// a pixel, those are taken, unless --images or --reduce is given [default: 1600, as 3DGS]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
-    /// How photos are downscaled
-    #[arg(long, value_enum, default_value_t = ReduceArg::Area)]
-    reduce: ReduceArg,
+    /// How photos are downscaled [default: area]
+    #[arg(long, value_enum)]
+    reduce: Option<ReduceArg>,
     /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
     pub(super) background: [f32; 3],
@@ -135,11 +136,13 @@ impl PhotoArgs {
     /// Reads the dataset and tells what its user would not expect.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
         let reduce = match self.reduce {
-            ReduceArg::Area => Reduce::Area,
-            ReduceArg::Bicubic => Reduce::Bicubic,
+            None | Some(ReduceArg::Area) => Reduce::Area,
+            Some(ReduceArg::Bicubic) => Reduce::Bicubic,
         };
         let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background);
-        let options = DatasetOptions { max_size: Some(max_size), reduce, background, ..Default::default() };
+        let reduced_folders = self.max_size.is_some() && self.reduce.is_none();
+        let options =
+            DatasetOptions { max_size: Some(max_size), reduce, reduced_folders, background, ..Default::default() };
         let dataset = self.dataset.open(path, options)?;
         let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
             PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),

@@ -267,9 +267,6 @@ impl Args {
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
-        let control = self.density([count, first.most], self.iterations);
-        let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
-        check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
         check_sight(&dataset, &first.gaussians.means)?;
         first.notes.drain(..).for_each(note);
         if sh_degree < 3 {
@@ -289,6 +286,17 @@ impl Args {
         };
         self.watch.with(&run, |context, look_at| {
             let (background, seed) = (dataset.background, self.seed);
+            let packed = self.learn.precision == super::Precision::Half;
+            let bytes = learning_bytes(sh_degree, packed, Strategy::from(self.strategy).is_newton());
+            let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
+            if self.gaussians.is_none() {
+                first.fit(context, bytes, pixels).into_iter().for_each(note);
+            }
+            let density = |iterations| self.density([count, first.most], iterations);
+            // A disk needs room for what memory leaves of them.
+            let control = density(self.iterations);
+            let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
+            check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
             let mut session = {
                 let cameras = photos.iter().map(|photo| &photo.camera);
                 self.learn.session(context, self.draw.policy(), cameras, (background, extent, seed))?
@@ -303,18 +311,11 @@ impl Args {
             drop(reading);
             note_uncounted(uncounted);
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
-            let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
             if halvings > 0 {
                 tracing::info!("photos are seen with sides halved {} at first", times(halvings));
             }
             let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
-            let packed = self.learn.precision == super::Precision::Half;
-            let bytes = learning_bytes(sh_degree, packed, control.strategy.is_newton());
-            if self.gaussians.is_none() {
-                first.fit(context, bytes, pixels).into_iter().for_each(note);
-            }
-            let density = |iterations| self.density([count, first.most], iterations);
             let control = density(iterations);
             let most = control.limit.max(count as u32);
             let scene = u64::from(most) * bytes;

@@ -204,7 +204,7 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
         let [width, height] = images::fit([width, height], options.max_size);
         let lens = (!distortion.is_none()).then_some(lens);
         let (path, mask, alpha, reduce) = (path.clone(), shot.mask.clone(), options.alpha, options.reduce);
-        let file = ImageFile { path, size, bytes_per_pixel, lens, mask, alpha, reduce };
+        let file = ImageFile { path, size, bytes_per_pixel, has_alpha, lens, mask, alpha, reduce };
         Photo { name, camera: full.resized(width, height), split, pixels: PixelSource::File(Box::new(file)) }
     });
     let inside = (0.0..=frame.width as f64).contains(&frame.cx) && (0.0..=frame.height as f64).contains(&frame.cy);

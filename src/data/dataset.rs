@@ -11,7 +11,7 @@ use super::images::{self, Image};
 use super::lens::Lens;
 use super::ply::PointCloud;
 use super::reduce::Reduce;
-use super::{assemble, colmap, kind, places, transforms};
+use super::{assemble, colmap, kind, places, reduced, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
@@ -30,6 +30,9 @@ pub struct DatasetOptions {
     pub max_size: Option<u32>,
     /// How they are reduced.
     pub reduce: Reduce,
+    /// Photos that `images_2`, `_4` or `_8` has at the size that they would be reduced to are taken from there, unless `images` says where
+    /// they are.
+    pub reduced_folders: bool,
     /// What transparent pixels are put over, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
     /// The folder of the photos, in the dataset or a path of its own; by default where the dataset has them.
@@ -125,6 +128,8 @@ pub struct ImageFile {
     pub size: [u32; 2],
     /// Of the file, as it is decoded.
     pub bytes_per_pixel: u8,
+    /// Whether pixels may be transparent.
+    pub has_alpha: bool,
     /// What is taken out of it; none for a pinhole.
     pub lens: Option<Lens>,
     /// An image whose black pixels do not count.
@@ -194,7 +199,21 @@ impl Dataset {
             return Err(Error::Usage("every 0th photo cannot be for testing; expected 1 or more".into()));
         }
         let found = std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
-        if found.is_dir() {
+        let full = Dataset::read(path, found.is_dir(), options)?;
+        if !options.reduced_folders || options.images.is_some() {
+            return Ok(full);
+        }
+        let root = if found.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
+        // As they are: what is a pixel larger than it should be would only be blurred by another reduction.
+        let open = |folder: &Path| {
+            let options = DatasetOptions { images: Some(folder.to_owned()), max_size: None, ..options.clone() };
+            Dataset::read(path, found.is_dir(), &options)
+        };
+        Ok(reduced::instead(&full, root, open).unwrap_or(full))
+    }
+
+    fn read(path: &Path, is_folder: bool, options: &DatasetOptions) -> Result<Dataset> {
+        if is_folder {
             let near = places::find_model(path, options)?;
             let file = transforms::find(path);
             // A model in a folder of its own is often what a transforms.json was made from, and not what was asked for.
@@ -286,13 +305,19 @@ impl Photo {
         let folder = file.path.parent().and_then(Path::parent);
         let path = folder.zip(file.path.file_name()).map(|(folder, name)| folder.join(part).join(name));
         let Some(path) = path.filter(|path| path.is_file()) else { return Ok(None) };
-        let images::Header { size, bytes_per_pixel, .. } = images::open(&path)?;
+        let images::Header { size, bytes_per_pixel, has_alpha } = images::open(&path)?;
         if size != file.size {
             let ([w, h], [ew, eh]) = (size, file.size);
             return Err(Error::input(path, format!("is {w} × {h}, but its photo is {ew} × {eh}")));
         }
-        let pixels = PixelSource::File(Box::new(ImageFile { path, bytes_per_pixel, ..ImageFile::clone(file) }));
+        let pixels =
+            PixelSource::File(Box::new(ImageFile { path, bytes_per_pixel, has_alpha, ..ImageFile::clone(file) }));
         Ok(Some(Photo { pixels, ..self.clone() }))
+    }
+
+    /// Whether the background may shine through it.
+    pub(super) fn shows_background(&self) -> bool {
+        matches!(&self.pixels, PixelSource::File(file) if file.has_alpha && file.alpha == Alpha::Background)
     }
 
     /// Bytes of memory that [`Photo::load`] takes at most, but for the file's own.

@@ -532,9 +532,9 @@ mod tests {
     }
 
     fn file(path: &Path) -> Result<ImageFile> {
-        let Header { size, bytes_per_pixel, .. } = open(path)?;
+        let Header { size, bytes_per_pixel, has_alpha } = open(path)?;
         let (alpha, reduce) = (Alpha::Background, Reduce::Area);
-        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, lens: None, mask: None, alpha, reduce })
+        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, has_alpha, lens: None, mask: None, alpha, reduce })
     }
 
     #[test]

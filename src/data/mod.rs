@@ -36,6 +36,8 @@ mod ply_write;
 #[cfg(feature = "train")]
 mod reduce;
 #[cfg(feature = "train")]
+mod reduced;
+#[cfg(feature = "train")]
 mod region;
 mod scene_file;
 #[cfg(feature = "train")]

@@ -20,8 +20,8 @@ pub const NEAR: f64 = 0.2;
 const BLENDER_REACH: f64 = 8.0;
 /// Longer side of the silhouettes that points are carved by at most, px.
 const SILHOUETTE_SIDE: u32 = 256;
-/// Of so many random points one at least must lie within all silhouettes.
-const CARVED_NTH: usize = 1000;
+/// Of so many random points one at least is found where the scene may be, or the search is given up.
+const FOUND_NTH: usize = 1000;
 /// Training cameras that must see a random point: two give depth, the third tells a coincidence from a surface.
 const WITNESSES: usize = 3;
 
@@ -101,78 +101,84 @@ impl Dataset {
     /// if there are fewer) see; where that is nearly nothing, because the cameras look outward, they lie along random pixels'
     /// rays instead. Without photos there are none.
     pub fn random_points(&self, n: usize, seed: u64) -> PointCloud {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
-        let mut positions = Vec::with_capacity(n);
-        if self.kind == DatasetKind::Blender {
-            positions.extend((0..n).map(|_| [(); 3].map(|()| (BLENDER_HALF * signed()) as f32)));
-        } else if let Some(Focus { center, radius }) = self.focus() {
-            let cameras = self.viewpoints();
-            let witnesses = WITNESSES.min(cameras.len());
-            // Judged where it will be, after rounding.
-            let seen = |p: DVec3, by: usize| {
-                let p = p.as_vec3().as_dvec3();
-                cameras.iter().filter(|c| sees(c, p)).take(by).count() == by
-            };
-            // A hundred tries per point reach down to regions of 1 % of the ball.
-            for _ in 0..n.saturating_mul(100) {
-                if positions.len() == n {
-                    break;
-                }
-                let in_ball = DVec3::new(signed(), signed(), signed());
-                let p = center + radius * in_ball;
-                if in_ball.length_squared() <= 1.0 && seen(p, witnesses) {
-                    positions.push(p.as_vec3().to_array());
-                }
-            }
-            let reach = radius.max(spread(&cameras).1).max(NEAR);
-            let mut tries = 0;
-            while positions.len() < n {
-                tries += 1;
-                let unit = |signed: f64| 0.5 + 0.5 * signed;
-                let camera = &cameras[((unit(signed()) * cameras.len() as f64) as usize).min(cameras.len() - 1)];
-                let (x, y) = (unit(signed()) * camera.width as f64, unit(signed()) * camera.height as f64);
-                let p = camera.unproject(x, y, NEAR + 2.0 * reach * unit(signed()));
-                // When after many tries no two cameras share anything, one has to do.
-                if seen(p, 2.min(cameras.len())) || tries > n.saturating_mul(100) {
-                    positions.push(p.as_vec3().to_array());
-                }
-            }
-        }
-        let colors = vec![[128; 3]; positions.len()];
-        PointCloud { positions, colors }
+        let cameras = self.viewpoints();
+        let seen = |p: DVec3, by: usize| cameras.iter().filter(|c| sees(c, p)).take(by).count() == by;
+        // All of the cube may be the scene.
+        let anywhere = self.kind == DatasetKind::Blender;
+        self.draw(n, seed, |p, by| (anywhere || seen(p, by)).then_some([128; 3]))
     }
 
-    /// `n` random points in the part of NeRF Synthetic's cube that is nowhere seen through: where a training photo is wholly
-    /// transparent there is nothing. Each has the median colour of the photos that show something there. The same for the same seed,
-    /// on every machine. `None` for other datasets, and where photos are not transparent or their opaque parts share nothing.
+    /// The same, but where no training photo is wholly transparent, since there is nothing then; and each with the median colour of the
+    /// photos that show something opaque there, three at least (all, if there are fewer). What a mask leaves out of a photo, or its lens,
+    /// says neither that there is something nor that there is nothing, and with [`Alpha::Mask`](super::Alpha::Mask) transparency is such
+    /// a mask. `None` where no photo is transparent, and where what the photos enclose is so little that no `n` points were found in it.
     ///
     /// # Errors
     /// Those of the photos.
     pub fn carved_points(&self, n: usize, seed: u64) -> Result<Option<PointCloud>> {
         let photos: Vec<&Photo> = self.split(Split::Train).map(|(_, photo)| photo).collect();
-        if self.kind != DatasetKind::Blender || photos.len() < WITNESSES {
-            return Ok(None);
-        }
-        // Most datasets' first photo says that none is transparent.
-        if !silhouettes(&photos[..1])?[0].alpha.contains(&0) {
+        // Of most datasets no photo need be decoded to know.
+        if !photos.iter().any(|photo| photo.shows_background()) {
             return Ok(None);
         }
         let silhouettes = silhouettes(&photos)?;
+        if !silhouettes.iter().any(Silhouette::is_seen_through) {
+            return Ok(None);
+        }
+        // Two do not do along rays either: before a camera is much that only the one across from it sees, too.
+        let witnesses = WITNESSES.min(photos.len());
+        let cloud = self.draw(n, seed, |p, _| shown(&silhouettes, p, witnesses));
+        Ok((cloud.positions.len() == n).then_some(cloud))
+    }
+
+    /// `n` random points that `judge` gives colours; fewer where it refuses nearly all. It is asked of a world position as it will be,
+    /// after rounding, and of how many cameras at least should see it, which may be none.
+    fn draw(&self, n: usize, seed: u64, judge: impl Fn(DVec3, usize) -> Option<[u8; 3]>) -> PointCloud {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
-        let (mut positions, mut colors) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for _ in 0..n.saturating_mul(CARVED_NTH) {
-            if positions.len() == n {
-                break;
+        let mut cloud = PointCloud { positions: Vec::with_capacity(n), colors: Vec::with_capacity(n) };
+        let take = |p: DVec3, by: usize, cloud: &mut PointCloud| {
+            let p = p.as_vec3();
+            if let Some(color) = judge(p.as_dvec3(), by) {
+                cloud.positions.push(p.to_array());
+                cloud.colors.push(color);
             }
-            let p = (BLENDER_HALF * DVec3::new(signed(), signed(), signed())).as_vec3();
-            if let Some(color) = shown(&silhouettes, p.as_dvec3()) {
-                positions.push(p.to_array());
-                colors.push(color);
+        };
+        let cameras = self.viewpoints();
+        let witnesses = WITNESSES.min(cameras.len());
+        if self.kind == DatasetKind::Blender {
+            for _ in 0..n.saturating_mul(FOUND_NTH) {
+                if cloud.positions.len() == n {
+                    break;
+                }
+                take(BLENDER_HALF * DVec3::new(signed(), signed(), signed()), witnesses, &mut cloud);
+            }
+        } else if let Some(Focus { center, radius }) = self.focus() {
+            // A hundred tries per point reach down to regions of 1 % of the ball.
+            for _ in 0..n.saturating_mul(100) {
+                if cloud.positions.len() == n {
+                    break;
+                }
+                let in_ball = DVec3::new(signed(), signed(), signed());
+                if in_ball.length_squared() <= 1.0 {
+                    take(center + radius * in_ball, witnesses, &mut cloud);
+                }
+            }
+            let reach = radius.max(spread(&cameras).1).max(NEAR);
+            for tries in 1..=n.saturating_mul(FOUND_NTH) {
+                if cloud.positions.len() == n {
+                    break;
+                }
+                let unit = |signed: f64| 0.5 + 0.5 * signed;
+                let camera = &cameras[((unit(signed()) * cameras.len() as f64) as usize).min(cameras.len() - 1)];
+                let (x, y) = (unit(signed()) * camera.width as f64, unit(signed()) * camera.height as f64);
+                let p = camera.unproject(x, y, NEAR + 2.0 * reach * unit(signed()));
+                // When after many tries no two cameras share anything, one has to do.
+                let by = if tries > n.saturating_mul(100) { 0 } else { 2.min(cameras.len()) };
+                take(p, by, &mut cloud);
             }
         }
-        Ok((positions.len() == n).then_some(PointCloud { positions, colors }))
+        cloud
     }
 }
 
@@ -181,7 +187,14 @@ struct Silhouette {
     camera: Camera,
     /// 8-bit sRGB times alpha.
     rgb: Vec<u8>,
-    alpha: Vec<u8>,
+    /// `None` of pixels that do not count.
+    alpha: Vec<Option<u8>>,
+}
+
+impl Silhouette {
+    fn is_seen_through(&self) -> bool {
+        self.alpha.contains(&Some(0))
+    }
 }
 
 fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
@@ -197,25 +210,29 @@ fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
         Ok(small)
     };
     let pairs = over([0.0; 3])?.into_iter().zip(over([1.0; 3])?);
-    let silhouette = |((black, white), photo): ((Image, Image), &&Photo)| Silhouette {
-        camera: photo.camera.resized(black.width, black.height),
-        // What is put over white is as much brighter as it is transparent.
-        alpha: black.rgb.iter().zip(&white.rgb).step_by(3).map(|(&b, &w)| 255 - w.saturating_sub(b)).collect(),
-        rgb: black.rgb,
+    let silhouette = |((black, white), photo): ((Image, Image), &&Photo)| {
+        let counts = |i: usize| black.mask.as_ref().is_none_or(|mask| mask[i]);
+        let reds = black.rgb.iter().zip(&white.rgb).step_by(3).enumerate();
+        Silhouette {
+            camera: photo.camera.resized(black.width, black.height),
+            // What is put over white is as much brighter as it is transparent.
+            alpha: reds.map(|(i, (&b, &w))| counts(i).then(|| 255 - w.saturating_sub(b))).collect(),
+            rgb: black.rgb,
+        }
     };
     Ok(pairs.zip(photos).map(silhouette).collect())
 }
 
-/// The median colour at a point, channel by channel, of the photos that show something opaque there; `None` where one shows that there is
-/// nothing, or fewer than [`WITNESSES`] show something.
-fn shown(silhouettes: &[Silhouette], p: DVec3) -> Option<[u8; 3]> {
+/// The median colour at a point, channel by channel, of the photos that show something opaque there, `by` at least, which is not 0;
+/// `None` where one shows that there is nothing, or fewer than `by` show something.
+fn shown(silhouettes: &[Silhouette], p: DVec3, by: usize) -> Option<[u8; 3]> {
     let mut seen: [Vec<u8>; 3] = Default::default();
     for Silhouette { camera, rgb, alpha } in silhouettes.iter().filter(|silhouette| sees(&silhouette.camera, p)) {
         let (x, y, _) = camera.project(p);
         let pixel = y as usize * camera.width as usize + x as usize;
         match alpha[pixel] {
-            0 => return None,
-            a if a >= 128 => {
+            Some(0) => return None,
+            Some(a) if a >= 128 => {
                 for (seen, &value) in seen.iter_mut().zip(&rgb[3 * pixel..]) {
                     seen.push((u32::from(value) * 255 / u32::from(a)).min(255) as u8);
                 }
@@ -227,7 +244,7 @@ fn shown(silhouettes: &[Silhouette], p: DVec3) -> Option<[u8; 3]> {
         values.sort_unstable();
         values[values.len() / 2]
     };
-    (seen[0].len() >= WITNESSES).then(|| seen.map(median))
+    (seen[0].len() >= by).then(|| seen.map(median))
 }
 
 /// The optical axis in world space, a unit vector.
@@ -253,8 +270,7 @@ fn sees(camera: &Camera, world: DVec3) -> bool {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::dataset::{Alpha, ImageFile, PixelSource};
-    use super::super::reduce::Reduce;
+    use super::super::dataset::PixelSource;
     use super::*;
 
     fn look(eye: DVec3, at: DVec3) -> Camera {
@@ -335,45 +351,6 @@ mod tests {
             assert!((60..140).contains(&seen.len()), "{}", seen.len());
             assert!(seen.iter().filter(|&&x| !(5.0..35.0).contains(&x)).count() > 10);
         }
-    }
-
-    #[test]
-    fn points_are_carved_by_what_is_seen_through() {
-        let folder = tempfile::tempdir().unwrap();
-        let photographed = |name: &str, outside: u8| {
-            let path = folder.path().join(name);
-            let disc = |x: u32, y: u32| (f64::from(x) - 19.5).hypot(f64::from(y) - 14.5) < 5.0;
-            let pixel = |x, y| image::Rgba(if disc(x, y) { [200, 40, 0, 255] } else { [9, 9, 9, outside] });
-            image::RgbaImage::from_fn(40, 30, pixel).save(&path).unwrap();
-            let eyes = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z];
-            let mut data = dataset(eyes.into_iter().map(|eye| look(4.0 * eye, DVec3::ZERO)).collect());
-            data.kind = DatasetKind::Blender;
-            for photo in &mut data.photos {
-                photo.pixels = PixelSource::File(Box::new(ImageFile {
-                    path: path.clone(),
-                    size: [40, 30],
-                    bytes_per_pixel: 4,
-                    lens: None,
-                    mask: None,
-                    alpha: Alpha::Background,
-                    reduce: Reduce::Area,
-                }));
-            }
-            data
-        };
-        let mut data = photographed("disc.png", 0);
-        let cloud = data.carved_points(500, 1).unwrap().unwrap();
-        assert_eq!(cloud.colors, [[200, 40, 0]; 500]);
-        // Five pixels are 4/7 of a unit at the middle, and 0.66 on its far side.
-        let inside = |p: &[f32; 3]| (0..3).all(|axis| p[axis].hypot(p[(axis + 1) % 3]) < 0.67);
-        assert!(cloud.positions.len() == 500 && cloud.positions.iter().all(inside));
-        assert!(cloud.positions.iter().any(|p| p[0].hypot(p[1]) > 0.45));
-        assert_eq!(cloud, data.carved_points(500, 1).unwrap().unwrap());
-        assert_ne!(cloud, data.carved_points(500, 2).unwrap().unwrap());
-        // Where nothing is transparent, or the cube is not where the scene is, nothing can be said.
-        assert_eq!(photographed("all.png", 255).carved_points(5, 1).unwrap(), None);
-        data.kind = DatasetKind::Transforms;
-        assert_eq!(data.carved_points(5, 1).unwrap(), None);
     }
 
     #[test]

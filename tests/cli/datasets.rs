@@ -64,6 +64,30 @@ fn photos_folder_model_and_split_can_be_chosen() {
     work.refused("train data -o x.ply --model sparse/2", &["sparse/2", "sparse/0, sparse/1"]);
 }
 
+/// With the size of a reduced folder, and not where the user says how photos are to be found or reduced.
+#[test]
+fn a_reduced_folder_is_taken_where_its_size_is_asked_for() {
+    let work = Work::new();
+    for name in NAMES {
+        let path = work.path("data/images_2").join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        image::open(work.path("data/images").join(name)).unwrap().thumbnail(16, 12).save(path).unwrap();
+    }
+    let taken = |options: &str| {
+        let notes = work.notes(&format!("train data -o x.ply --force --iterations 2 {options}"));
+        notes.contains("the photos in images_2 have the size asked for")
+    };
+    assert!(taken("--max-size 16"));
+    // Neither those nor the ones in full are written over.
+    for folder in ["images", "images_2"] {
+        let render = format!("render x.ply data --max-size 16 -o data/{folder} --force");
+        work.refused(&render, &["data", folder, "read"]);
+    }
+    for options in ["", "--max-size 12", "--max-size 16 --images images", "--max-size 16 --reduce area"] {
+        assert!(!taken(options), "{options}");
+    }
+}
+
 #[test]
 fn missing_photos_are_left_out_with_a_note() {
     let work = Work::new();

@@ -93,6 +93,30 @@ fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     work.refused("enhance data --base base.ply -o x.ply --work file", &["file", "expected a folder"]);
 }
 
+/// Photos of headers alone, so many pixels that a Gaussian for each 256 would fill the disk, and far more than find room in memory: that
+/// is what there is to say, and not what room a file of Gaussians would need that there never are.
+#[test]
+fn a_disk_is_asked_for_no_more_gaussians_than_memory_has_room_for() {
+    let work = Work::new();
+    const SIDE: u32 = (1 << 14) - 1;
+    let free = fs4::available_space(work.path(".")).unwrap() as f64;
+    let photos = (1.5 * free / 248.0 * 256.0 / f64::from(SIDE).powi(2)) as usize + 8;
+    image::RgbImage::new(2, 2).save(work.path("huge.webp")).unwrap();
+    let mut huge = fs::read(work.path("huge.webp")).unwrap();
+    // Behind the signature 14 bits of the width less one, 14 of the height, alpha and version.
+    assert_eq!((&huge[12..16], huge[20]), (&b"VP8L"[..], 0x2f));
+    huge[21..25].copy_from_slice(&((SIDE - 1) | ((SIDE - 1) << 14)).to_le_bytes());
+    let mut poses = String::new();
+    for i in 0..photos {
+        fs::write(work.path(&format!("data/images/{i}.webp")), &huge).unwrap();
+        poses += &format!("{} 1 0 0 0 0 0 5 1 {i}.webp\n\n", i + 1);
+    }
+    fs::write(work.path("data/sparse/0/images.txt"), poses).unwrap();
+    fs::write(work.path("data/sparse/0/cameras.txt"), format!("1 PINHOLE {SIDE} {SIDE} 20000 20000 8000 8000\n"))
+        .unwrap();
+    work.refused(&format!("train data -o out.ply --max-size {SIDE}"), &["the photo", "--max-size", "fits"]);
+}
+
 #[test]
 fn a_device_that_is_not_there_is_named_by_who_asked_for_it() {
     let work = Work::new();

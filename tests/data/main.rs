@@ -1,8 +1,10 @@
 //! Real datasets and scenes, read where `../shared/data` is there and skipped with a message where not.
 
+mod carving;
 #[path = "../common/mod.rs"]
 mod common;
 mod lenses;
+mod reduced;
 #[path = "../common/shared.rs"]
 mod shared;
 mod upload;
