@@ -547,18 +547,14 @@ impl Part {
         let (first, capacity) = (page.first as usize, page.capacity as usize);
         let numbers = first.min(gaussians.len())..gaussians.len().min(first + capacity);
         let count = numbers.len();
-        let own = |place: usize| {
-            let mut planes = layout::geometry(gaussians, first + place);
+        let own = |p: usize, place: usize| {
+            let value = layout::geometry(gaussians, first + place)[p];
             // guard: model around the origin
-            (0..3).for_each(|c| planes[MEAN + c] = moved(planes[MEAN + c], -origin[c]));
-            planes
+            if (MEAN..MEAN + 3).contains(&p) { moved(value, -origin[p - MEAN]) } else { value }
         };
         let geometry = match self.half {
-            true => {
-                let packed: Vec<_> = (0..count).map(|place| layout::pack_geometry(own(place))).collect();
-                layout::page(HALF_GEOMETRY_PLANES, capacity, count, |p, place| packed[place][p])
-            }
-            false => layout::page(GEOMETRY_PLANES, capacity, count, |p, place| own(place)[p]),
+            true => layout::pack_geometry_page(capacity, count, own),
+            false => layout::page(GEOMETRY_PLANES, capacity, count, own),
         };
         let sh = layout::page(self.sh.planes, capacity, count, |p, place| match self.half {
             true => {

@@ -99,6 +99,11 @@ impl Needs {
             half,
         }
     }
+
+    /// Whether splats are packed, which gradients are not asked of.
+    fn packs(&self, options: &RenderOptions) -> bool {
+        self.half && !options.backward
+    }
 }
 
 /// Each once, in order.
@@ -162,7 +167,7 @@ impl ModelStages {
                     has_lobes,
                     sh_degree,
                     half_width: needs.half,
-                    packed_splats: needs.half && !options.backward,
+                    packed_splats: needs.packs(options),
                 };
                 project::Stage::new(context, &spec)
             };
@@ -317,7 +322,7 @@ impl Renderer {
             occluded: false,
             backward: options.backward,
             scores: false,
-            packed_splats: needs.half && !options.backward,
+            packed_splats: needs.packs(&options),
             policy: options.policy,
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };

@@ -209,6 +209,16 @@ pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PL
     planes
 }
 
+/// A page of what [`pack_geometry`] makes of the values of `GEOMETRY_PLANES` planes, given as to [`page`].
+pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
+    let mut page = vec![[0.0; 4]; quads(HALF_GEOMETRY_PLANES) * stride];
+    for place in 0..count {
+        let packed = pack_geometry(std::array::from_fn(|p| value(p, place)));
+        (0..HALF_GEOMETRY_PLANES).for_each(|p| page[p / 4 * stride + place][p % 4] = packed[p]);
+    }
+    page
+}
+
 /// The page of what a page of geometry of half width says: three quads for each Gaussian.
 pub fn unpack_geometry_page(quads: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> {
     let (first, rest) = quads.split_at(stride.min(quads.len()));

@@ -100,6 +100,11 @@ fn a_disk_is_asked_for_no_more_gaussians_than_memory_has_room_for() {
     let work = Work::new();
     const SIDE: u32 = (1 << 14) - 1;
     let free = fs4::available_space(work.path(".")).unwrap() as f64;
+    // There are never more than 32 bits count, and a file of so many would find room.
+    if 1.5 * free > 248.0 * f64::from(u32::MAX) {
+        eprintln!("skipped: {free} bytes are free, more than any run could fill");
+        return;
+    }
     let photos = (1.5 * free / 248.0 * 256.0 / f64::from(SIDE).powi(2)) as usize + 8;
     image::RgbImage::new(2, 2).save(work.path("huge.webp")).unwrap();
     let mut huge = fs::read(work.path("huge.webp")).unwrap();

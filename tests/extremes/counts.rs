@@ -199,6 +199,10 @@ fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
     }
 }
 
+fn emit_spec(direct: bool) -> emit::Spec {
+    emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct, packed_splats: false }
+}
+
 /// `dispatch_args` has told the host by then; what lies behind the buffers' room must stay what it is until they have grown.
 #[test]
 fn what_does_not_fit_is_not_emitted() {
@@ -207,16 +211,8 @@ fn what_does_not_fit_is_not_emitted() {
     // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
     let splat = |l: f32| Splat { shape: [l, 0.0, l, 0.5], centre: [128.0, 128.0] };
     let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
-    let spec = |direct| emit::Spec {
-        workgroup_size: WORKGROUP,
-        tile_width: 8,
-        tile_height: 8,
-        batch: false,
-        direct,
-        packed_splats: false,
-    };
     for (direct, capacity) in [(true, 2), (true, 500), (false, 2), (false, 500)] {
-        let emit = emit::Stage::new(&gpu, &spec(direct)).unwrap();
+        let emit = emit::Stage::new(&gpu, &emit_spec(direct)).unwrap();
         let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &[7777; 2000]));
         let blocks = Buffer::from_slice(&gpu, "rank blocks", &[[0u32; 2]; 100]).unwrap();
         let mut recorder = gpu.recorder("emit").unwrap();
@@ -286,16 +282,8 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
         let [tiles, globals] = ["isect tiles", "isect globals"].map(|name| words(name, &vec![7777; slots + 9]));
         let blocks = Buffer::from_slice(&gpu, "rank blocks", &vec![[0u32; 2]; slots]).unwrap();
         for direct in [true, false] {
-            let spec = emit::Spec {
-                workgroup_size: WORKGROUP,
-                tile_width: 8,
-                tile_height: 8,
-                batch: false,
-                direct,
-                packed_splats: false,
-            };
             let mut recorder = gpu.recorder("emit").unwrap();
-            emit::Stage::new(&gpu, &spec).unwrap().record_indirect(
+            emit::Stage::new(&gpu, &emit_spec(direct)).unwrap().record_indirect(
                 &mut recorder,
                 &emit::Buffers {
                     frames: &Buffer::from_slice(&gpu, "frames", &[frame]).unwrap(),
