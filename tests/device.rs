@@ -269,6 +269,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
             direct: false,
             unrolled: false,
             packed_splats: false,
+            listed: false,
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())
     };

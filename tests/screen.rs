@@ -6,7 +6,7 @@ mod wall;
 
 use common::{Gpu, session};
 use glint::{
-    gpu::Recorder,
+    gpu::{Buffer, Recorder},
     pipelines::{
         model::Model,
         raster::Raster,
@@ -22,12 +22,15 @@ use glint::{
     },
     scene::{Camera, Scene},
     stages::{
-        constants::screen::{DRAWING, WAITING},
+        constants::{
+            constants::NONE,
+            screen::{DRAWING, WAITING},
+        },
         ssim,
         status::{Resource, Status},
         types::{Frame, Quota, View},
     },
-    verify::screen::{SMALL_FRAMES, Scattered, pixels_of},
+    verify::screen::{SMALL_FRAMES, Scattered, pixel_count, pixels_of},
 };
 use wall::wall;
 
@@ -85,6 +88,48 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     }
     println!("{listed:?} tiles of {}", 13 * 10 + 9 * 11);
     assert!(listed[1] > 20 && listed[1] < listed[0] && listed[0] < 180);
+}
+
+/// What a rig has rendered before shows in nothing that it renders after: tiles that Gaussians have left are the backdrop again, and
+/// so is the image of a batch that has none.
+#[test]
+fn tiles_that_2d_gaussians_have_left_show_the_backdrop() {
+    let gpu = Gpu::new();
+    let count = 40;
+    let (scene, _) = Scattered::new(&SMALL_FRAMES, 5, count);
+    let pixels = pixel_count(&SMALL_FRAMES);
+    let backdrop: Vec<[f32; 4]> = (0..pixels).map(|p| [0, 1, 2, 3].map(|c| (p * 7 + c) as f32 % 64.0 / 64.0)).collect();
+    let rig = || {
+        let mut screen =
+            Screen::new(&gpu, ScreenSizes::of_frames(&SMALL_FRAMES, count as u32), Policy::default()).unwrap();
+        scene.upload(&mut screen, &SMALL_FRAMES).unwrap();
+        screen.raster.buffers.backdrop.upload(0, &backdrop).unwrap();
+        let status = screen.status().unwrap();
+        (screen, status)
+    };
+    let (screen, status) = rig();
+    let image = |screen: &Screen, status: &Buffer<u32>, left: usize| {
+        let frames: Vec<u32> = scene.frames.iter().enumerate().map(|(i, &f)| if i < left { f } else { NONE }).collect();
+        screen.buffers.screen_frames.upload(0, &frames).unwrap();
+        run(&gpu, |recorder| screen.record_render(recorder, status));
+        screen.raster.buffers.image.download_range(0, pixels).unwrap()
+    };
+    let behind: Vec<[f32; 4]> = backdrop.iter().map(|&[r, g, b, _]| [r, g, b, 1.0]).collect();
+    let mut changed = 0;
+    for left in [count, 3, 12, 1, 0, 0] {
+        let shown = image(&screen, &status, left);
+        let (anew, none) = rig();
+        assert_eq!(shown, image(&anew, &none, left), "{left} Gaussians");
+        changed += shown.iter().zip(&behind).filter(|(a, b)| a != b).count();
+    }
+    assert_eq!(image(&screen, &status, 0), behind);
+    assert!(changed > pixels / 2, "{changed}");
+
+    // Another batch begins with an image that is anything.
+    let mut screen = screen;
+    screen.raster.buffers.image.upload(0, &vec![[9.0; 4]; pixels]).unwrap();
+    scene.upload(&mut screen, &SMALL_FRAMES).unwrap();
+    assert_eq!(image(&screen, &status, 0), behind);
 }
 
 /// Something was too small for this step.

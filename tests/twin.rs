@@ -129,6 +129,7 @@ const AUGMENTATION: Stages = &[
     // What is listed in vain, or in another order, changes no gradient that is used.
     ("screen_tiles", Near::Same),
     ("emit", Near::Within(1e-3)),
+    ("tile_ranges", Near::Same),
     ("blend", Near::Within(1e-3)),
     ("blend_backward", Near::Within(1e-3)),
     ("ssim_forward", Near::Within(1e-3)),

@@ -3,8 +3,13 @@
 //
 // One thread takes one tile and halves the list: some 20 reads, where a thread for each intersection would read the whole list.
 // count, isect_tiles -> tile_ranges; of a tile without intersections both are where they would be
+// With LISTED also tile_list, of those that blending would change: tiles with intersections, and those whose pixels still show some,
+// which tile_drawn remembers. tile_list[0] is their number and must be 0 before.
+// Limits: the order of the list differs from run to run; what is made from it does not.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
+
+layout(constant_id = 1) const bool LISTED = false;
 
 layout(push_constant, scalar) uniform Push {
     uint count_index; // where count holds the number of intersections
@@ -14,6 +19,8 @@ layout(push_constant, scalar) uniform Push {
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer IsectTiles { uint isect_tiles[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 3, scalar) buffer TileDrawn { uint tile_drawn[]; };
+layout(set = 0, binding = 4, scalar) buffer TileList { uint tile_list[]; };
 
 void main() {
     uint isects = count[push.count_index];
@@ -28,4 +35,10 @@ void main() {
     tile_ranges[tile].x = begin;
     if (tile > 0) tile_ranges[tile - 1].y = begin;
     if (tile + 1 == push.tile_count) tile_ranges[tile].y = isects;
+    if (!LISTED) return;
+    uint occupied = begin < isects && isect_tiles[begin] == tile ? 1 : 0;
+    if (occupied != 0 || tile_drawn[tile] != 0) { // guard: tiles that something has left
+        tile_list[1 + atomicAdd(tile_list[0], 1)] = tile;
+    }
+    tile_drawn[tile] = occupied;
 }

@@ -40,6 +40,7 @@ layout(set = 0, binding = 6, scalar) readonly buffer SplatColours { vec3 splat_c
 layout(set = 0, binding = 7, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer Population { uint segment_first[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer TileList { uint tile_list[]; };
 
 // The pixels of this lane.
 float x;       // of their centres
@@ -112,14 +113,15 @@ void take(uint j) {
 
 void tile_backward() {
     uint index = subgroup_index();
-    if (index >= push.tile_count) return;
+    if (index >= (LISTED ? tile_list[0] : push.tile_count)) return;
+    if (LISTED) index = tile_list[1 + index];
     Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
     uint tile = index % push.tiles_per_frame;
     uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);
     if (corner.x >= frame.width || corner.y >= frame.height) return;
 
     uvec2 range = tile_ranges[index];
-    if (range.x == range.y) return; // like most tiles of the screen phase
+    if (range.x == range.y) return;
     uint px = corner.x + lane_x();
     x = float(px) + 0.5;
     corner_y = corner.y;

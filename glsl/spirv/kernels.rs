@@ -3366,6 +3366,7 @@ pub struct Spec {
     pub occluded: bool,
     pub direct: bool,
     pub packed_splats: bool,
+    pub listed: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3395,6 +3396,8 @@ pub struct Buffers<'a> {
     pub scene_depths: &'a crate::gpu::Buffer<f32>,
     /// ReadOnly
     pub packed_splats: &'a crate::gpu::Buffer<PackedSplat>,
+    /// ReadOnly
+    pub tile_list: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3427,12 +3430,14 @@ pub struct Host<'a> {
     pub scene_depths: &'a [f32],
     /// ReadOnly
     pub packed_splats: &'a [PackedSplat],
+    /// ReadOnly
+    pub tile_list: &'a [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, packed_splats: call.constant(9) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, packed_splats: call.constant(9) != 0, listed: call.constant(10) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3455,6 +3460,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3467,15 +3473,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 7, name: c"occluded", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 8, name: c"direct", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 9, name: c"packed_splats", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"listed", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32), (9, spec.packed_splats as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32), (9, spec.packed_splats as u32), (10, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw(), b.packed_splats.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw(), b.packed_splats.raw(), b.tile_list.raw()])
     }
 }
 }
@@ -3498,6 +3505,7 @@ pub struct Spec {
     pub pixels: u32,
     pub unrolled: bool,
     pub scores: bool,
+    pub listed: bool,
     pub packed_records: bool,
 }
 #[derive(Clone, Copy)]
@@ -3522,6 +3530,8 @@ pub struct Buffers<'a> {
     pub image_grad: &'a crate::gpu::Buffer<f32>,
     /// ReadOnly
     pub population: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub tile_list: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
     pub record_centres: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
@@ -3556,6 +3566,8 @@ pub struct Host<'a> {
     pub image_grad: &'a [f32],
     /// ReadOnly
     pub population: &'a [u32],
+    /// ReadOnly
+    pub tile_list: &'a [u32],
     /// WriteOnly
     pub record_centres: &'a mut [[f32; 3]],
     /// WriteOnly
@@ -3567,9 +3579,9 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, listed: call.constant(10) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3589,6 +3601,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -3601,6 +3614,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"listed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 11, name: c"packed_records", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
@@ -3608,9 +3622,9 @@ impl crate::gpu::Kernel for Kernel {
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (11, spec.packed_records as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (10, spec.listed as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
     }
 }
 }
@@ -3633,6 +3647,7 @@ pub struct Spec {
     pub pixels: u32,
     pub unrolled: bool,
     pub scores: bool,
+    pub listed: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -3656,6 +3671,8 @@ pub struct Buffers<'a> {
     pub image_grad: &'a crate::gpu::Buffer<f32>,
     /// ReadOnly
     pub population: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub tile_list: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
     pub record_centres: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
@@ -3688,6 +3705,8 @@ pub struct Host<'a> {
     pub image_grad: &'a [f32],
     /// ReadOnly
     pub population: &'a [u32],
+    /// ReadOnly
+    pub tile_list: &'a [u32],
     /// ReadWrite
     pub record_centres: &'a mut [[f32; 3]],
     /// ReadWrite
@@ -3697,9 +3716,9 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, listed: call.constant(10) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3719,6 +3738,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -3730,15 +3750,16 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 3, name: c"pixels", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 4, name: c"unrolled", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 5, name: c"scores", kind: crate::gpu::ConstantKind::Bool },
+        crate::gpu::Constant { id: 10, name: c"listed", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::ShaderBufferFloat32AtomicAdd, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (10, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
 }
 }
@@ -4155,6 +4176,7 @@ pub struct Push {
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     pub workgroup_size: u32,
+    pub listed: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4164,6 +4186,10 @@ pub struct Buffers<'a> {
     pub isect_tiles: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
     pub tile_ranges: &'a crate::gpu::Buffer<[u32; 2]>,
+    /// ReadWrite
+    pub tile_drawn: &'a crate::gpu::Buffer<u32>,
+    /// ReadWrite
+    pub tile_list: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -4176,12 +4202,16 @@ pub struct Host<'a> {
     pub isect_tiles: &'a [u32],
     /// WriteOnly
     pub tile_ranges: &'a mut [[u32; 2]],
+    /// ReadWrite
+    pub tile_drawn: &'a mut [u32],
+    /// ReadWrite
+    pub tile_list: &'a mut [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, listed: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), tile_drawn: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -4194,18 +4224,21 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 2]>() as u32 },
+        crate::gpu::Binding { name: c"tile_drawn", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 1, name: c"listed", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Thread;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.count.raw(), b.isect_tiles.raw(), b.tile_ranges.raw()])
+        with(&[b.count.raw(), b.isect_tiles.raw(), b.tile_ranges.raw(), b.tile_drawn.raw(), b.tile_list.raw()])
     }
 }
 }

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Recorder, Unused},
+    gpu::{Buffer, Context, DeviceInfo, GpuError, Kernel, Pipeline, Recorder, Unused},
     stages::{
         WORKGROUP, blend, blend_backward, blend_backward_atomic, blocks::items_per_group,
         constants::status::NO_RESOURCE, dispatch_args, emit, status::Resource, tile_ranges, types::Frame,
@@ -126,6 +126,8 @@ const ISECTS_SORTED: u32 = 3;
 const VISIBLE_BLOCKS: u32 = 0;
 const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
+/// Where tiles are listed, the blend and its backward pass over these.
+const LISTED_TILES: u32 = 3;
 /// The blend's backward pass: of gradients, and of scores where these are asked for.
 enum Backward {
     /// Records by intersection slot.
@@ -171,12 +173,20 @@ impl Backward {
     }
 
     fn stages(context: &Context, options: &RasterOptions, tile: TileShape, atomic: bool) -> Result<Self, GpuError> {
-        let (workgroup_size, unrolled, packed_records) = (WORKGROUP, unrolled(context.info()), options.packed());
+        let (workgroup_size, unrolled) = (WORKGROUP, unrolled(context.info()));
+        let (listed, packed_records) = (options.batch, options.packed());
         let TileShape { width: tile_width, height: tile_height, pixels } = tile;
         Ok(if atomic {
             let stage = |scores| {
-                let spec =
-                    blend_backward_atomic::Spec { workgroup_size, tile_width, tile_height, pixels, unrolled, scores };
+                let spec = blend_backward_atomic::Spec {
+                    workgroup_size,
+                    tile_width,
+                    tile_height,
+                    pixels,
+                    unrolled,
+                    scores,
+                    listed,
+                };
                 blend_backward_atomic::Stage::new(context, &spec)
             };
             Backward::Atomic(stage(false)?, options.scores.then(|| stage(true)).transpose()?)
@@ -189,6 +199,7 @@ impl Backward {
                     pixels,
                     unrolled,
                     scores,
+                    listed,
                     packed_records,
                 };
                 blend_backward::Stage::new(context, &spec)
@@ -268,6 +279,7 @@ impl Raster {
             unrolled: unrolled(context.info()),
             direct: !options.backward,
             packed_splats: options.packed_splats,
+            listed: options.batch,
         };
         let emit_spec = emit::Spec {
             workgroup_size,
@@ -302,7 +314,7 @@ impl Raster {
             scan: Scan::new(context, true)?,
             dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             emit: emit::Stage::new(context, &emit_spec)?,
-            ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size })?,
+            ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size, listed: options.batch })?,
             blend: blend::Stage::new(context, &blend_spec)?,
             backward,
             unused,
@@ -589,13 +601,40 @@ impl Raster {
             extent(ISECTS, ISECT_BLOCKS),
             ISECTS_SORTED,
         );
+        if self.options.batch {
+            recorder.fill(&f.tile_list, 0);
+        }
         self.ranges.record(
             recorder,
-            &tile_ranges::Buffers { count: &f.count, isect_tiles: by_tile.keys, tile_ranges: &f.tile_ranges },
+            &tile_ranges::Buffers {
+                count: &f.count,
+                isect_tiles: by_tile.keys,
+                tile_ranges: &f.tile_ranges,
+                tile_drawn: &f.tile_drawn,
+                tile_list: &f.tile_list,
+            },
             // guard: tiles counted in vain
             &tile_ranges::Push { count_index: ISECTS_SORTED, tile_count: grid.tiles() },
             grid.tiles(),
         );
+        if self.options.batch {
+            let tiles_per_group = threads / self.context.info().subgroup_size;
+            let buffers = dispatch_args::Buffers { count: &f.tile_list, dispatch_args: &f.args, status };
+            let push = dispatch_args::Push {
+                count_index: 0,
+                // The list holds every tile.
+                capacity: u32::MAX,
+                items_per_group: tiles_per_group,
+                args_index: 3 * LISTED_TILES,
+                resource_index: NO_RESOURCE,
+            };
+            self.dispatch_args.record(recorder, &buffers, &push, 1);
+        }
+    }
+
+    /// Of a batch: what `image` holds is not what [`Raster::record_blend`] made of `backdrop` and the splats, so all tiles are next.
+    pub fn record_forget(&self, recorder: &mut Recorder) {
+        recorder.fill(&self.buffers.tile_drawn, 1);
     }
 
     /// Blends the ordered splats into `image`; also `median_ids` where that was asked for.
@@ -621,34 +660,47 @@ impl Raster {
         depth_form: [f32; 2],
     ) {
         let f = &self.buffers;
-        self.blend.record(
-            recorder,
-            &blend::Buffers {
-                frames,
-                tile_ranges: &f.tile_ranges,
-                isect_slots: &self.isects.isect_slots,
-                rank_blocks: &self.isects.rank_blocks,
-                global_from_rank: self.global_from_rank(),
-                splats: &f.splats,
-                splat_colours: &f.splat_colours,
-                packed_splats: &f.packed_splats,
-                backdrop: &f.backdrop,
-                image: &f.image,
-                median_ids: &f.median_ids,
-                depth_keys: &f.depth_keys,
-                scene_depths: &f.scene_depths,
-            },
-            &blend::Push {
-                frame_first: grid.frame_first,
-                tiles_x: grid.tiles_x,
-                tiles_per_frame: grid.tiles_per_frame(),
-                tile_count: grid.tiles(),
-                background,
-                median_threshold,
-                depth_form,
-            },
-            grid.tiles(),
-        );
+        let buffers = blend::Buffers {
+            frames,
+            tile_ranges: &f.tile_ranges,
+            isect_slots: &self.isects.isect_slots,
+            rank_blocks: &self.isects.rank_blocks,
+            global_from_rank: self.global_from_rank(),
+            splats: &f.splats,
+            splat_colours: &f.splat_colours,
+            packed_splats: &f.packed_splats,
+            backdrop: &f.backdrop,
+            image: &f.image,
+            median_ids: &f.median_ids,
+            depth_keys: &f.depth_keys,
+            scene_depths: &f.scene_depths,
+            tile_list: &f.tile_list,
+        };
+        let push = blend::Push {
+            frame_first: grid.frame_first,
+            tiles_x: grid.tiles_x,
+            tiles_per_frame: grid.tiles_per_frame(),
+            tile_count: grid.tiles(),
+            background,
+            median_threshold,
+            depth_form,
+        };
+        self.over_tiles(recorder, &self.blend, &buffers, &push, grid);
+    }
+
+    /// Over all tiles, or of a batch over those that are listed.
+    fn over_tiles<K: Kernel>(
+        &self,
+        recorder: &mut Recorder,
+        stage: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        grid: &Grid,
+    ) {
+        match self.options.batch {
+            true => stage.record_indirect(recorder, buffers, push, &self.buffers.args, LISTED_TILES),
+            false => stage.record(recorder, buffers, push, grid.tiles()),
+        }
     }
 
     /// Turns `image_grad` into gradient records. Gaussians of the first `frozen` segments get the gradient of their opacity only;
@@ -688,7 +740,7 @@ impl Raster {
         let Some(backward) = &self.backward else { return };
         let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
         let Isects { isect_slots, rank_blocks, .. } = &self.isects;
-        let RasterBuffers { tile_ranges, splats, splat_colours, image, image_grad, .. } = f;
+        let RasterBuffers { tile_ranges, tile_list, splats, splat_colours, image, image_grad, .. } = f;
         let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
@@ -717,13 +769,14 @@ impl Raster {
                     image,
                     image_grad,
                     population,
+                    tile_list,
                     record_centres,
                     record_shapes,
                     record_colours,
                     record_words,
                 };
                 let push = blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
-                stage.record(recorder, &buffers, &push, tile_count);
+                self.over_tiles(recorder, stage, &buffers, &push, grid);
             }
             Backward::Atomic(all, of_scores) => {
                 let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
@@ -738,12 +791,13 @@ impl Raster {
                     image,
                     image_grad,
                     population,
+                    tile_list,
                     record_centres,
                     record_shapes,
                     record_colours,
                 };
                 let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
-                stage.record(recorder, &buffers, &push, tile_count);
+                self.over_tiles(recorder, stage, &buffers, &push, grid);
             }
         }
     }

@@ -6,6 +6,19 @@ pub fn tile_ranges(isect_tiles: &[u32], tiles: usize) -> Vec<[u32; 2]> {
     (0..tiles).map(|tile| [begin(tile), begin(tile + 1)]).collect()
 }
 
+/// What blending would change: tiles of these ranges with intersections, and those that are `drawn`; which then are drawn is told there.
+pub fn listed_tiles(ranges: &[[u32; 2]], drawn: &mut [u32]) -> Vec<u32> {
+    let mut tiles = Vec::new();
+    for (tile, ([begin, end], drawn)) in (0..).zip(ranges.iter().zip(drawn)) {
+        let occupied = begin < end;
+        if occupied || *drawn != 0 {
+            tiles.push(tile);
+        }
+        *drawn = occupied.into();
+    }
+    tiles
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -14,5 +27,14 @@ mod tests {
     fn ranges_cover_the_list_and_empty_tiles_have_none() {
         assert_eq!(tile_ranges(&[1, 1, 3], 5), [[0, 0], [0, 2], [2, 2], [2, 3], [3, 3]]);
         assert_eq!(tile_ranges(&[], 2), [[0, 0]; 2]);
+    }
+
+    #[test]
+    fn a_tile_is_listed_once_more_than_it_has_splats() {
+        let mut drawn = [1, 0, 0, 1];
+        assert_eq!(listed_tiles(&tile_ranges(&[1, 1, 3], 4), &mut drawn), [0, 1, 3]);
+        assert_eq!(listed_tiles(&tile_ranges(&[3], 4), &mut drawn), [1, 3]);
+        assert_eq!(listed_tiles(&tile_ranges(&[], 4), &mut drawn), [3]);
+        assert_eq!((listed_tiles(&tile_ranges(&[], 4), &mut drawn), drawn), (vec![], [0; 4]));
     }
 }

@@ -25,6 +25,7 @@ use crate::{
         screen_project::{ScreenGaussian, screen_project},
         screen_prune::screen_prune,
         screen_tiles::{WINDOW_RADIUS, screen_tiles},
+        tile_ranges::listed_tiles,
         tiles::Tiling,
     },
     stages::{
@@ -39,6 +40,7 @@ use crate::{
 pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     let (frames, count) = if quick { (SMALL_FRAMES, 160) } else { (frames([(403, 301), (280, 333)]), 4000) };
     batch(bench, frames, count)?;
+    listed(bench, frames, count)?;
     prune(bench, frames, if quick { 500 } else { 20_000 })?;
     draw(bench, frames, quick)
 }
@@ -348,6 +350,39 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     }
     row.unequal(wrong);
     pairs.into_iter().flatten().for_each(|pairs| row.numbers(pairs));
+    bench.push(row);
+    Ok(())
+}
+
+/// Which tiles are blended while 2D Gaussians go: of what was rendered before they are all there, then fewer and fewer.
+fn listed(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
+    let (scene, _) = Scattered::new(&all, 3, count);
+    let mut screen = Screen::new(bench.context, ScreenSizes::of_frames(&all, count as u32), Policy::default())?;
+    scene.upload(&mut screen, &all)?;
+    let status = screen.status()?;
+    screen.raster.grow(64 * count as u32)?;
+    let (r, tile) = (&screen.raster.buffers, screen.raster.tile);
+    let grid = screen.raster.grid(0, 2, all[0].width.max(all[1].width), all[0].height.max(all[1].height));
+    let tiles = grid.tiles() as usize;
+    let mut row = bench.row("tile_ranges", format!("{tile}, batch, listed"));
+    row.chosen = false;
+    let mut drawn = vec![1; tiles];
+    for left in [count, count / 20, 9, 2, 0, 0] {
+        let frames: Vec<u32> = scene.frames.iter().enumerate().map(|(i, &f)| if i < left { f } else { NONE }).collect();
+        screen.buffers.screen_frames.upload(0, &frames)?;
+        let mut recorder = bench.context.recorder("screen render")?;
+        recorder.time_stages();
+        screen.record_render(&mut recorder, &status);
+        let times = recorder.submit()?.wait()?;
+        row.time = times.iter().find(|stage| stage.name == "tile_ranges").map(|stage| stage.time.as_secs_f64());
+        let list = r.tile_list.download()?;
+        let mut got = list[1..=list[0] as usize].to_vec();
+        got.sort_unstable();
+        row.words(&got, &listed_tiles(&r.tile_ranges.download_range(0, tiles)?, &mut drawn));
+        row.words(&r.tile_drawn.download_range(0, tiles)?, &drawn);
+    }
+    // A range, what was drawn and what is, and a tile of the list; some 20 reads of the sorted tiles.
+    row.work.bytes = (80.0 + 20.0) * tiles as f64;
     bench.push(row);
     Ok(())
 }

@@ -126,7 +126,11 @@ buffers! {
         pub scene_depths: f32 = o.only_if(o.occluded, o.pixels),
         pub(crate) tile_ranges: [u32; 2] = o.tiles,
         pub(crate) count: u32 = 4,
-        pub(super) args: u32 = 9,
+        pub(super) args: u32 = 12,
+        /// Of a batch: whether a tile's pixels show splats, or what nobody knows.
+        pub(crate) tile_drawn: u32 = o.only_if(o.batch, o.tiles),
+        /// Of a batch: which tiles are blended, behind their number.
+        pub(crate) tile_list: u32 = o.only_if(o.batch, o.tiles + 1),
         pub(super) global_from_rank: u32 = o.only_if(o.backward, o.splats),
         pub(super) block_sums: u32 = block_sums_len(o.splats),
         pub(super) depth_block_counts: u32 = block_counts_len(o.splats, DEPTH_BITS),

@@ -174,6 +174,8 @@ impl Screen {
         b.population_args.upload(0, &[blocks, 1, 1])?;
         let mut recorder = self.context.recorder("screen begin")?;
         recorder.fill(&b.screen_frames, NONE);
+        // guard: images of another batch
+        self.raster.record_forget(&mut recorder);
         recorder.submit()?.wait()?;
         self.set_mode(screen::DRAWING)?;
         let width = frames.iter().map(|f| f.width).max().unwrap_or(1);

@@ -122,6 +122,11 @@ pub(super) fn tile_ranges(h: kernels::tile_ranges::Host<'_>) -> Outcome {
     let isects = h.count[count_index as usize] as usize;
     let ranges = twin::tile_ranges::tile_ranges(&h.isect_tiles[..isects], tile_count as usize);
     h.tile_ranges[..ranges.len()].copy_from_slice(&ranges);
+    if h.spec.listed {
+        let tiles = twin::tile_ranges::listed_tiles(&ranges, h.tile_drawn);
+        h.tile_list[0] += tiles.len() as u32;
+        h.tile_list[1..=tiles.len()].copy_from_slice(&tiles);
+    }
     Ok(())
 }
 
@@ -135,22 +140,34 @@ struct Lists<'a> {
     frame_first: u32,
     tiles_x: u32,
     tiles_per_frame: u32,
-    tile_count: u32,
+    /// By tile.
+    taken: Vec<bool>,
+}
+
+/// Which tiles of a grid are taken: all, or those that are listed.
+fn taken(tile_count: u32, listed: bool, tile_list: &[u32]) -> Vec<bool> {
+    let mut taken = vec![!listed; tile_count as usize];
+    if listed {
+        let count = tile_list[0] as usize;
+        tile_list[1..=count].iter().for_each(|&tile| taken[tile as usize] = true);
+    }
+    taken
 }
 
 impl Lists<'_> {
-    /// One frame of the grid after the other.
-    fn for_each_frame(&self, mut visit: impl FnMut(&Frame, &Intersections)) {
+    /// One frame of the grid after the other, with those of its tiles that are taken.
+    fn for_each_frame(&self, mut visit: impl FnMut(&Frame, &Intersections, &[bool])) {
         let mut isects = Intersections {
             isect_slots: self.isect_slots.to_vec(),
             global_from_slot: self.global_from_slot.clone(),
             ..Intersections::none(Tiling::new(1, 1, &Options::default()))
         };
-        let ranges = self.tile_ranges[..self.tile_count as usize].chunks(self.tiles_per_frame.max(1) as usize);
-        for (frame, ranges) in self.frames[self.frame_first as usize..].iter().zip(ranges) {
+        let per_frame = self.tiles_per_frame.max(1) as usize;
+        let tiles = self.tile_ranges.chunks(per_frame).zip(self.taken.chunks(per_frame));
+        for (frame, (ranges, taken)) in self.frames[self.frame_first as usize..].iter().zip(tiles) {
             isects.tiling = tiling(frame, self.tile, self.tiles_x, self.tiles_per_frame);
-            isects.tile_ranges = ranges.to_vec();
-            visit(frame, &isects);
+            isects.tile_ranges = ranges.iter().zip(taken).map(|(&range, &t)| if t { range } else { [0; 2] }).collect();
+            visit(frame, &isects, taken);
         }
     }
 }
@@ -170,7 +187,15 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         depth_form: [a, b],
     } = h.push;
     let kernels::blend::Spec {
-        tile_width, tile_height, background_image, median, occluded, direct, packed_splats, ..
+        tile_width,
+        tile_height,
+        background_image,
+        median,
+        occluded,
+        direct,
+        packed_splats,
+        listed,
+        ..
     } = h.spec;
     // Where the list holds Gaussians, the slot of each is where it lies in the list.
     let places: Vec<u32> = (0..h.isect_slots.len() as u32).collect();
@@ -187,7 +212,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         frame_first,
         tiles_x,
         tiles_per_frame,
-        tile_count,
+        taken: taken(tile_count, listed, h.tile_list),
     };
     let mut splats = match packed_splats {
         true => h.packed_splats.iter().map(unpack_splat).collect(),
@@ -196,7 +221,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
     if occluded {
         splats.iter_mut().zip(h.depth_keys).for_each(|(s, &key)| s.z = f32::from_bits(key).into());
     }
-    lists.for_each_frame(|frame, isects| {
+    lists.for_each_frame(|frame, isects, taken| {
         let pixels = pixels(frame);
         let farthest = |pixel: usize| match occluded {
             true => twin::resolve::camera_z(h.scene_depths[pixels.start + pixel].into(), [a, b].map(f64::from)),
@@ -211,9 +236,14 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
             false => Background::Color(background.map(f64::from)),
         };
         let blended = twin::blend::blend_before(&splats, isects, behind, f64::from(median_threshold), farthest);
-        h.image[pixels.clone()].iter_mut().zip(&blended.image).for_each(|(to, rgbt)| *to = rgbt.map(|v| v as f32));
-        if median {
-            h.median_ids[pixels].copy_from_slice(&blended.median);
+        for (pixel, at) in (0..).zip(pixels) {
+            if !taken[isects.tiling.tile_of(pixel % frame.width, pixel / frame.width) as usize] {
+                continue;
+            }
+            h.image[at] = blended.image[pixel as usize].map(|v| v as f32);
+            if median {
+                h.median_ids[at] = blended.median[pixel as usize];
+            }
         }
     });
     Ok(())
@@ -235,7 +265,7 @@ impl Backward<'_> {
     /// record has that part, and 1 in the first.
     fn for_each_record(&self, mut put: impl FnMut(usize, u32, Record)) {
         let splats = wide_splats(self.splats, self.splat_colours);
-        self.lists.for_each_frame(|frame, isects| {
+        self.lists.for_each_frame(|frame, isects, _| {
             let pixels = pixels(frame);
             let image = wide_rows(&self.image[pixels.clone()]);
             let (rows, _) = self.image_grad[3 * pixels.start..3 * pixels.end].as_chunks::<3>();
@@ -271,7 +301,7 @@ macro_rules! backward {
                 frame_first: $h.push.frame_first,
                 tiles_x: $h.push.tiles_x,
                 tiles_per_frame: $h.push.tiles_per_frame,
-                tile_count: $h.push.tile_count,
+                taken: taken($h.push.tile_count, $h.spec.listed, $h.tile_list),
             },
             splats: $h.splats,
             splat_colours: $h.splat_colours,
