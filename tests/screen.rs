@@ -185,14 +185,18 @@ fn waiting_views_and_overflow_leave_everything_alone() {
 
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
 fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
-    let (width, height) = (180, 160);
+    striped(views, 180, 160)
+}
+
+/// The same, so large.
+fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     let camera = |v: usize| Camera {
         width,
         height,
-        fx: 200.0,
-        fy: 200.0,
-        cx: 90.0,
-        cy: 80.0,
+        fx: f64::from(width) / 0.9,
+        fy: f64::from(width) / 0.9,
+        cx: f64::from(width) / 2.0,
+        cy: f64::from(height) / 2.0,
         rotation: glam::DMat3::IDENTITY,
         translation: glam::DVec3::new(0.1 * v as f64, 0.0, 0.0),
     };
@@ -275,6 +279,48 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     assert!(small.grown > 0);
     assert_eq!(cramped, gaussians);
     assert_eq!(small.losses, refined.losses);
+}
+
+/// Two views that the device does not hold at once, one after the other: what the first left shows in nothing of the second. Where it
+/// holds both, as most GPUs do, one batch has them.
+#[test]
+fn batches_come_one_after_the_other() {
+    let gpu = Gpu::new();
+    let (scene, cameras, photographs) = striped(2, 1440, 1320);
+    let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let options = RenderOptions { depth: true, ..Default::default() };
+    let schedule = Schedule { round_steps: 4, final_steps: 4, max_rounds: 2, shared_steps: false };
+    let refined = |range: std::ops::Range<usize>, go_on: bool| {
+        let views = Views::upload(&gpu, &cameras[range.clone()], &photographs[range.clone()]).unwrap();
+        let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, options).unwrap();
+        let renders = base_renders(&session(&gpu), &mut renderer, &model, &views).unwrap();
+        let budgets = &[20, 16][range];
+        let first = go_on.then_some(renders.first);
+        let mut refiner = Refiner::new(&session(&gpu), &views, budgets, schedule, first).unwrap();
+        let mut all: Vec<(f32, f32, Vec<ScreenGaussian>)> = Vec::new();
+        for batch in 0..refiner.batches().len() {
+            let of = refiner.refine(&mut renderer, &model, &views, batch, |_| ()).unwrap();
+            let gaussians = refiner.download().unwrap();
+            for (at, v) in refiner.views().enumerate() {
+                let own = gaussians.iter().map(|(_, g)| *g).filter(|g| g.view == v as u32).collect();
+                all.push((of.base_losses[at], of.losses[at], own));
+                close(of.base_losses[at], renders.losses[v], 1e-6, "base loss");
+            }
+        }
+        (refiner.batches().len(), all)
+    };
+    let (batches, both) = refined(0..2, true);
+    let (_, anew) = refined(0..2, false);
+    assert_eq!(both, anew, "renders that are kept, or made again");
+    assert_eq!(refined(0..1, false).1[0], both[0]);
+    let (_, second) = refined(1..2, false);
+    assert_eq!(second[0].0, both[1].0);
+    for (base, loss, gaussians) in &both {
+        assert!(loss < base && gaussians.len() > 4, "{base} {loss} {}", gaussians.len());
+    }
+    println!("{batches} batches");
+    assert!(!gpu.info().is_cpu || gpu.info().max_storage_bytes > 128 << 20 || batches == 2);
 }
 
 /// Every draw is followed by the steps of a round and a prune, the one that fills the budget too; then all take the last steps.
