@@ -247,7 +247,7 @@ impl Frames {
         let frame = types::Frame { image_first: 0, target_first: 0, width: size[0], height: size[1] };
         recorder.update(&b.frames, v as usize, &[frame]);
         // A model may have room for more than it shows, and what it does not show was left by others.
-        // guard: what other instances left
+        // guard: what other instances left (3 lines)
         if let Some(depth_keys) = raster.depth_keys() {
             recorder.fill(depth_keys, NONE);
         }

@@ -745,7 +745,7 @@ impl Raster {
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // What no pixel blends has no gradient: most of a long list that is opaque in front.
-        // guard: sums begin at 0 (10 lines)
+        // guard: sums begin at 0 (9 lines)
         if self.packs_records() {
             recorder.fill(record_words, 0);
         } else {
