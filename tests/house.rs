@@ -51,25 +51,39 @@ struct Guard<'a> {
     name: &'a str,
     /// The test's file and name.
     test: (&'a str, &'a str),
-    /// Places in the source.
-    places: usize,
+    /// Of what takes its place, for each place in the source: how many braces it leaves open.
+    open: Vec<i32>,
 }
 
-/// Names of the guards in the source, one for each place.
-fn guarded_places(root: &Path) -> Vec<String> {
+/// How many braces of a line more are opened than closed.
+fn open_braces(line: &str) -> i32 {
+    let code = line.split_once("//").map_or(line, |(code, _)| code);
+    code.chars().map(|c| i32::from(c == '{') - i32::from(c == '}')).sum()
+}
+
+/// Guards in the source, one for each place in the order of paths: name, and how many braces what it stands for leaves open.
+fn guarded_places(root: &Path) -> Vec<(String, i32)> {
     let mut sources = Vec::new();
     for (folder, extension) in [("glsl", "comp"), ("glsl", "glsl"), ("src", "rs")] {
         files(&root.join(folder), extension, &mut sources);
     }
-    let mut names = Vec::new();
+    sources.sort_by_key(|path| path.to_str().unwrap().to_owned());
+    let mut places = Vec::new();
     for path in sources {
-        for line in fs::read_to_string(path).unwrap().lines() {
-            let Some((_, list)) = line.split_once("// guard: ") else { continue };
-            let list = list.split_once(" (").map_or(list, |(list, _)| list);
-            names.extend(list.split("; ").map(str::to_owned));
+        let text = fs::read_to_string(path).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        for (at, line) in lines.iter().enumerate() {
+            let Some((code, list)) = line.split_once("// guard: ") else { continue };
+            let (list, count) = list.split_once(" (").unwrap_or((list, "1 lines)"));
+            let count: usize = count.strip_suffix(" lines)").unwrap().parse().unwrap();
+            // Alone on its line it stands above the guard, and other such lines may lie between.
+            let stands_for = |line: &&&str| !code.trim().is_empty() || !line.trim_start().starts_with("// guard: ");
+            let open =
+                lines[at..].iter().skip_while(|line| !stands_for(line)).take(count).map(|l| open_braces(l)).sum();
+            places.extend(list.split("; ").map(|name| (name.to_owned(), open)));
         }
     }
-    names
+    places
 }
 
 /// `tools/guards` takes each guard away and runs its test. This holds that there is something to take away, a test to run, and a
@@ -90,22 +104,29 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
                 served.insert((section, row));
                 mentioned.extend(reason.split('[').skip(1).map(|s| s.split_once(']').expect(&bad).0));
             }
-            Some(("+", _)) => {}
+            Some(("+", code)) => {
+                *guards.last_mut().and_then(|guard| guard.open.last_mut()).expect(&bad) += open_braces(code)
+            }
             _ if line == "#" || line == "+" => {}
-            _ if line == "&" => guards.last_mut().expect(&bad).places += 1,
+            _ if line == "&" => guards.last_mut().expect(&bad).open.push(0),
             _ if line.starts_with('[') => {
                 served.insert((section, row));
                 let (name, test) = line[1..].split_once("] ").expect(&bad);
-                guards.push(Guard { name, test: test.split_once(' ').expect(&bad), places: 1 });
+                guards.push(Guard { name, test: test.split_once(' ').expect(&bad), open: vec![0] });
             }
             _ => panic!("{bad}"),
         }
     }
     let mut names = BTreeSet::new();
     let there = guarded_places(root);
-    for Guard { name, test: (file, function), places } in &guards {
+    for Guard { name, test: (file, function), open } in &guards {
         assert!(names.insert(*name), "[{name}] is there twice");
-        assert_eq!(there.iter().filter(|place| place == name).count(), *places, "places of [{name}] in the source");
+        let places: Vec<i32> = there.iter().filter(|(place, _)| place == name).map(|(_, open)| *open).collect();
+        // Where lines have moved, braces often no longer match.
+        assert_eq!(
+            &places, open,
+            "places of [{name}] in the source, and the braces that each and its change leave open"
+        );
         // A test of the library is named with its modules, of which the last is `tests`.
         let (path, function) = match (*file, function.split_once("::tests::")) {
             ("lib", Some((module, function))) => (format!("src/{}.rs", module.replace("::", "/")), function),
@@ -118,7 +139,7 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
         assert!(read(&path).lines().any(|line| line.trim_start().starts_with(&test)), "[{name}]: no {test} in {path}");
     }
     assert!(guards.len() > 40);
-    let unknown: Vec<_> = there.iter().filter(|name| !names.contains(name.as_str())).collect();
+    let unknown: Vec<_> = there.iter().map(|(name, _)| name).filter(|name| !names.contains(name.as_str())).collect();
     assert!(unknown.is_empty(), "in the source, but not in tests/guards.txt: {unknown:#?}");
     for name in mentioned {
         assert!(names.contains(name), "[{name}] is mentioned but not there");

@@ -2,8 +2,8 @@
 // Gradients of the blended image, one record for each intersection: no atomics, the same bits every run.
 //
 // See shared/backward.glsl. project_backward, screen_backward and density_score sum a Gaussian's records.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list -> records (by slot), which
-// begin at 0: in three buffers, or with PACKED_RECORDS in words. What SCORES ask for is not packed: two floats in the first words.
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list ->
+// records (by slot), which begin at 0: in three buffers, or with PACKED_RECORDS in words. What SCORES ask for is not packed: two floats in the first words.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/backward.glsl"
 #include "../shared/packed_record.glsl"

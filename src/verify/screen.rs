@@ -354,7 +354,7 @@ fn batch(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     Ok(())
 }
 
-/// Which tiles are blended while 2D Gaussians go: of what was rendered before they are all there, then fewer and fewer.
+/// Which tiles are blended while 2D Gaussians go: first all of them are there, then fewer and fewer.
 fn listed(bench: &mut Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     let (scene, _) = Scattered::new(&all, 3, count);
     let mut screen = Screen::new(bench.context, ScreenSizes::of_frames(&all, count as u32), Policy::default())?;
