@@ -2,7 +2,8 @@
 // Blends each tile's splats front to back into colour and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours or packed_splats, depth_keys, scene_depths, tile_list -> image (rgb with background, transmittance), median_ids
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours or packed_splats, depth_keys, scene_depths, tile_list,
+// tile_list_count -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -43,6 +44,7 @@ layout(set = 0, binding = 10, scalar) readonly buffer DepthKeys { uint depth_key
 layout(set = 0, binding = 11, scalar) readonly buffer SceneDepths { float scene_depths[]; };
 layout(set = 0, binding = 12, scalar) readonly buffer PackedSplats { PackedSplat packed_splats[]; };
 layout(set = 0, binding = 13, scalar) readonly buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 14, scalar) readonly buffer TileListCount { uint tile_list_count[]; };
 
 // Camera z of what a mesh left in the depth buffer; the farthest where it left nothing: there is what the buffer is cleared to, wherever
 // the far plane is (or nonsense).
@@ -90,8 +92,8 @@ void take(uint j) {
 
 void main() {
     uint index = subgroup_index();
-    if (index >= (LISTED ? tile_list[0] : push.tile_count)) return;
-    if (LISTED) index = tile_list[1 + index];
+    if (index >= (LISTED ? tile_list_count[0] : push.tile_count)) return;
+    if (LISTED) index = tile_list[index];
     Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
     uint tile = index % push.tiles_per_frame;
     uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);

@@ -2,16 +2,16 @@
 // Gradients of the blended image, one record for each intersection: no atomics, the same bits every run.
 //
 // See shared/backward.glsl. project_backward, screen_backward and density_score sum a Gaussian's records.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list ->
-// records (by slot), which begin at 0: in three buffers, or with PACKED_RECORDS in words. What SCORES ask for is not packed: two floats in the first words.
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list,
+// tile_list_count -> records (by slot), which begin at 0: in three buffers, or with PACKED_RECORDS in words. What SCORES ask for is not packed: two floats in the first words.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/backward.glsl"
 #include "../shared/packed_record.glsl"
 
-layout(set = 0, binding = 11, scalar) writeonly buffer RecordCentres { vec3 record_centres[]; };
-layout(set = 0, binding = 12, scalar) writeonly buffer RecordShapes { vec3 record_shapes[]; };
-layout(set = 0, binding = 13, scalar) writeonly buffer RecordColours { vec3 record_colours[]; };
-layout(set = 0, binding = 14, scalar) writeonly buffer RecordWords { uvec4 record_words[]; };
+layout(set = 0, binding = 12, scalar) writeonly buffer RecordCentres { vec3 record_centres[]; };
+layout(set = 0, binding = 13, scalar) writeonly buffer RecordShapes { vec3 record_shapes[]; };
+layout(set = 0, binding = 14, scalar) writeonly buffer RecordColours { vec3 record_colours[]; };
+layout(set = 0, binding = 15, scalar) writeonly buffer RecordWords { uvec4 record_words[]; };
 
 void put(uint slot, uint global, bool all, Record record) {
     if (PACKED_RECORDS) {

@@ -2,15 +2,15 @@
 // Gradients of the blended image, one record for each Gaussian: for scenes whose records by intersection find no room.
 //
 // See shared/backward.glsl. The tiles of a Gaussian add up in any order, so two runs differ in the last bits.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list ->
-// records (by Gaussian), to which it adds. Needs shaderBufferFloat32AtomicAdd.
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list,
+// tile_list_count -> records (by Gaussian), to which it adds. Needs shaderBufferFloat32AtomicAdd.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_float : require
 #include "../shared/backward.glsl"
 
-layout(set = 0, binding = 11, scalar) buffer RecordCentres { vec3 record_centres[]; };
-layout(set = 0, binding = 12, scalar) buffer RecordShapes { vec3 record_shapes[]; };
-layout(set = 0, binding = 13, scalar) buffer RecordColours { vec3 record_colours[]; };
+layout(set = 0, binding = 12, scalar) buffer RecordCentres { vec3 record_centres[]; };
+layout(set = 0, binding = 13, scalar) buffer RecordShapes { vec3 record_shapes[]; };
+layout(set = 0, binding = 14, scalar) buffer RecordColours { vec3 record_colours[]; };
 
 void put(uint slot, uint global, bool all, Record record) {
     [[unroll]] for (uint c = 0; c < 3; ++c) {

@@ -3,8 +3,8 @@
 //
 // One thread takes one tile and halves the list: some 20 reads, where a thread for each intersection would read the whole list.
 // count, isect_tiles -> tile_ranges; of a tile without intersections both are where they would be
-// With LISTED also tile_list, of those that blending would change: tiles with intersections, and those whose pixels still show some,
-// which tile_drawn remembers. tile_list[0] is their number and must be 0 before.
+// With LISTED also tile_list, of those that blending would change, and their number, which must be 0 before: tiles with intersections,
+// and those whose pixels still show some. tile_drawn remembers these; the old range cannot, its end is another thread's to write.
 // Limits: the order of the list differs from run to run; what is made from it does not.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -20,7 +20,8 @@ layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer IsectTiles { uint isect_tiles[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer TileRanges { uvec2 tile_ranges[]; };
 layout(set = 0, binding = 3, scalar) buffer TileDrawn { uint tile_drawn[]; };
-layout(set = 0, binding = 4, scalar) buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 5, scalar) buffer TileListCount { uint tile_list_count[]; };
 
 void main() {
     uint isects = count[push.count_index];
@@ -38,7 +39,7 @@ void main() {
     if (!LISTED) return;
     uint occupied = begin < isects && isect_tiles[begin] == tile ? 1 : 0;
     if (occupied != 0 || tile_drawn[tile] != 0) { // guard: tiles that something has left
-        tile_list[1 + atomicAdd(tile_list[0], 1)] = tile;
+        tile_list[atomicAdd(tile_list_count[0], 1)] = tile;
     }
     tile_drawn[tile] = occupied;
 }

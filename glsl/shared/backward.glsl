@@ -41,6 +41,7 @@ layout(set = 0, binding = 7, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer Population { uint segment_first[]; };
 layout(set = 0, binding = 10, scalar) readonly buffer TileList { uint tile_list[]; };
+layout(set = 0, binding = 11, scalar) readonly buffer TileListCount { uint tile_list_count[]; };
 
 // The pixels of this lane.
 float x;       // of their centres
@@ -113,8 +114,8 @@ void take(uint j) {
 
 void tile_backward() {
     uint index = subgroup_index();
-    if (index >= (LISTED ? tile_list[0] : push.tile_count)) return;
-    if (LISTED) index = tile_list[1 + index];
+    if (index >= (LISTED ? tile_list_count[0] : push.tile_count)) return;
+    if (LISTED) index = tile_list[index];
     Frame frame = frames[push.frame_first + index / push.tiles_per_frame];
     uint tile = index % push.tiles_per_frame;
     uvec2 corner = uvec2(tile % push.tiles_x * TILE_WIDTH, tile / push.tiles_x * TILE_HEIGHT);

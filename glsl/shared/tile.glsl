@@ -8,7 +8,7 @@ layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const uint PIXELS = 8;
 // A subgroup's splats in one piece of code, where lanes are constants and meet by shuffles, and no branches at pixels: as a CPU likes it.
 layout(constant_id = 4) const bool UNROLLED = false;
-// Not every tile is taken, but those of tile_list: in its first place their number, see tile_ranges.
+// Not every tile is taken, but the tile_list_count[0] of tile_list, see tile_ranges.
 layout(constant_id = 10) const bool LISTED = false;
 const uint LANES = TILE_WIDTH * TILE_HEIGHT / PIXELS;
 

@@ -3398,6 +3398,8 @@ pub struct Buffers<'a> {
     pub packed_splats: &'a crate::gpu::Buffer<PackedSplat>,
     /// ReadOnly
     pub tile_list: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub tile_list_count: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -3432,12 +3434,14 @@ pub struct Host<'a> {
     pub packed_splats: &'a [PackedSplat],
     /// ReadOnly
     pub tile_list: &'a [u32],
+    /// ReadOnly
+    pub tile_list_count: &'a [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, background_image: call.constant(5) != 0, median: call.constant(6) != 0, occluded: call.constant(7) != 0, direct: call.constant(8) != 0, packed_splats: call.constant(9) != 0, listed: call.constant(10) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), backdrop: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), median_ids: crate::gpu::next_binding(&mut bindings), depth_keys: crate::gpu::next_binding(&mut bindings), scene_depths: crate::gpu::next_binding(&mut bindings), packed_splats: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), tile_list_count: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3461,6 +3465,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3482,7 +3487,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.background_image as u32), (6, spec.median as u32), (7, spec.occluded as u32), (8, spec.direct as u32), (9, spec.packed_splats as u32), (10, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw(), b.packed_splats.raw(), b.tile_list.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.backdrop.raw(), b.image.raw(), b.median_ids.raw(), b.depth_keys.raw(), b.scene_depths.raw(), b.packed_splats.raw(), b.tile_list.raw(), b.tile_list_count.raw()])
     }
 }
 }
@@ -3532,6 +3537,8 @@ pub struct Buffers<'a> {
     pub population: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub tile_list: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub tile_list_count: &'a crate::gpu::Buffer<u32>,
     /// WriteOnly
     pub record_centres: &'a crate::gpu::Buffer<[f32; 3]>,
     /// WriteOnly
@@ -3568,6 +3575,8 @@ pub struct Host<'a> {
     pub population: &'a [u32],
     /// ReadOnly
     pub tile_list: &'a [u32],
+    /// ReadOnly
+    pub tile_list_count: &'a [u32],
     /// WriteOnly
     pub record_centres: &'a mut [[f32; 3]],
     /// WriteOnly
@@ -3581,7 +3590,7 @@ impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, listed: call.constant(10) != 0, packed_records: call.constant(11) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), tile_list_count: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), record_words: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3602,6 +3611,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -3624,7 +3634,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (10, spec.listed as u32), (11, spec.packed_records as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.tile_list_count.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw(), b.record_words.raw()])
     }
 }
 }
@@ -3673,6 +3683,8 @@ pub struct Buffers<'a> {
     pub population: &'a crate::gpu::Buffer<u32>,
     /// ReadOnly
     pub tile_list: &'a crate::gpu::Buffer<u32>,
+    /// ReadOnly
+    pub tile_list_count: &'a crate::gpu::Buffer<u32>,
     /// ReadWrite
     pub record_centres: &'a crate::gpu::Buffer<[f32; 3]>,
     /// ReadWrite
@@ -3707,6 +3719,8 @@ pub struct Host<'a> {
     pub population: &'a [u32],
     /// ReadOnly
     pub tile_list: &'a [u32],
+    /// ReadOnly
+    pub tile_list_count: &'a [u32],
     /// ReadWrite
     pub record_centres: &'a mut [[f32; 3]],
     /// ReadWrite
@@ -3718,7 +3732,7 @@ impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_width: call.constant(1) as u32, tile_height: call.constant(2) as u32, pixels: call.constant(3) as u32, unrolled: call.constant(4) != 0, scores: call.constant(5) != 0, listed: call.constant(10) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, frames: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), isect_slots: crate::gpu::next_binding(&mut bindings), rank_blocks: crate::gpu::next_binding(&mut bindings), global_from_rank: crate::gpu::next_binding(&mut bindings), splats: crate::gpu::next_binding(&mut bindings), splat_colours: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), population: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), tile_list_count: crate::gpu::next_binding(&mut bindings), record_centres: crate::gpu::next_binding(&mut bindings), record_shapes: crate::gpu::next_binding(&mut bindings), record_colours: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -3739,6 +3753,7 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
         crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -3759,7 +3774,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_width as u32), (2, spec.tile_height as u32), (3, spec.pixels as u32), (4, spec.unrolled as u32), (5, spec.scores as u32), (10, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
+        with(&[b.frames.raw(), b.tile_ranges.raw(), b.isect_slots.raw(), b.rank_blocks.raw(), b.global_from_rank.raw(), b.splats.raw(), b.splat_colours.raw(), b.image.raw(), b.image_grad.raw(), b.population.raw(), b.tile_list.raw(), b.tile_list_count.raw(), b.record_centres.raw(), b.record_shapes.raw(), b.record_colours.raw()])
     }
 }
 }
@@ -4188,8 +4203,10 @@ pub struct Buffers<'a> {
     pub tile_ranges: &'a crate::gpu::Buffer<[u32; 2]>,
     /// ReadWrite
     pub tile_drawn: &'a crate::gpu::Buffer<u32>,
-    /// ReadWrite
+    /// WriteOnly
     pub tile_list: &'a crate::gpu::Buffer<u32>,
+    /// ReadWrite
+    pub tile_list_count: &'a crate::gpu::Buffer<u32>,
 }
 /// What a twin of the kernel is given; see [`crate::gpu::Twin`].
 pub struct Host<'a> {
@@ -4204,14 +4221,16 @@ pub struct Host<'a> {
     pub tile_ranges: &'a mut [[u32; 2]],
     /// ReadWrite
     pub tile_drawn: &'a mut [u32],
-    /// ReadWrite
+    /// WriteOnly
     pub tile_list: &'a mut [u32],
+    /// ReadWrite
+    pub tile_list_count: &'a mut [u32],
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
         let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, listed: call.constant(1) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
-        Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), tile_drawn: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), }
+        Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), isect_tiles: crate::gpu::next_binding(&mut bindings), tile_ranges: crate::gpu::next_binding(&mut bindings), tile_drawn: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), tile_list_count: crate::gpu::next_binding(&mut bindings), }
     }
 }
 pub struct Kernel;
@@ -4225,7 +4244,8 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 2]>() as u32 },
         crate::gpu::Binding { name: c"tile_drawn", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4238,7 +4258,7 @@ impl crate::gpu::Kernel for Kernel {
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
     fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.listed as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
-        with(&[b.count.raw(), b.isect_tiles.raw(), b.tile_ranges.raw(), b.tile_drawn.raw(), b.tile_list.raw()])
+        with(&[b.count.raw(), b.isect_tiles.raw(), b.tile_ranges.raw(), b.tile_drawn.raw(), b.tile_list.raw(), b.tile_list_count.raw()])
     }
 }
 }

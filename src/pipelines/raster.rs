@@ -602,7 +602,7 @@ impl Raster {
             ISECTS_SORTED,
         );
         if self.options.batch {
-            recorder.fill(&f.tile_list, 0);
+            recorder.fill(&f.tile_list_count, 0);
         }
         self.ranges.record(
             recorder,
@@ -612,6 +612,7 @@ impl Raster {
                 tile_ranges: &f.tile_ranges,
                 tile_drawn: &f.tile_drawn,
                 tile_list: &f.tile_list,
+                tile_list_count: &f.tile_list_count,
             },
             // guard: tiles counted in vain
             &tile_ranges::Push { count_index: ISECTS_SORTED, tile_count: grid.tiles() },
@@ -619,7 +620,7 @@ impl Raster {
         );
         if self.options.batch {
             let tiles_per_group = threads / self.context.info().subgroup_size;
-            let buffers = dispatch_args::Buffers { count: &f.tile_list, dispatch_args: &f.args, status };
+            let buffers = dispatch_args::Buffers { count: &f.tile_list_count, dispatch_args: &f.args, status };
             let push = dispatch_args::Push {
                 count_index: 0,
                 // The list holds every tile.
@@ -675,6 +676,7 @@ impl Raster {
             depth_keys: &f.depth_keys,
             scene_depths: &f.scene_depths,
             tile_list: &f.tile_list,
+            tile_list_count: &f.tile_list_count,
         };
         let push = blend::Push {
             frame_first: grid.frame_first,
@@ -740,7 +742,7 @@ impl Raster {
         let Some(backward) = &self.backward else { return };
         let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
         let Isects { isect_slots, rank_blocks, .. } = &self.isects;
-        let RasterBuffers { tile_ranges, tile_list, splats, splat_colours, image, image_grad, .. } = f;
+        let RasterBuffers { tile_ranges, tile_list, tile_list_count, splats, splat_colours, image, image_grad, .. } = f;
         let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
@@ -770,6 +772,7 @@ impl Raster {
                     image_grad,
                     population,
                     tile_list,
+                    tile_list_count,
                     record_centres,
                     record_shapes,
                     record_colours,
@@ -792,6 +795,7 @@ impl Raster {
                     image_grad,
                     population,
                     tile_list,
+                    tile_list_count,
                     record_centres,
                     record_shapes,
                     record_colours,

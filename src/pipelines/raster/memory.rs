@@ -129,8 +129,10 @@ buffers! {
         pub(super) args: u32 = 12,
         /// Of a batch: whether a tile's pixels show splats, or what nobody knows.
         pub(crate) tile_drawn: u32 = o.only_if(o.batch, o.tiles),
-        /// Of a batch: which tiles are blended, behind their number.
-        pub(crate) tile_list: u32 = o.only_if(o.batch, o.tiles + 1),
+        /// Of a batch: which tiles are blended, in any order, and how many.
+        pub(crate) tile_list: u32 = o.only_if(o.batch, o.tiles),
+        /// See `tile_list`.
+        pub(crate) tile_list_count: u32 = 1,
         pub(super) global_from_rank: u32 = o.only_if(o.backward, o.splats),
         pub(super) block_sums: u32 = block_sums_len(o.splats),
         pub(super) depth_block_counts: u32 = block_counts_len(o.splats, DEPTH_BITS),

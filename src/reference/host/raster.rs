@@ -124,8 +124,8 @@ pub(super) fn tile_ranges(h: kernels::tile_ranges::Host<'_>) -> Outcome {
     h.tile_ranges[..ranges.len()].copy_from_slice(&ranges);
     if h.spec.listed {
         let tiles = twin::tile_ranges::listed_tiles(&ranges, h.tile_drawn);
-        h.tile_list[0] += tiles.len() as u32;
-        h.tile_list[1..=tiles.len()].copy_from_slice(&tiles);
+        h.tile_list_count[0] += tiles.len() as u32;
+        h.tile_list[..tiles.len()].copy_from_slice(&tiles);
     }
     Ok(())
 }
@@ -145,11 +145,10 @@ struct Lists<'a> {
 }
 
 /// Which tiles of a grid are taken: all, or those that are listed.
-fn taken(tile_count: u32, listed: bool, tile_list: &[u32]) -> Vec<bool> {
+fn taken(tile_count: u32, listed: bool, tile_list: &[u32], tile_list_count: &[u32]) -> Vec<bool> {
     let mut taken = vec![!listed; tile_count as usize];
     if listed {
-        let count = tile_list[0] as usize;
-        tile_list[1..=count].iter().for_each(|&tile| taken[tile as usize] = true);
+        tile_list[..tile_list_count[0] as usize].iter().for_each(|&tile| taken[tile as usize] = true);
     }
     taken
 }
@@ -212,7 +211,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         frame_first,
         tiles_x,
         tiles_per_frame,
-        taken: taken(tile_count, listed, h.tile_list),
+        taken: taken(tile_count, listed, h.tile_list, h.tile_list_count),
     };
     let mut splats = match packed_splats {
         true => h.packed_splats.iter().map(unpack_splat).collect(),
@@ -301,7 +300,7 @@ macro_rules! backward {
                 frame_first: $h.push.frame_first,
                 tiles_x: $h.push.tiles_x,
                 tiles_per_frame: $h.push.tiles_per_frame,
-                taken: taken($h.push.tile_count, $h.spec.listed, $h.tile_list),
+                taken: taken($h.push.tile_count, $h.spec.listed, $h.tile_list, $h.tile_list_count),
             },
             splats: $h.splats,
             splat_colours: $h.splat_colours,
