@@ -287,7 +287,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
     let counter = step_done::Stage::new(&gpu, &step_done::Spec { workgroup_size: 0 });
     assert!(matches!(counter, Err(GpuError::Kernel { kernel: "step_done", .. })));
     // 2^16 counters for each subgroup.
-    let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 16, compact: false, row_lanes: 8 };
+    let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 16, compact: false, row_lanes: 8, lockstep: false };
     let upsweep = radix_upsweep::Stage::new(&gpu, &spec).err().unwrap().to_string();
     assert!(upsweep.contains("bytes of shared memory (radix_upsweep)"), "{upsweep}");
 }

@@ -116,7 +116,7 @@ void main() {
                 float d_factor = d_opacity * opacity * compensation;
                 float common_part = d_factor * factor * lobe.exponent;
                 g.sharpness = 2.0 * common_part * lobe.log_cos;
-                g.width = common_part * tan(0.5 * lobe.psi) * lobe.psi / width;
+                g.width = common_part * lobe.tangent * lobe.psi / width;
                 float turn = common_part / width * lobe.tan_over_sin;
                 g.direction = turn * (lobe.v - lobe.cos_theta * lobe.axis) / lobe.direction_length;
                 g.mean -= turn * (lobe.axis - lobe.cos_theta * lobe.v) / range;

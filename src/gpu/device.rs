@@ -118,6 +118,9 @@ pub struct DeviceInfo {
     pub subgroup_sizes: [u32; 2],
     /// What keeps lanes together, see [`Reconvergence`].
     pub reconvergence: Reconvergence,
+    /// The driver (llvmpipe) runs a subgroup as one stream of masked vector instructions: its lanes are always together, and kernels
+    /// put no control barrier between them, see `glsl/shared/meet.glsl`.
+    pub lockstep: bool,
     /// Kernels are run with `SignedZeroInfNanPreserve`: NaN and infinities are those of IEEE 754.
     pub preserves_nan: bool,
     /// Threads of the largest workgroup, a multiple of the subgroup size.
@@ -400,6 +403,7 @@ impl Physical {
             subgroup_size: lanes,
             subgroup_sizes: self.subgroup_sizes,
             reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
+            lockstep: self.driver_id == vk::DriverId::MESA_LLVMPIPE && !subgroups.is_some_and(|s| s.software),
             preserves_nan: self.preserves_nan,
             max_workgroup: self.limits.workgroup().min(most) / lanes * lanes,
             max_storage_bytes: storage_bytes,

@@ -395,7 +395,7 @@ mod tests {
         // Software subgroups make no demand.
         let options = ContextOptions { validation: true, device: env.device, ..Default::default() };
         let mut context = Context::new(&options).unwrap();
-        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false, row_lanes: 8 };
+        let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 8, compact: false, row_lanes: 8, lockstep: false };
         radix_upsweep::Stage::new(&context, &spec).unwrap();
         assert_eq!(context.validation_messages(), [""; 0]);
         let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
