@@ -1234,6 +1234,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub fail_on_smallest: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1282,7 +1283,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, fail_on_smallest: call.constant(1) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, fail_on_smallest: call.constant(1) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, point_counts: crate::gpu::next_binding(&mut bindings), point_firsts: crate::gpu::next_binding(&mut bindings), heaviest: crate::gpu::next_binding(&mut bindings), labels: crate::gpu::next_binding(&mut bindings), group_sizes: crate::gpu::next_binding(&mut bindings), taus: crate::gpu::next_binding(&mut bindings), prime_labels: crate::gpu::next_binding(&mut bindings), cluster_sizes: crate::gpu::next_binding(&mut bindings), rounds: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1307,13 +1308,14 @@ impl crate::gpu::Kernel for Kernel {
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"fail_on_smallest", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.fail_on_smallest as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.fail_on_smallest as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.point_counts.raw(), b.point_firsts.raw(), b.heaviest.raw(), b.labels.raw(), b.group_sizes.raw(), b.taus.raw(), b.prime_labels.raw(), b.cluster_sizes.raw(), b.rounds.raw()])
     }
@@ -1786,6 +1788,7 @@ pub struct Spec {
     pub tile_list: bool,
     pub ssim_weight: f32,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1826,7 +1829,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1851,13 +1854,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_list", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.image_grad.raw()])
     }
@@ -1880,6 +1884,7 @@ pub struct Spec {
     pub ssim_weight: f32,
     pub loss_map: bool,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1924,7 +1929,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), tile_sums: crate::gpu::next_binding(&mut bindings), loss_map: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1951,13 +1956,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 3, name: c"loss_map", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.tile_sums.raw(), b.loss_map.raw()])
     }
@@ -4835,6 +4841,7 @@ pub struct Spec {
     pub lanes: u32,
     pub indexed: bool,
     pub row_lanes: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4875,7 +4882,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), values_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), digit_totals: crate::gpu::next_binding(&mut bindings), keys_out: crate::gpu::next_binding(&mut bindings), values_out: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4903,13 +4910,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 4, name: c"lanes", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 5, name: c"indexed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.values_in.raw(), b.block_counts.raw(), b.digit_totals.raw(), b.keys_out.raw(), b.values_out.raw()])
     }
@@ -4998,6 +5006,7 @@ pub struct Spec {
     pub digit_bits: u32,
     pub compact: bool,
     pub row_lanes: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -5022,7 +5031,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), }
     }
@@ -5044,13 +5053,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.block_counts.raw()])
     }
@@ -5462,7 +5472,6 @@ pub mod splat {
 pub mod ssim {
 #[doc = ""] pub const WORKGROUP: u32 = 128;
 #[doc = ""] pub const TILE: u32 = 32;
-#[doc = ""] pub const STRIP: u32 = 8;
 #[doc = ""] pub const MIDDLE: f32 = 0.5;
 }
 pub mod status {
