@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
 mod calibrate;
+mod check;
 mod convert;
 mod dataset;
 mod deadline;
@@ -121,6 +122,8 @@ enum Failure {
     /// There is no display, or it cannot be drawn in.
     #[cfg(feature = "view")]
     NoWindow(String),
+    /// The device failed its check, and how.
+    Device(String),
     /// So many stages were farther from their twins than they may be.
     Bounds(usize),
 }
@@ -168,6 +171,13 @@ pub fn main() -> ExitCode {
             1,
         ),
         Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
+        Err(Failure::Device(what)) => (
+            format!(
+                "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
+                 stages (--twin), or go on all the same (--unchecked)"
+            ),
+            1,
+        ),
         Err(Failure::Bounds(count)) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
     };
     // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
@@ -218,6 +228,9 @@ struct DeviceArgs {
     /// runs this stage wrongly. May be given several times
     #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
     twins: Vec<Twin>,
+    /// Use the device even if it fails the check that its first run makes: sort, scan, a picture and a step against float64
+    #[arg(long, hide_short_help = true)]
+    unchecked: bool,
 }
 
 fn parse_twin(stage: &str) -> Result<Twin, String> {
@@ -246,8 +259,16 @@ impl DeviceArgs {
         }
     }
 
-    /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
+    /// Opens the device, checks it, does `work` on it and fails if the validation layers were on and found something.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
+        self.with_unchecked(|context| {
+            check::check(context, &self.options(), self.unchecked)?;
+            work(context)
+        })
+    }
+
+    /// The same without the check, for what judges a device itself.
+    fn with_unchecked<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
         let options = self.options();
         let context = Context::new(&options).map_err(|error| self.explain(&options, error))?;
         tracing::info!("device: {}", context.info().name);

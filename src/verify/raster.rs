@@ -51,6 +51,23 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     case(bench, &betas, &betas.twin(false), chosen, false)
 }
 
+/// A small picture, as a whole, its gradients, and a step by these.
+pub(super) fn check(bench: &mut Bench<'_>) -> Result<()> {
+    let tile = TileShape::for_subgroup(bench.context.info().subgroup_size);
+    let scene = Scene::new(bench, 1, (400, 100), 1, (41, 27), false)?;
+    let (twin, options) = (scene.twin(false), scene.options(tile, false));
+    let policy = Policy { reduction: Reduction::Deterministic, ..Policy::default() };
+    let ordered = Ordered::new(bench, &scene, policy, tile)?;
+    let mut row = bench.row("(render)", "");
+    let image = ordered.renderer.raster.buffers.image.download_range(0, scene.pixels())?;
+    compare_image(&mut row, &image, &twin.blended, Margin::image);
+    if !ordered.is_sound() {
+        row.unequal(u64::MAX);
+    }
+    bench.push(row);
+    step::check(bench, &scene, &ordered, &twin, &options)
+}
+
 /// A random scene on both sides.
 pub(super) struct Scene {
     pub params: Params,
