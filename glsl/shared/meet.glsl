@@ -7,6 +7,6 @@
 layout(constant_id = 7) const bool LOCKSTEP = false;
 
 void subgroup_meets() {
-    if (LOCKSTEP) subgroupMemoryBarrier(); // guard: lanes in lockstep
+    if (LOCKSTEP) subgroupMemoryBarrier();
     else subgroupBarrier();
 }
