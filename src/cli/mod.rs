@@ -31,6 +31,7 @@ mod verify;
 mod view;
 
 use std::{
+    ffi::OsString,
     fmt::{Arguments, Display},
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
@@ -140,24 +141,9 @@ type Outcome<T = ()> = Result<T, Failure>;
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     log(cli.verbose, cli.quiet);
-    let outcome = match &cli.command {
-        Command::Demo(args) => args.run(),
-        Command::Train(args) => args.run(),
-        Command::Enhance(args) => args.run(),
-        #[cfg(feature = "view")]
-        Command::View(args) => args.run(),
-        Command::Render(args) => args.run(),
-        Command::Eval(args) => args.run(),
-        Command::Info(args) => args.run(),
-        Command::Convert(args) => args.run(),
-        Command::Export(args) => args.run(),
-        Command::Report(args) => args.run(),
-        Command::Synth(args) => args.run(),
-        Command::Devices(args) => args.run(),
-        Command::Calibrate(args) => args.run(),
-        Command::Verify(args) => args.run(),
-        Command::Completions(args) => args.run(),
-        Command::Man(args) => args.run(),
+    let outcome = match unexpanded(std::env::args_os().skip(1)) {
+        Some(what) => Err(Error::Usage(what).into()),
+        None => run(&cli.command),
     };
     let (text, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
@@ -184,6 +170,43 @@ pub fn main() -> ExitCode {
     let line = text.replace(char::is_control, " ");
     let _ = writeln!(io::stderr(), "error: {line}");
     ExitCode::from(code)
+}
+
+fn run(command: &Command) -> Outcome {
+    match command {
+        Command::Demo(args) => args.run(),
+        Command::Train(args) => args.run(),
+        Command::Enhance(args) => args.run(),
+        #[cfg(feature = "view")]
+        Command::View(args) => args.run(),
+        Command::Render(args) => args.run(),
+        Command::Eval(args) => args.run(),
+        Command::Info(args) => args.run(),
+        Command::Convert(args) => args.run(),
+        Command::Export(args) => args.run(),
+        Command::Report(args) => args.run(),
+        Command::Synth(args) => args.run(),
+        Command::Devices(args) => args.run(),
+        Command::Calibrate(args) => args.run(),
+        Command::Verify(args) => args.run(),
+        Command::Completions(args) => args.run(),
+        Command::Man(args) => args.run(),
+    }
+}
+
+/// The message for an argument whose `~` no shell has replaced by the home folder.
+fn unexpanded(arguments: impl Iterator<Item = OsString>) -> Option<String> {
+    let home = |path: &&str| *path == "~" || path.starts_with("~/");
+    let literal = |argument: OsString| {
+        let text = argument.to_str()?;
+        let path = [Some(text), text.split_once('=').map(|(_, value)| value)].into_iter().flatten().find(home)?;
+        (!Path::new(path).exists()).then(|| path.to_owned())
+    };
+    let path = arguments.into_iter().find_map(literal)?;
+    let rest = path.trim_start_matches('~');
+    Some(format!(
+        "{path}: the shell has not replaced `~`, which is quoted or follows a `=`; write \"$HOME{rest}\" instead"
+    ))
 }
 
 /// Sends log lines to stderr, above the progress bar.
@@ -480,6 +503,19 @@ mod tests {
         let held = vec![1u8; 50_000_000];
         let most = peak_memory().unwrap();
         assert!((held.len() as u64..1 << 40).contains(&most), "{most}");
+    }
+
+    #[test]
+    fn a_home_that_no_shell_has_filled_in_is_told() {
+        let found = |arguments: &[&str]| unexpanded(arguments.iter().map(OsString::from));
+        for arguments in
+            [&["train", "~/garden"][..], &["train", "x", "-o", "~/a.ply"], &["--init=~/a.ply"], &["a=~/s.ply"], &["~"]]
+        {
+            let what = found(arguments).unwrap();
+            assert!(what.contains("has not replaced `~`") && what.contains("\"$HOME"), "{what}");
+        }
+        assert!(found(&["~/garden"]).unwrap().contains("write \"$HOME/garden\""));
+        assert_eq!(found(&["train", "a~/b", "~x", "a=b~", "/home/~/x"]), None);
     }
 
     #[test]
