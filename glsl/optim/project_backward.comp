@@ -94,7 +94,6 @@ void main() {
         float norm = to_unit(q);
         if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(norm)) { // guard: unit quaternion before a step
             store_quat(place, q);
-            quads[QUAT / 4] = q;
             norm = 1.0;
         }
         float factor = 1.0, compensation = 1.0;
@@ -227,5 +226,5 @@ void main() {
     if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
     if (!finite(g.mean)) return;
     if (ACCUMULATE) add_gradient(g, blended, HAS_LOBES, place);
-    else step_all(g, quads, HAS_LOBES, place);
+    else step_all(g, HAS_LOBES, place);
 }

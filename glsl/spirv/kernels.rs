@@ -1807,6 +1807,7 @@ pub struct Spec {
     pub tile_list: bool,
     pub ssim_weight: f32,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1847,7 +1848,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1873,13 +1874,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_list", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.image_grad.raw()])
     }
@@ -1902,6 +1904,7 @@ pub struct Spec {
     pub ssim_weight: f32,
     pub loss_map: bool,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1946,7 +1949,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), tile_sums: crate::gpu::next_binding(&mut bindings), loss_map: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1974,13 +1977,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 3, name: c"loss_map", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.tile_sums.raw(), b.loss_map.raw()])
     }
@@ -5525,7 +5529,6 @@ pub mod splat {
 pub mod ssim {
 #[doc = ""] pub const WORKGROUP: u32 = 128;
 #[doc = ""] pub const TILE: u32 = 32;
-#[doc = ""] pub const STRIP: u32 = 8;
 #[doc = ""] pub const MIDDLE: f32 = 0.5;
 }
 pub mod status {
