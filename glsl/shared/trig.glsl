@@ -3,8 +3,8 @@
 // Sines, cosines and angles of our own: Vulkan grants a driver's sine and cosine an error of 2^-11, and that only within [-pi, pi], and
 // its arc tangent 4096 units in the last place. A lobe's exponent of up to 2981 makes 1e-2 of its gradients of that.
 //
-// Polynomials of Cephes (Moshier 1989) on reduced ranges, in plain multiplications and additions: errors below 1.2e-7 for |x| <= 2 pi,
-// docs/devices.md.
+// Polynomials of Cephes (Moshier 1989) on reduced ranges, in plain multiplications and additions. Errors, measured in float32: sine and
+// cosine 1e-7, cosine near pi/2 1.2e-7 of its value, angles 2.3e-7 of theirs.
 
 // Cosine and sine of |x| <= 2^13: x less the nearest multiple of pi/2, which is taken off in three parts that float32 holds exactly.
 vec2 cos_sin(float x) {

@@ -268,6 +268,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_apply";
     const LABEL: &'static std::ffi::CStr = c"density_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -348,6 +349,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_draw";
     const LABEL: &'static std::ffi::CStr = c"density_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -418,6 +420,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_image";
     const LABEL: &'static std::ffi::CStr = c"density_image";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -488,6 +491,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_noise";
     const LABEL: &'static std::ffi::CStr = c"density_noise";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -557,6 +561,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_place";
     const LABEL: &'static std::ffi::CStr = c"density_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -626,6 +631,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_plan";
     const LABEL: &'static std::ffi::CStr = c"density_plan";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -726,6 +732,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_score";
     const LABEL: &'static std::ffi::CStr = c"density_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -815,6 +822,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_weigh";
     const LABEL: &'static std::ffi::CStr = c"density_weigh";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -887,6 +895,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_apply";
     const LABEL: &'static std::ffi::CStr = c"exposure_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -961,6 +970,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_backward";
     const LABEL: &'static std::ffi::CStr = c"exposure_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -1034,6 +1044,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_step";
     const LABEL: &'static std::ffi::CStr = c"exposure_step";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -1120,6 +1131,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_append";
     const LABEL: &'static std::ffi::CStr = c"lift_append";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Read, element_bytes: size_of::<Lift>() as u32 },
         crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1199,6 +1211,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_count";
     const LABEL: &'static std::ffi::CStr = c"lift_count";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1294,6 +1307,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_groups";
     const LABEL: &'static std::ffi::CStr = c"lift_groups";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1382,6 +1396,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_join";
     const LABEL: &'static std::ffi::CStr = c"lift_join";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1495,6 +1510,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_pca";
     const LABEL: &'static std::ffi::CStr = c"lift_pca";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1604,6 +1620,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_points";
     const LABEL: &'static std::ffi::CStr = c"lift_points";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1682,6 +1699,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_probe";
     const LABEL: &'static std::ffi::CStr = c"loss_probe";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -1752,6 +1770,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_sum";
     const LABEL: &'static std::ffi::CStr = c"loss_sum";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -1840,6 +1859,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_backward";
     const LABEL: &'static std::ffi::CStr = c"ssim_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1940,6 +1960,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_forward";
     const LABEL: &'static std::ffi::CStr = c"ssim_forward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -2022,6 +2043,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "gather";
     const LABEL: &'static std::ffi::CStr = c"gather";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -2103,6 +2125,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "recount";
     const LABEL: &'static std::ffi::CStr = c"recount";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"added", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"pages", access: crate::gpu::Access::Read, element_bytes: size_of::<Page>() as u32 },
@@ -2210,6 +2233,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "adam";
     const LABEL: &'static std::ffi::CStr = c"adam";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -2355,6 +2379,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project_backward";
     const LABEL: &'static std::ffi::CStr = c"project_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -2432,6 +2457,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "step_done";
     const LABEL: &'static std::ffi::CStr = c"step_done";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
     ];
@@ -2525,6 +2551,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_attenuate";
     const LABEL: &'static std::ffi::CStr = c"pursuit_attenuate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2598,6 +2625,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_blur";
     const LABEL: &'static std::ffi::CStr = c"pursuit_blur";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"from_texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
         crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
@@ -2686,6 +2714,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_claim";
     const LABEL: &'static std::ffi::CStr = c"pursuit_claim";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2787,6 +2816,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_draw";
     const LABEL: &'static std::ffi::CStr = c"pursuit_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2870,6 +2900,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_fit";
     const LABEL: &'static std::ffi::CStr = c"pursuit_fit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
         crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -2969,6 +3000,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_gain";
     const LABEL: &'static std::ffi::CStr = c"pursuit_gain";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3072,6 +3104,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_place";
     const LABEL: &'static std::ffi::CStr = c"pursuit_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"kept", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -3139,6 +3172,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_quanta";
     const LABEL: &'static std::ffi::CStr = c"pursuit_quanta";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
@@ -3234,6 +3268,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_residual";
     const LABEL: &'static std::ffi::CStr = c"pursuit_residual";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3325,6 +3360,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_score";
     const LABEL: &'static std::ffi::CStr = c"pursuit_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3456,6 +3492,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend";
     const LABEL: &'static std::ffi::CStr = c"blend";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3605,6 +3642,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward";
     const LABEL: &'static std::ffi::CStr = c"blend_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3747,6 +3785,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward_atomic";
     const LABEL: &'static std::ffi::CStr = c"blend_backward_atomic";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3874,6 +3913,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "emit";
     const LABEL: &'static std::ffi::CStr = c"emit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -3968,6 +4008,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "median_depth";
     const LABEL: &'static std::ffi::CStr = c"median_depth";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -4075,6 +4116,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project";
     const LABEL: &'static std::ffi::CStr = c"project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -4165,6 +4207,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "resolve";
     const LABEL: &'static std::ffi::CStr = c"resolve";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -4245,6 +4288,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "tile_ranges";
     const LABEL: &'static std::ffi::CStr = c"tile_ranges";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4352,6 +4396,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_backward";
     const LABEL: &'static std::ffi::CStr = c"screen_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4462,6 +4507,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_draw";
     const LABEL: &'static std::ffi::CStr = c"screen_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4561,6 +4607,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_project";
     const LABEL: &'static std::ffi::CStr = c"screen_project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4642,6 +4689,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_prune";
     const LABEL: &'static std::ffi::CStr = c"screen_prune";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4730,6 +4778,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_tiles";
     const LABEL: &'static std::ffi::CStr = c"screen_tiles";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4804,6 +4853,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "dispatch_args";
     const LABEL: &'static std::ffi::CStr = c"dispatch_args";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
@@ -4893,6 +4943,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_downsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_downsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4970,6 +5021,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_spine";
     const LABEL: &'static std::ffi::CStr = c"radix_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -5042,6 +5094,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_upsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_upsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5121,6 +5174,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_apply";
     const LABEL: &'static std::ffi::CStr = c"scan_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5195,6 +5249,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_reduce";
     const LABEL: &'static std::ffi::CStr = c"scan_reduce";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5260,6 +5315,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_spine";
     const LABEL: &'static std::ffi::CStr = c"scan_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -5321,6 +5377,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "fma_rate";
     const LABEL: &'static std::ffi::CStr = c"fma_rate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"chain_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];

@@ -221,7 +221,10 @@ impl LiftPhase {
             args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             points: lift_points::Stage::new(context, &lift_points::Spec { workgroup_size })?,
             join: lift_join::Stage::new(context, &lift_join::Spec { workgroup_size })?,
-            groups: lift_groups::Stage::new(context, &lift_groups::Spec { workgroup_size, fail_on_smallest, lockstep })?,
+            groups: lift_groups::Stage::new(
+                context,
+                &lift_groups::Spec { workgroup_size, fail_on_smallest, lockstep },
+            )?,
             pca: lift_pca::Stage::new(context, &lift_pca::Spec { workgroup_size, plain_weights })?,
             append: Append::new(context)?,
             status: Buffer::zeroed(context, "lift status", status::WORDS)?,

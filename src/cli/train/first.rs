@@ -80,9 +80,10 @@ impl Args {
     /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset) -> Result<First> {
         let limit = self.gaussians.map(|n| n as usize);
+        let mut notes = Vec::new();
         let points = match &self.init {
             Some(file) if !file.is_dir() && is_point_cloud(file)? => {
-                let cloud = read_points(file)?;
+                let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
                     return Err(Error::input(file, "has no points to begin with"));
                 }
@@ -101,7 +102,6 @@ impl Args {
                 if base.is_empty() {
                     return Err(Error::input(file, "has no Gaussians to begin with"));
                 }
-                let mut notes = Vec::new();
                 if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
                     let left = left.gaussians.len();
                     notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
@@ -144,7 +144,8 @@ impl Args {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = matches!(self.strategy, StrategyArg::Fixed);
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
-        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
+        notes.extend(said);
+        Ok(First { gaussians, most, begins: 0.0, notes })
     }
 }
 
