@@ -297,7 +297,7 @@ impl Args {
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
         check_room(&self.output, base + added, 0)?;
-        check_sight(&dataset, &scene.base.means)?;
+        check_sight(&dataset, scene.origin, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(

@@ -387,11 +387,10 @@ pub(super) fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-fn point(position: [f64; 3]) -> Result<[f32; 3], String> {
-    let narrow = position.map(|v| v as f32);
+fn point(position: [f64; 3]) -> Result<[f64; 3], String> {
     // guard: COLMAP: points
-    match narrow.iter().all(|v| v.is_finite()) {
-        true => Ok(narrow),
+    match position.iter().all(|&v| (v as f32).is_finite()) {
+        true => Ok(position),
         false => Err(format!("the position {position:?} is not finite")),
     }
 }

@@ -16,6 +16,8 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::ply_format::{Element, Ply};
 use super::scene_file::SceneFile;
 use crate::scene::{
@@ -27,8 +29,8 @@ use crate::{Error, Result};
 /// A sparse point cloud, scene units and 8-bit sRGB.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
-    /// Scene units.
-    pub positions: Vec<[f32; 3]>,
+    /// Scene units, in the world.
+    pub positions: Vec<[f64; 3]>,
     /// 8-bit sRGB; as many as positions, grey where the file has none.
     pub colors: Vec<[u8; 3]>,
 }
@@ -109,9 +111,9 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         if element.name != BASE {
             return Ok(());
         }
-        let position = xyz.map(|p| values[p] as f32);
+        let position = xyz.map(|p| values[p]);
         // guard: PLY: points
-        if let Some(axis) = position.iter().position(|v| !v.is_finite()) {
+        if let Some(axis) = position.iter().position(|v| !(*v as f32).is_finite()) {
             let name = ["x", "y", "z"][axis];
             return Err(fail(format!("row {row} of element `{BASE}`: `{name}` is not a finite number")));
         }
@@ -189,6 +191,13 @@ impl Columns {
             lobes.widths.push(width);
             lobes.sharpness.push(sharpness);
         }
+    }
+}
+
+impl PointCloud {
+    /// The positions as they count from `origin` (world).
+    pub fn around(&self, origin: DVec3) -> Vec<[f32; 3]> {
+        self.positions.iter().map(|&at| (DVec3::from_array(at) - origin).as_vec3().to_array()).collect()
     }
 }
 

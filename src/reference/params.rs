@@ -57,6 +57,9 @@ impl Params {
                 for (p, value) in layout::geometry(gaussians, j).into_iter().enumerate() {
                     params.geometry[p * params.stride + i] = f64::from(value);
                 }
+                for (axis, &from) in scene.origin.as_ref().iter().enumerate() {
+                    params.geometry[(MEAN + axis) * params.stride + i] += from;
+                }
                 for p in 0..layout::sh_planes(sh_degree) {
                     params.sh[p * params.stride + i] = f64::from(layout::sh(gaussians, j, p));
                 }
@@ -87,7 +90,7 @@ impl Params {
             }
             Supplement { gaussians: part(self.lobe_first, self.count), lobes }
         });
-        Scene { base: part(0, self.lobe_first), supplement }
+        Scene { base: part(0, self.lobe_first), supplement, ..Default::default() }
     }
 
     /// All zero, strides as counts.

@@ -1,5 +1,7 @@
 //! What a training run begins with, and how far it may grow.
 
+use glam::DVec3;
+
 use super::{Args, Error, Result, StrategyArg};
 use crate::{
     data::{Dataset, Split, is_point_cloud, read_points},
@@ -7,9 +9,10 @@ use crate::{
     pipelines::{
         start::{RANDOM_NTH, first_points},
         train::LEARNED,
+        views::scene_origin_for,
     },
     scene::{
-        Gaussians, Scene, from_points,
+        Camera, Gaussians, Scene, from_points,
         layout::{BETAS, colour_name},
     },
 };
@@ -29,6 +32,8 @@ const WORKING_BYTES: u64 = 320;
 /// What a run begins with.
 pub(super) struct First {
     pub(super) gaussians: Gaussians,
+    /// What their means count from, in the world.
+    pub(super) origin: DVec3,
     /// As many as it may come to.
     pub(super) most: usize,
     /// Of [`BaseOptions`](super::BaseOptions).
@@ -80,6 +85,8 @@ impl Args {
     /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset) -> Result<First> {
         let limit = self.gaussians.map(|n| n as usize);
+        let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
+        let origin = scene_origin_for(&cameras);
         let points = match &self.init {
             Some(file) if !file.is_dir() && is_point_cloud(file)? => {
                 let cloud = read_points(file)?;
@@ -90,7 +97,7 @@ impl Args {
                 "points in the file"
             }
             Some(file) => {
-                let Scene { base, supplement } = self.lenient.open(file)?;
+                let Scene { base, supplement, .. } = self.lenient.open(file)?.around(origin);
                 if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
                     let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
                     return Err(Error::input(file, what));
@@ -113,7 +120,7 @@ impl Args {
                 let gaussians = base.with_degree(self.degree());
                 // Whoever made them chose their number.
                 let most = limit.unwrap_or(gaussians.len());
-                return Ok(First { most, gaussians, begins: LEARNED, notes });
+                return Ok(First { most, gaussians, origin, begins: LEARNED, notes });
             }
             None => "sparse points",
         };
@@ -140,11 +147,11 @@ impl Args {
             (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
             _ => None,
         };
-        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
+        let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = matches!(self.strategy, StrategyArg::Fixed);
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
-        Ok(First { gaussians, most, begins: 0.0, notes: said.into_iter().collect() })
+        Ok(First { gaussians, origin, most, begins: 0.0, notes: said.into_iter().collect() })
     }
 }
 

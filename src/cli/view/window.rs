@@ -682,7 +682,7 @@ fn ball(scene: &Scene) -> (DVec3, f64) {
         let n = (share * values.len().saturating_sub(1) as f64) as usize;
         if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(n, f64::total_cmp).1 }
     };
-    let means = || scene.base.means.iter().map(|mean| DVec3::from(mean.map(f64::from)));
+    let means = || scene.world_means().take(scene.base.len());
     let middle = DVec3::from([0, 1, 2].map(|axis| at(means().map(|mean| mean[axis]).collect(), 0.5)));
     let radius = at(means().map(|mean| mean.distance(middle)).collect(), 0.9);
     (middle, if radius > 0.0 { radius } else { 1.0 })

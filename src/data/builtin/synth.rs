@@ -192,6 +192,7 @@ impl Synth {
         };
         let photos: Vec<BuiltinPhoto> = options.names().enumerate().map(photo).collect();
         let (positions, colors) = surface_points(&studio, seed, &photos, points);
+        let positions = positions.into_iter().map(|at| at.map(f64::from)).collect();
         Ok(SynthScene { studio, photos, points: PointCloud { positions, colors } })
     }
 }
