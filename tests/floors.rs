@@ -60,7 +60,7 @@ fn every_stage_is_worth_its_decibels() {
     let score = |scene: &Scene| psnr_of(scene, &test);
 
     let cloud = dataset.points.as_ref().unwrap();
-    let first = Scene { base: from_points(&cloud.positions, &cloud.colors, 3), supplement: None };
+    let first = Scene { base: from_points(&cloud.around(glam::DVec3::ZERO), &cloud.colors, 3), ..Default::default() };
     let model = Model::upload_around(&gpu, views.origin, &first, Room::default()).unwrap();
     let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
     train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
@@ -131,10 +131,10 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     };
 
     let cloud = dataset.points.as_ref().unwrap();
-    let mut base = from_points(&cloud.positions, &cloud.colors, 3);
+    let mut base = from_points(&cloud.around(glam::DVec3::ZERO), &cloud.colors, 3);
     let density = DensityOptions { strategy: Strategy::default(), limit: 2000, first: 500, iterations: 400 };
     density.begin(&mut base);
-    let first = Scene { base, supplement: None };
+    let first = Scene { base, ..Default::default() };
     let model = Model::upload_around(&gpu, views.origin, &first, Room { base: 1500, ..Default::default() }).unwrap();
     let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
     let mut trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();

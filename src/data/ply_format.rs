@@ -141,6 +141,13 @@ impl Element {
     }
 }
 
+/// The comment that [`Ply::origin`] comes from; none for the world's origin.
+#[cfg(feature = "train")]
+pub(super) fn write_origin(out: &mut impl std::io::Write, origin: DVec3) -> std::io::Result<()> {
+    let [x, y, z] = origin.to_array();
+    if origin == DVec3::ZERO { Ok(()) } else { writeln!(out, "comment origin {x} {y} {z}") }
+}
+
 /// A parsed header and the bytes after it.
 pub(super) struct Ply<'a> {
     path: &'a Path,
@@ -240,7 +247,7 @@ impl<'a> Ply<'a> {
         }
         // Wherever a tool has put the comments, the block is the last.
         elements.sort_by_key(|element| element.announced);
-        let mut ply = Ply { path, encoding, elements, body: &bytes[at..] };
+        let mut ply = Ply { path, encoding, elements, origin, body: &bytes[at..] };
         // guard: PLY: a block that is gone
         if ply.elements.iter().any(|element| element.announced) && ply.has_no_block() {
             ply.elements.retain(|element| !element.announced || element.rows == 0);

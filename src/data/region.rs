@@ -311,8 +311,8 @@ mod tests {
         }
     }
 
-    fn witnesses(data: &Dataset, p: [f32; 3]) -> usize {
-        data.photos.iter().filter(|photo| sees(&photo.camera, DVec3::from_array(p.map(f64::from)))).count()
+    fn witnesses(data: &Dataset, p: [f64; 3]) -> usize {
+        data.photos.iter().filter(|photo| sees(&photo.camera, DVec3::from_array(p))).count()
     }
 
     fn ring(center: DVec3, radius: f64) -> Vec<DVec3> {
@@ -345,7 +345,7 @@ mod tests {
         let data = dataset(axes.into_iter().map(|axis| look(5.0 * axis, 9.0 * axis)).collect());
         let cloud = data.random_points(400, 3);
         for photo in &data.photos {
-            let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p.map(f64::from))));
+            let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p)));
             let seen: Vec<f64> =
                 seen.filter(|&(x, y, z)| z > NEAR && x.min(y) > 0.0 && x < 40.0 && y < 30.0).map(|at| at.0).collect();
             // A quarter of 400 each, and of those a quarter in the outer eighths of the picture: 100 ± 8.7 and 25 ± 4.3.

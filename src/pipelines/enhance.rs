@@ -647,7 +647,10 @@ fn greatest_opacities(supplement: &Supplement, views: &Views, origin: DVec3) -> 
 /// Supplementary Gaussians whose opacity is below `least` in all of `views`. Waits.
 fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
     let Some(supplement) = model.supplement()? else { return Ok(0) };
-    Ok(greatest_opacities(&supplement, views, model.scene_origin).into_iter().filter(|&opacity| opacity < least.into()).count() as u32)
+    Ok(greatest_opacities(&supplement, views, model.scene_origin)
+        .into_iter()
+        .filter(|&opacity| opacity < least.into())
+        .count() as u32)
 }
 
 /// Passes over the photographs of the trial that tells what training on gains. One says little of a base that has settled, as its first

@@ -58,7 +58,8 @@ pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
 /// [`origin_for`], but the world's origin as long as float32 keeps 16 bits of the spread there: other programs know no other origin.
 pub fn scene_origin_for(cameras: &[Camera]) -> DVec3 {
     let origin = origin_for(cameras);
-    let spread = cameras.iter().map(|camera| camera.eye().distance(origin)).filter(|d| d.is_finite()).fold(0.0, f64::max);
+    let spread =
+        cameras.iter().map(|camera| camera.eye().distance(origin)).filter(|d| d.is_finite()).fold(0.0, f64::max);
     if origin.length() > 16.0 * FAR * spread { origin } else { DVec3::ZERO }
 }
 

@@ -93,7 +93,8 @@ impl Viewer<'_> {
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
         let origin = origin_for(&cameras.iter().map(|(_, camera)| *camera).collect::<Vec<_>>());
-        let Packed { geometry, harmonics, lobes, log_scales, degree, with_harmonics } = Packed::new(self.scene, origin - self.scene.origin);
+        let Packed { geometry, harmonics, lobes, log_scales, degree, with_harmonics } =
+            Packed::new(self.scene, origin - self.scene.origin);
         let description = Description {
             base: self.scene.base.len(),
             supplement: self.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),

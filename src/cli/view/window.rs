@@ -716,7 +716,7 @@ mod tests {
     #[test]
     fn a_scene_is_looked_at_from_above_and_outside() {
         let means = (0..100).map(|i| [i as f32, 10.0, 0.1 * i as f32]).collect();
-        let scene = Scene { base: Gaussians { means, ..Default::default() }, supplement: None };
+        let scene = Scene { base: Gaussians { means, ..Default::default() }, ..Default::default() };
         let (middle, radius) = ball(&scene);
         assert!((middle - DVec3::new(49.0, 10.0, 4.9)).length() < 0.1 && (40.0..50.0).contains(&radius));
         for up in [DVec3::NEG_Y, DVec3::Z, DVec3::X] {

@@ -21,7 +21,7 @@ pub(in crate::data) use write::write;
 use super::axes::{self, Signs};
 use super::turn::Placing;
 use super::{inflate, quantise};
-use crate::data::SceneFile;
+use crate::data::{SceneFile, ply::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 use document::Document;
@@ -197,6 +197,8 @@ struct Splats<'a> {
 struct Found {
     /// Bytes that it was and will be made of.
     promised: u64,
+    /// What means count from, in the frame of PLY: known once there are any.
+    origin: Option<DVec3>,
     shown: Option<Gaussians>,
     /// Where any primitive has such.
     learned: Option<Gaussians>,
@@ -312,7 +314,13 @@ impl Found {
             same(&name, values.len(), count)?;
             out.sh.iter_mut().skip(i).step_by(k).zip(values).for_each(|(slot, value)| *slot = value);
         }
-        placing.apply(&mut out);
+        // Where a node puts its Gaussians so far away that float32 does not hold them there, they count from that place.
+        let shift = placing.shift();
+        let origin = self.origin.get_or_insert_with(|| {
+            let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
+            far_origin(shift, out.means.iter().map(reach).collect())
+        });
+        placing.shifted(-*origin).apply(&mut out);
         axes::flip(&mut out, X_LEFT_Y_UP);
         Ok(out)
     }
@@ -328,7 +336,10 @@ impl Found {
         let (mut base, mut shown) = (base, shown);
         raise(&mut base, degree);
         shown.iter_mut().for_each(|shown| raise(shown, degree));
-        Ok(SceneFile { shown, ..Scene { base, supplement: self.supplement }.into() })
+        let flipped = DVec3::from_array(X_LEFT_Y_UP.map(f64::from)) * self.origin.unwrap_or_default();
+        // Without −0.
+        let origin = flipped + DVec3::ZERO;
+        Ok(SceneFile { shown, ..Scene { base, supplement: self.supplement, origin }.into() })
     }
 }
 
