@@ -409,7 +409,14 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     }
     let supplement = extra_columns.map(|_| Supplement { gaussians: extra, lobes });
     let scene = Scene { base, supplement, origin: ply.origin + origin };
-    Ok(SceneFile { shown, notes: remarks(vertex), ..scene.into() })
+    let mut notes = remarks(vertex);
+    if origin != DVec3::ZERO {
+        let [x, y, z] = scene.origin.to_array();
+        notes.push(format!(
+            "positions are `double` and lie far from the world's origin: they are read to count from ({x}, {y}, {z})"
+        ));
+    }
+    Ok(SceneFile { shown, notes, ..scene.into() })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -980,7 +987,8 @@ mod tests {
         let at = |x: f64, y: f64| format!("{x} {y} 120.5 0 0 0 0 0 0 0 1 0 0 0");
         let rows = [at(5e5, 4.5e6), at(5e5 + 0.001, 4.5e6 - 0.002), at(5e5 + 1.0, 4.5e6)];
         let rows: Vec<&str> = rows.iter().map(|row| &row[..]).collect();
-        let Scene { base, origin, .. } = with_more("double", &[], &rows, "").scene;
+        let SceneFile { scene: Scene { base, origin, .. }, notes, .. } = with_more("double", &[], &rows, "");
+        assert!(notes.len() == 1 && notes[0].contains("far from the world's origin"), "{notes:?}");
         let world = |i: usize| origin + DVec3::from_array(base.means[i].map(f64::from));
         assert!(
             world(1).distance(DVec3::new(500000.001, 4499999.998, 120.5)) < 1e-8 && origin.length() > 4e6,

@@ -75,8 +75,11 @@ fn a_floater_has_a_chunk_of_its_own() {
         let fill = (count - 1usize).next_multiple_of(256) - (count - 1);
         assert_eq!(back.scene.base.len(), count + fill);
         let seen = back.scene.base.opacities.iter().filter(|&&logit| logit > -6.0).count();
-        assert!(seen <= count && notes.len() == 1 && notes[0].starts_with("1 far Gaussians"), "{seen}, {notes:?}");
-        assert!(notes[0].contains(&format!("{fill} invisible ones")), "{notes:?}");
+        assert!(
+            seen <= count && notes.len() == 1 && notes[0].starts_with(&format!("1 of {count} Gaussians lie far")),
+            "{seen}, {notes:?}"
+        );
+        assert!(notes[0].contains(&format!("{fill} invisible Gaussians")), "{notes:?}");
     }
     let (back, notes) = converted(&sample(3, 300, 1), "a.compressed.ply", SceneFormat::PackedPly);
     assert!(notes.is_empty() && back.scene.base.len() == 300);

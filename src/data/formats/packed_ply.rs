@@ -190,8 +190,10 @@ pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3) -> (Vec<u8>, 
     if !fill.is_empty() {
         sorted.opacities[fill.clone()].fill(f32::MIN);
         notes.push(format!(
-            "{} far Gaussians stand apart, so that the positions of the others stay fine; {} invisible ones fill the chunk before them",
+            "{} of {} Gaussians lie far from the others and have chunks of their own, or the others' positions would be coarse; {} \
+             invisible Gaussians fill the chunk before them",
             sorted.len() - fill.end,
+            gaussians.len(),
             fill.len()
         ));
     }
