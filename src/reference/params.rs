@@ -57,7 +57,8 @@ impl Params {
                 for (p, value) in layout::geometry(gaussians, j).into_iter().enumerate() {
                     params.geometry[p * params.stride + i] = f64::from(value);
                 }
-                for (axis, &from) in scene.origin.as_ref().iter().enumerate() {
+                // From the world's origin a number keeps its bits, −0 too.
+                for (axis, &from) in scene.origin.as_ref().iter().enumerate().filter(|(_, from)| **from != 0.0) {
                     params.geometry[(MEAN + axis) * params.stride + i] += from;
                 }
                 for p in 0..layout::sh_planes(sh_degree) {
