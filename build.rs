@@ -24,7 +24,7 @@ fn files() -> impl IntoIterator<Item = (String, Vec<u8>)> {
     for path in ["build.rs", "src/gpu/spirv.rs", "glsl"] {
         println!("cargo:rerun-if-changed={path}");
     }
-    generate::files(env::var_os("CARGO_FEATURE_SOFTWARE_SUBGROUPS").is_some()).unwrap_or_else(|errors| {
+    generate::files().unwrap_or_else(|errors| {
         // Cargo shows lines that begin with cargo:warning even when the output is folded away.
         errors.lines().for_each(|line| println!("cargo:warning={line}"));
         panic!("kernels did not compile, see the warnings above")

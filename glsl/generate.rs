@@ -21,19 +21,19 @@ use spirv::{instructions, op, opcode};
 #[path = "../src/gpu/spirv.rs"]
 mod spirv;
 
-/// All that is made of the kernels, by file name: `NAME.spv` of each, the interface `kernels.rs`, and `needs.rs`. `software`: with the
-/// kernels' second form, `NAME.software.spv`, see `glsl/shared/subgroup.glsl`.
+/// All that is made of the kernels, by file name: `NAME.spv` of each, `NAME.software.spv` of those with subgroup operations (see
+/// `glsl/shared/subgroup.glsl`), the interface `kernels.rs`, and `needs.rs`.
 ///
 /// # Errors
 /// What is wrong with the kernels, a line for each.
-pub fn files(software: bool) -> Result<BTreeMap<String, Vec<u8>>, String> {
+pub fn files() -> Result<BTreeMap<String, Vec<u8>>, String> {
     let mut sources = Vec::new();
     collect(Path::new("glsl"), &mut sources);
     sources.sort();
     let mut types = Types::new();
     let (mut kernels, mut failed) = (Vec::new(), Vec::new());
     for path in &sources {
-        match Kernel::build(path, software, &mut types) {
+        match Kernel::build(path, &mut types) {
             Ok(kernel) => kernels.push(kernel),
             Err(e) => failed.push(e),
         }
@@ -47,7 +47,7 @@ pub fn files(software: bool) -> Result<BTreeMap<String, Vec<u8>>, String> {
         files.insert(format!("{}.spv", kernel.name), bytes(&kernel.spirv));
         files.extend(kernel.software.as_ref().map(|words| (format!("{}.software.spv", kernel.name), bytes(words))));
     }
-    files.insert("kernels.rs".into(), (generate(&kernels, &types, software) + &constants()).into_bytes());
+    files.insert("kernels.rs".into(), (generate(&kernels, &types) + &constants()).into_bytes());
     files.insert("needs.rs".into(), needs(&kernels).into_bytes());
     Ok(files)
 }
@@ -57,7 +57,7 @@ pub struct Kernel {
     pub name: String,
     pub file: String,
     pub spirv: Vec<u32>,
-    /// With subgroup operations through shared memory, where there are any and the cargo feature wants it.
+    /// With subgroup operations through shared memory, if there are any.
     pub software: Option<Vec<u32>>,
     pub interface: Interface,
     pub demands: Demands,
@@ -65,7 +65,7 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    fn build(path: &Path, software: bool, types: &mut Types) -> Result<Self, String> {
+    fn build(path: &Path, types: &mut Types) -> Result<Self, String> {
         let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
         let file = path.to_str().unwrap().to_owned();
         let source = fs::read_to_string(path).unwrap();
@@ -73,7 +73,7 @@ impl Kernel {
         let spirv = compile(&source, &file, false)?;
         let demands = Demands::of(&spirv).map_err(in_kernel)?;
         let unit = unit(&spirv).map_err(in_kernel)?;
-        let software = match software && demands.subgroup_operations != 0 {
+        let software = match demands.subgroup_operations != 0 {
             true => Some(compile(&source, &file, true)?),
             false => None,
         };
@@ -231,7 +231,7 @@ fn needs(kernels: &[Kernel]) -> String {
 }
 
 /// Every module of kernels.rs but the constants.
-fn generate(kernels: &[Kernel], types: &Types, software: bool) -> String {
+fn generate(kernels: &[Kernel], types: &Types) -> String {
     let structs: String = types.values().map(|t| t.code.as_str()).collect();
     let all: String = kernels.iter().map(|k| format!("    KernelInfo::of::<{}::Kernel>(),\n", k.name)).collect();
     let names: Vec<_> = kernels.iter().map(|k| &k.name).collect();
@@ -240,7 +240,7 @@ fn generate(kernels: &[Kernel], types: &Types, software: bool) -> String {
          use crate::gpu::KernelInfo;\n/// Every kernel, by name.\npub const ALL: [KernelInfo; {}] = [\n{all}];\n\
          /// The names of all stages.\npub const NAMES: &[&str] = &{names:?};\n",
         kernels.len(),
-    ) + &kernels.iter().map(|k| k.generate(software)).collect::<String>()
+    ) + &kernels.iter().map(Kernel::generate).collect::<String>()
 }
 
 /// Every `const uint|float NAME = number;` of glsl/shared/, a module for each file, so that the host writes none of them again.
@@ -381,7 +381,7 @@ impl Interface {
 
 impl Kernel {
     /// The module of the kernel's interface.
-    fn generate(&self, software: bool) -> String {
+    fn generate(&self) -> String {
         let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, unit, .. } = self;
         let mut s = String::new();
         writeln!(s, "/// `{file}`\npub mod {name} {{").unwrap();
@@ -403,10 +403,8 @@ impl Kernel {
         let module =
             |file: &str| format!("&crate::gpu::Words(*include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))).0");
         writeln!(s, "    const SPIRV: &'static [u8] = {};", module(name)).unwrap();
-        if software {
-            let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
-            writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
-        }
+        let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
+        writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
         writeln!(s, "    const BINDINGS: &'static [crate::gpu::Binding] = &[").unwrap();
         for (n, t, a) in bindings {
             let (access, bytes) = (access(a), format!("size_of::<{t}>() as u32"));

@@ -37,10 +37,7 @@ fn every_kernel_is_valid_as_it_is_and_with_all_that_is_added_to_it() {
     // Of 2021 and older, so that every validator knows it; the other mode of reconvergence is added by the same lines.
     let modes = [SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW];
     for kernel in kernels::ALL {
-        let mut modules = vec![kernel.spirv];
-        #[cfg(feature = "software-subgroups")]
-        modules.push(kernel.software_spirv);
-        for module in modules.drain(..) {
+        for module in [kernel.spirv, kernel.software_spirv] {
             let module = words(module).unwrap();
             assert_eq!(spirv_val(&module), "", "{}", kernel.name);
             assert_eq!(spirv_val(&with_modes(&module, &modes).unwrap()), "", "{}, with modes", kernel.name);
@@ -287,7 +284,14 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
     let counter = step_done::Stage::new(&gpu, &step_done::Spec { workgroup_size: 0 });
     assert!(matches!(counter, Err(GpuError::Kernel { kernel: "step_done", .. })));
     // 2^16 counters for each subgroup.
-    let spec = radix_upsweep::Spec { workgroup_size: 64, block: 1024, digit_bits: 16, compact: false, row_lanes: 8 };
+    let spec = radix_upsweep::Spec {
+        workgroup_size: 64,
+        block: 1024,
+        digit_bits: 16,
+        compact: false,
+        row_lanes: 8,
+        lockstep: false,
+    };
     let upsweep = radix_upsweep::Stage::new(&gpu, &spec).err().unwrap().to_string();
     assert!(upsweep.contains("bytes of shared memory (radix_upsweep)"), "{upsweep}");
 }

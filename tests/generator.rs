@@ -237,7 +237,7 @@ fn the_shaders_of_the_example_are_what_the_compiler_makes_of_their_sources() {
 #[test]
 fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() {
     let folder = Path::new("glsl/spirv");
-    let files = generate::files(false).unwrap();
+    let files = generate::files().unwrap();
     if env::var_os("GLINT_WRITE_KERNELS").is_some() {
         let _ = fs::remove_dir_all(folder);
         fs::create_dir_all(folder).unwrap();

@@ -38,6 +38,7 @@ fn the_score_of_the_parts_is_that_of_float64() {
     let file = ImageFile {
         path,
         size,
+        orientation: 1,
         bytes_per_pixel: 3,
         has_alpha: false,
         lens: None,

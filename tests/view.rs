@@ -283,6 +283,7 @@ impl<'a> Viewer<'a> {
 
 fn glint(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
+    command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command.current_dir(folder).args(arguments.split_whitespace());
     command.env_remove("RUST_LOG").env_remove("DISPLAY");
     // Whoever runs this may have calibrated.

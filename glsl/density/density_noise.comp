@@ -37,7 +37,9 @@ void main() {
     uint number = push.page_first + place;
     if (!(place < push.stride && number < count)) return;
     if (status[STATUS_FAILED] != 0) return;
-    float opacity = sigmoid(load_geometry(OPACITY, place));
+    float logit = load_geometry(OPACITY, place);
+    if (!(abs(logit) <= FLOAT_MAX)) return; // guard: density: noise that is finite
+    float opacity = sigmoid(logit);
     float gate = push.rate * sigmoid(STEEPNESS * (1.0 - opacity - MIDDLE));
     vec4 q = load_quat(place);
     to_unit(q);

@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/cluster.glsl"
+#include "../shared/meet.glsl"
 
 // ⚖ What failure is: 0, the largest group has fewer than 3 points; 1, the smallest has (listing 1 of the appendix).
 layout(constant_id = 1) const uint FAIL_ON_SMALLEST = 0;
@@ -62,9 +63,9 @@ void main() {
         atomicStore(group_sizes[first + i], 0u, gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
     }
     // Each lane reads what the others of its subgroup wrote before: also in buffers, which a subgroup's barrier orders too.
-    subgroupBarrier();
+    subgroup_meets();
     for (uint i = lane; i < n; i += width) atomicAdd(group_sizes[first + label_at(first + i)], 1u);
-    subgroupBarrier();
+    subgroup_meets();
     uint largest = 0, smallest = NONE, label = NONE;
     for (uint i = lane; i < n; i += width) {
         uint members = group_size_at(first + i);

@@ -110,7 +110,7 @@ float nearest_view_angle(vec3 position, vec3 toward, uint source) {
         float x = view.fx * p.x / p.z + view.cx, y = view.fy * p.y / p.z + view.cy;
         if (!(x >= 0.0 && y >= 0.0 && x < float(view.width) && y < float(view.height))) continue;
         vec3 other = view.eye - position;
-        nearest = min(nearest, atan(length(cross(toward, other)), dot(toward, other)));
+        nearest = min(nearest, angle_of(length(cross(toward, other)), dot(toward, other)));
     }
     nearest = subgroupMin(nearest);
     return nearest < 4.0 ? nearest : 0.5 * PI;

@@ -6,6 +6,7 @@
 // column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y; where a pixel does
 // not count all of the gradient is 0.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 #include "../shared/runs.glsl"
@@ -29,6 +30,13 @@ layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_fr
 // Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = TILE + 1;
 shared vec3 blurred[3 * STRIP * PITCH];
+// Strips above the tile, and as many below, that its border needs.
+const int BORDER = (RADIUS + int(STRIP) - 1) / int(STRIP);
+
+vec3 partial_at(Frame frame, uint frame_index, uint channel, ivec2 pixel) {
+    if (!within(frame, pixel)) return vec3(0);
+    return partials[partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel)];
+}
 
 void main() {
     uint tile = group_index();
@@ -50,22 +58,18 @@ void main() {
     Filter3 down = EMPTY3;
     float scale = 1 / (3 * float(frame.width) * float(frame.height));
 
-    // One strip above the tile, where its upper border ends, and one below.
-    for (int strip = -1; strip <= int(TILE / STRIP); strip++) {
+    for (int strip = -BORDER; strip < int(TILE / STRIP) + BORDER; strip++) {
         int top = corner.y + strip * int(STRIP);
         if (top >= int(frame.height) + RADIUS) break;
         if (filters) {
             ivec2 pixel = ivec2(corner.x + int(run * RUN) - RADIUS, top + int(row));
             uint at = (channel * STRIP + row) * PITCH + run * RUN;
             Filter3 along = EMPTY3;
-            for (uint step = 0; step < RUN + 2 * RADIUS; step++) {
-                vec3 p = vec3(0);
-                if (within(frame, pixel)) {
-                    p = partials[partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel)];
-                }
-                pixel.x += 1;
-                vec3 done = feed(along, p);
-                if (step >= 2 * RADIUS) blurred[at++] = done;
+            [[unroll]] for (uint step = 0; step < 2 * RADIUS; step++, pixel.x++) {
+                feed(along, partial_at(frame, frame_index, channel, pixel));
+            }
+            for (uint piece = 0; piece < RUN; piece += PIECE) [[unroll]] for (uint k = 0; k < PIECE; k++, pixel.x++) {
+                blurred[at++] = feed(along, partial_at(frame, frame_index, channel, pixel));
             }
         }
         barrier();

@@ -39,10 +39,8 @@ layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]
 layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
-// Steps along a run that are written out, so that the filter moves no sums: all of a short one.
-const uint PIECE = RUN < TILE ? RUN : 1;
 // A channel has one place more than its rows, so that the second half of them begins one later: rows then begin in different
-// banks, and all fits into the 16,384 bytes that Vulkan guarantees.
+// banks. Strips of 8 rows fit into the 16,384 bytes that Vulkan guarantees.
 const uint CHANNEL = STRIP * COLUMNS + 1;
 shared vec4 moments[3 * CHANNEL];
 // Where a row of a channel begins in `moments`.
@@ -106,7 +104,7 @@ void main() {
         for (uint channel = first_channel; channel < end_channel; channel++) {
             Filter4 along = EMPTY4;
             uint at = row_first(channel, row) + run * RUN;
-            for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
+            [[unroll]] for (uint step = 0; step < 2 * RADIUS; step++) feed(along, moments[at + step]);
             ivec2 pixel = corner + ivec2(run * RUN, strip * STRIP + row);
             uint partial = partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel);
             for (uint piece = 0; piece < RUN; piece += PIECE) [[unroll]] for (uint k = 0; k < PIECE; k++) {

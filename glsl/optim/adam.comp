@@ -67,20 +67,19 @@ void main() {
     g.width = by_lobe.w;
     g.sharpness = HAS_LOBES ? lobe_grads[quad_of(LOBE_SHARPNESS, place)].x : 0.0;
     bool sound = finite(g);
-    for (uint q = 0; 4 * q < 3 * COEFFICIENTS; ++q) {
+    // They are read once more below: all at once they would take 48 registers.
+    [[dont_unroll]] for (uint q = 0; 4 * q < 3 * COEFFICIENTS; ++q) {
         vec4 grads = sh_grads[q * push.stride + place];
         sound = sound && finite(grads.xyz) && finite(grads.w);
     }
     if (!sound) return;
-    vec4 quads[3];
-    [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];
 
     // What is made a unit vector before it steps has the gradient of that vector: longer by the length.
     if (any(notEqual(g.quat, vec4(0.0)))) {
-        vec4 q = quads[QUAT / 4];
+        vec4 q = geometry[quad_of(QUAT, place)];
         float norm = to_unit(q);
         if (wants_unit(norm)) {
-            quads[QUAT / 4] = q;
+            store_quat(place, q);
             g.quat *= norm;
         }
     }
@@ -92,6 +91,7 @@ void main() {
             g.direction *= norm;
         }
     }
+    step_all(g, HAS_LOBES, place);
     [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
         vec4 values[3], grads[3];
         load_sh12(group, 3 * COEFFICIENTS, place, values);
@@ -101,5 +101,4 @@ void main() {
         }
         step_sh12(group, place, values, grads);
     }
-    step_all(g, quads, HAS_LOBES, place);
 }

@@ -94,7 +94,6 @@ void main() {
         float norm = to_unit(q);
         if (!OPACITY_ONLY && !ACCUMULATE && wants_unit(norm)) { // guard: unit quaternion before a step
             store_quat(place, q);
-            quads[QUAT / 4] = q;
             norm = 1.0;
         }
         float factor = 1.0, compensation = 1.0;
@@ -116,7 +115,7 @@ void main() {
                 float d_factor = d_opacity * opacity * compensation;
                 float common_part = d_factor * factor * lobe.exponent;
                 g.sharpness = 2.0 * common_part * lobe.log_cos;
-                g.width = common_part * tan(0.5 * lobe.psi) * lobe.psi / width;
+                g.width = common_part * lobe.tangent * lobe.psi / width;
                 float turn = common_part / width * lobe.tan_over_sin;
                 g.direction = turn * (lobe.v - lobe.cos_theta * lobe.axis) / lobe.direction_length;
                 g.mean -= turn * (lobe.axis - lobe.cos_theta * lobe.v) / range;
@@ -230,5 +229,5 @@ void main() {
     if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
     if (!finite(g.mean)) return;
     if (ACCUMULATE) add_gradient(g, blended, HAS_LOBES, place);
-    else step_all(g, quads, HAS_LOBES, place);
+    else step_all(g, HAS_LOBES, place);
 }

@@ -56,20 +56,21 @@ void main() {
     vec3 p = to_camera(view, mean);
     if (!(p.z > view.near && p.z <= FLOAT_MAX)) return; // guard: near plane; camera z within float32
 
-    float opacity = sigmoid(load_geometry(OPACITY, place));
+    float logit = load_geometry(OPACITY, place), opacity = sigmoid(logit);
     if (HAS_LOBES) {
         Lobe lobe = eval_lobe(load_lobe_direction(place), load_lobe(LOBE_WIDTH, place), load_lobe(LOBE_SHARPNESS, place),
                               normalize(view.eye - mean));
         opacity *= lobe.factor;
     }
-    if (!(opacity >= ALPHA_MIN)) return;
+    // Of a logit or log scale that is NaN, exp may be a number.
+    if (!(opacity >= ALPHA_MIN && logit >= -FLOAT_MAX)) return;
 
     vec4 q;
     vec3 log_scale;
     load_form(place, q, log_scale);
     if (!(to_unit(q) > 0.0)) return; // guard: rotation without a direction
     Projection e = project_covariance(view, p, q, exp(log_scale));
-    if (!(e.det <= FLOAT_MAX)) return; // guard: determinant within float32
+    if (!(e.det <= FLOAT_MAX && all(lessThanEqual(log_scale, vec3(FLOAT_MAX))))) return; // guard: determinant within float32
     if (COMPENSATE) {
         opacity *= sqrt(e.det0 / e.det);
         if (!(opacity >= ALPHA_MIN)) return;

@@ -51,13 +51,12 @@ vec4 step_four(uint q, uint place, vec4 g, vec4 rate, vec2 corrections, inout ve
     return change;
 }
 
-// Quad `q`, from `value`, which was read before.
-void step_geometry(uint q, uint place, vec4 value, vec4 g, vec4 rate) {
+void step_geometry(uint q, uint place, vec4 g, vec4 rate) {
     vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
     uint at = MOMENTS * q * push.stride + place;
     vec4 first = geometry_moments[at], second = PACKED ? vec4(0.0) : geometry_moments[at + push.stride];
     vec4 change = step_four(q, place, g, rate, corrections, first, second);
-    if (!probes()) geometry[q * push.stride + place] = value + change;
+    if (!probes()) geometry[q * push.stride + place] += change;
     if (writes_first()) geometry_moments[at] = first;
     if (writes_second()) geometry_moments[at + push.stride] = second;
 }
@@ -185,12 +184,12 @@ void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
     lobe_moments[push.stride + place].x += g.sharpness;
 }
 
-// `quads`: those of the geometry, read before.
-void step_all(Gradient g, vec4 quads[3], bool has_lobes, uint place) {
+// Parameters are read once more here, where kernels have few registers left to keep them in.
+void step_all(Gradient g, bool has_lobes, uint place) {
     StepRates r = push.rates;
-    step_geometry(MEAN / 4, place, quads[MEAN / 4], vec4(g.mean, g.opacity), vec4(vec3(r.mean), r.opacity));
-    step_geometry(QUAT / 4, place, quads[QUAT / 4], g.quat, vec4(r.quat));
-    step_geometry(LOG_SCALE / 4, place, quads[LOG_SCALE / 4], vec4(g.log_scale, 0.0), vec4(vec3(r.log_scale), 0.0));
+    step_geometry(MEAN / 4, place, vec4(g.mean, g.opacity), vec4(vec3(r.mean), r.opacity));
+    step_geometry(QUAT / 4, place, g.quat, vec4(r.quat));
+    step_geometry(LOG_SCALE / 4, place, vec4(g.log_scale, 0.0), vec4(vec3(r.log_scale), 0.0));
     if (!has_lobes) return;
     // guard: bounds of T
     step_lobe(0, place, vec4(g.direction, g.width), vec4(vec3(r.direction), r.width), vec4(vec3(-FREE), WIDTH_MIN), vec4(vec3(FREE), WIDTH_MAX));

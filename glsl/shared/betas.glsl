@@ -4,6 +4,8 @@
 // v from the eye to the Gaussian and softplus(x) = log2(1 + 2^(10 x)) / 10: a lobe adds light, and of colour 0 it adds a tenth.
 //
 // Of a Gaussian coefficient 0 is the constant, 1 + 2m the colour of lobe m and 2 + 2m its theta, phi and b. The kernel has unit.glsl.
+#include "trig.glsl"
+
 const uint BETAS = 4;      // what stands where a degree of harmonics would
 const uint BETA_LOBES = 2; // of a Gaussian
 const uint BETA_GROUPS = (1 + 2 * BETA_LOBES + 3) / 4; // of four coefficients, which are read together
@@ -21,7 +23,7 @@ struct Beta {
     vec3 by_shape;     // by theta, phi and b
 };
 
-// An angle of a file, within what Vulkan bounds sines for.
+// An angle of a file, within a turn.
 float within_turn(float angle) { return clamp(angle - 2.0 * PI * round(angle / (2.0 * PI)), -PI, PI); }
 
 Beta beta_at(vec3 v, vec3 colour, vec3 shape) {
@@ -29,8 +31,9 @@ Beta beta_at(vec3 v, vec3 colour, vec3 shape) {
     l.light = max(colour, vec3(0.0)) + 0.1 * log2(1.0 + exp2(-10.0 * abs(colour)));
     l.slope = 1.0 / (1.0 + exp2(-10.0 * colour));
     float theta = within_turn(shape.x), phi = within_turn(shape.y);
-    float sin_theta = sin(theta), cos_theta = cos(theta), sin_phi = sin(phi), cos_phi = cos(phi);
-    // Sines may be wrong by 2^-11, and the exponent is in the thousands: what is left of that is a turn of the axis, not its length.
+    vec2 of_theta = cos_sin(theta), of_phi = cos_sin(phi);
+    float sin_theta = of_theta.y, cos_theta = of_theta.x, sin_phi = of_phi.y, cos_phi = of_phi.x;
+    // The exponent is in the thousands: an axis whose length is off by a rounding would show.
     l.axis = normalize(vec3(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta));
     l.factor = l.by_cosine = 0.0;
     l.by_shape = vec3(0.0);

@@ -6,6 +6,7 @@
 
 #include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
 #include "unit.glsl"  // FLOAT_MAX
+#include "trig.glsl"
 
 struct Footprint {
     vec2 centre;
@@ -18,7 +19,8 @@ struct Footprint {
 // S as (S11, S12, S22), px^2.
 vec3 screen_covariance(vec2 log_scale, float angle) {
     vec2 s = exp(log_scale);
-    float c = cos(angle), n = sin(angle);
+    precise vec2 turn = cos_sin(angle);
+    float c = turn.x, n = turn.y;
     precise vec2 v = s * s;
     precise vec3 covariance = vec3(c * c * v.x + n * n * v.y, c * n * (v.x - v.y), n * n * v.x + c * c * v.y);
     return covariance;

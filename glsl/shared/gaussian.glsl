@@ -1,5 +1,6 @@
 // Projection of one Gaussian (EWA) and its lobe; shared by the forward and the backward pass.
 #include "unit.glsl"
+#include "trig.glsl"
 
 float sigmoid(float x) { return 1.0 / (1.0 + exp(-x)); }
 
@@ -52,6 +53,7 @@ struct Lobe {
     float log_cos;      // ln cos(psi/2)
     float exponent;     // exp(sharpness)
     float psi;          // theta / width
+    float tangent;      // tan(psi/2)
     float tan_over_sin; // tan(psi/2) / sin(theta), its limit 1/(2 width) at theta = 0
     float cos_theta;
     vec3 axis, v;       // unit lobe direction; unit vector from the Gaussian to the eye
@@ -69,18 +71,21 @@ Lobe eval_lobe(vec3 direction, float width, float sharpness, vec3 v) {
     vec3 normal = cross(l.axis, v);
     l.cos_theta = dot(l.axis, v);
     float sin_theta = length(normal);
-    float theta = atan(sin_theta, l.cos_theta); // guard: angle by its tangent
+    float theta = angle_of(sin_theta, l.cos_theta); // guard: angle by its tangent
     l.psi = theta / width;
-    // Without a direction the angle is atan(0, 0), which GLSL leaves open. llvmpipe gives NaN, so no test there can miss the length.
+    // Without a direction the angle is that of (0, 0), which may be any. llvmpipe gives NaN, so no test there can miss the length.
     if (!(l.direction_length > 0.0 && l.psi < PI)) return l; // guard: support of a lobe
     float half_psi = 0.5 * l.psi;
     l.exponent = exp(sharpness);
-    // Near 0 the logarithm of the cosine is -x^2/2 - x^4/12: exact to 1e-9 below 0.03, where log(cos) keeps no digits.
+    vec2 half_turn = cos_sin(half_psi);
+    // Near 1 a driver's logarithm may be off by 2^-21, while the exponent is in the thousands: there the series of ln cos, to 1e-7.
     float x2 = half_psi * half_psi;
-    l.log_cos = half_psi < 0.03 ? -x2 * (0.5 + x2 / 12.0) : log(max(cos(half_psi), 1e-30)); // guard: logarithm near 1
+    float series = -x2 * (1.0 / 2.0 + x2 * (1.0 / 12.0 + x2 * (1.0 / 45.0 + x2 * (17.0 / 2520.0 + x2 * (31.0 / 14175.0 + x2 * (691.0 / 935550.0))))));
+    l.log_cos = half_psi < 0.5 ? series : log(max(half_turn.x, 1e-30)); // guard: logarithm near 1
+    l.tangent = half_turn.y / half_turn.x;
     l.factor = exp(2.0 * l.exponent * l.log_cos);
     // sin(theta) is small at theta near pi too, where a width of 1 still has a value and no such limit.
     // guard: limit at θ = 0; no limit at θ = π
-    l.tan_over_sin = sin_theta > 1e-4 || l.cos_theta < 0.0 ? tan(half_psi) / sin_theta : 0.5 / width;
+    l.tan_over_sin = sin_theta > 1e-4 || l.cos_theta < 0.0 ? l.tangent / sin_theta : 0.5 / width;
     return l;
 }

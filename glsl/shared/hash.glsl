@@ -1,5 +1,7 @@
 // pcg4d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020): four words of a counter, and uniform, exponential and normal
 // numbers of them.
+#include "trig.glsl"
+
 uvec4 pcg4d(uvec4 v) {
     v = v * 1664525u + 1013904223u;
     for (uint k = 0; k < 2; ++k) {
@@ -26,5 +28,5 @@ float exponential_of(uint h) {
 vec3 normal_of(uvec4 h) {
     float a = sqrt(-2.0 * log(uniform_of(h.x))), b = sqrt(-2.0 * log(uniform_of(h.z)));
     float p = 2.0 * PI * uniform_of(h.y), q = 2.0 * PI * uniform_of(h.w);
-    return vec3(a * cos(p), a * sin(p), b * cos(q));
+    return vec3(a * cos_sin(p), b * cos_sin(q).x);
 }

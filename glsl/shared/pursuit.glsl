@@ -4,6 +4,7 @@
 // for 2^k * 2^k pixels. Views lie in pages, since no device binds all of a large dataset at once.
 #include "view.glsl"
 #include "unit.glsl" // FLOAT_MAX
+#include "trig.glsl"
 
 const uint LEVELS = 3;
 const float FIRST_BLUR = 0.7;   // px, standard deviation
@@ -95,7 +96,7 @@ uvec3 level_of(Plot plot, uint width, uint height, uint k) {
 float lobe_factor(float theta, float width) {
     if (width == 0.0) return 1.0;
     float psi = theta / width;
-    return psi < PI ? 0.5 * (cos(psi) + 1.0) : 0.0;
+    return psi < PI ? 0.5 * (cos_sin(psi).x + 1.0) : 0.0;
 }
 
 // T of width w of WIDTHS; 0 for none. The paper's T = 7 theta_bar / pi (method, section 4) and its half, double, ... are tried.
@@ -106,7 +107,7 @@ float lobe_width(uint w, float theta_bar) {
 // Scene units of a Gaussian that covers `size` px, dilation included, where a pixel covers `px` scene units.
 float sigma_of(float size, float px) { return sqrt(max(size * size - DILATION, 0.1)) * px; }
 
-float angle_between(vec3 a, vec3 b) { return atan(length(cross(a, b)), dot(a, b)); }
+float angle_between(vec3 a, vec3 b) { return angle_of(length(cross(a, b)), dot(a, b)); }
 
 // Where a point is seen in a view: pixels, and camera z. False outside of the image and before the near plane.
 bool project_point(View view, vec3 mean, out vec3 at) {

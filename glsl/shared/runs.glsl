@@ -2,8 +2,12 @@
 
 // Consecutive pixels of a row that one thread filters. Each run begins with the border's pixels, so the longer the fewer are read,
 // and the fewer threads there are.
-layout(constant_id = 8) const uint RUN = 8;
+layout(constant_id = 8) const uint RUN = 4;
 const uint RUNS = TILE / RUN;
+// Rows that pass through shared memory at a time; STRIP * RUNS is TILE at most.
+layout(constant_id = 9) const uint STRIP = 4;
+// Steps along a run that are written out: all of a short one, so that of the filter's sums only those of the run are in registers.
+const uint PIECE = RUN < TILE ? RUN : 1;
 
 // The partial derivatives of a pixel's channel lie together, in strips of TILE * STRIP pixels, a plane for each channel, and within
 // a plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by

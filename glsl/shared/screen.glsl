@@ -5,6 +5,8 @@
 // 8 angle (rad), 9 depth (camera z, 0 = none; sampled, not learned). Planes 0..8 have moments: of plane p the first is plane
 // 2p of `screen_moments`, the second 2p + 1. Its entry of `screen_frames` is the position of its view in the batch, NONE where
 // the slot is empty.
+#include "trig.glsl"
+
 const uint CENTRE = 0, COLOUR = 2, LOGIT = 5, LOG_SCALE = 6, ANGLE = 8, DEPTH = 9;
 const uint LEARNED = 9; // planes that have moments
 const uint SCREEN_PLANES = 10;
@@ -48,8 +50,9 @@ float scale_max(uint width, uint height) {
 ScreenShape screen_shape(vec2 log_scale, float angle) {
     ScreenShape e;
     e.variance = exp(2.0 * log_scale);
-    e.cosine = cos(angle);
-    e.sine = sin(angle);
+    vec2 turn = cos_sin(angle);
+    e.cosine = turn.x;
+    e.sine = turn.y;
     vec2 dilated = e.variance + DILATION;
     // guard: determinant of 2D needles (3 lines)
     float det = dilated.x * dilated.y;

@@ -9,8 +9,6 @@
 const uint WORKGROUP = 128;
 // Pixels of a tile's side. A workgroup does one tile.
 const uint TILE = 32;
-// Rows that pass through shared memory at a time.
-const uint STRIP = 8;
 const int RADIUS = 5;
 // (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
 const float C1 = 0.01 * 0.01;

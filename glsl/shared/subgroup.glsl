@@ -22,6 +22,7 @@ layout(constant_id = 100) const uint software_SubgroupSize = 32;
 #define software_SubgroupGtMask (~software_mask(software_SubgroupInvocationID + 1))
 
 #define subgroupBarrier software_barrier
+#define subgroupMemoryBarrier memoryBarrier
 #define subgroupElect software_elect
 #define subgroupBallotFindLSB software_ballotFindLSB
 #define subgroupBallotBitCount software_ballotBitCount

@@ -6,6 +6,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
+#include "../shared/meet.glsl"
 
 // Keys of 0xFFFFFFFF are dropped, and the number of remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
@@ -71,7 +72,7 @@ void main() {
         smaller = subgroupBroadcast(upto, gl_SubgroupSize - 1);
     }
     if (COMPACT && block == 0 && subgroupElect()) count[push.kept_index] = smaller;
-    subgroupBarrier();
+    subgroup_meets();
 
     uint end = min(keys, (block + 1) * BLOCK);
     for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
@@ -86,9 +87,9 @@ void main() {
         uvec2 earlier = peers & gl_SubgroupLtMask.xy; // guard: ranks in the order of lanes
         uint place = 0;
         if (live) place = next_place[own + digit] + bitCount(earlier.x) + bitCount(earlier.y);
-        subgroupBarrier();
+        subgroup_meets();
         if (live && highest(peers)) next_place[own + digit] = place + 1;
-        subgroupBarrier();
+        subgroup_meets();
         if (live) {
             keys_out[place] = key;
             values_out[place] = value;

@@ -5,6 +5,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
+#include "../shared/meet.glsl"
 
 // Keys of 0xFFFFFFFF are not counted.
 layout(constant_id = 3) const bool COMPACT = false;
@@ -28,13 +29,13 @@ void main() {
     uint lane = gl_SubgroupInvocationID;
     uint own = gl_SubgroupID * DIGITS;
     for (uint d = lane; d < DIGITS; d += gl_SubgroupSize) digit_counts[own + d] = 0;
-    subgroupBarrier();
+    subgroup_meets();
 
     uint end = min(keys, (block + 1) * BLOCK);
     for (uint i = block * BLOCK + lane; i < end; i += gl_SubgroupSize) {
         uint key = keys_in[i];
         if (!COMPACT || key != NONE) atomicAdd(digit_counts[own + digit_of(key, push.shift)], 1);
     }
-    subgroupBarrier();
+    subgroup_meets();
     for (uint d = lane; d < DIGITS; d += gl_SubgroupSize) block_counts[block * DIGITS + d] = digit_counts[own + d];
 }

@@ -268,6 +268,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_apply";
     const LABEL: &'static std::ffi::CStr = c"density_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -348,6 +349,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_draw";
     const LABEL: &'static std::ffi::CStr = c"density_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -418,6 +420,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_image";
     const LABEL: &'static std::ffi::CStr = c"density_image";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -488,6 +491,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_noise";
     const LABEL: &'static std::ffi::CStr = c"density_noise";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -557,6 +561,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_place";
     const LABEL: &'static std::ffi::CStr = c"density_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -626,6 +631,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_plan";
     const LABEL: &'static std::ffi::CStr = c"density_plan";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"words", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -726,6 +732,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_score";
     const LABEL: &'static std::ffi::CStr = c"density_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -815,6 +822,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "density_weigh";
     const LABEL: &'static std::ffi::CStr = c"density_weigh";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -887,6 +895,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_apply";
     const LABEL: &'static std::ffi::CStr = c"exposure_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -961,6 +970,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_backward";
     const LABEL: &'static std::ffi::CStr = c"exposure_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -1034,6 +1044,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "exposure_step";
     const LABEL: &'static std::ffi::CStr = c"exposure_step";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -1120,6 +1131,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_append";
     const LABEL: &'static std::ffi::CStr = c"lift_append";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Read, element_bytes: size_of::<Lift>() as u32 },
         crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1199,6 +1211,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_count";
     const LABEL: &'static std::ffi::CStr = c"lift_count";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1234,6 +1247,7 @@ pub struct Push {
 pub struct Spec {
     pub workgroup_size: u32,
     pub fail_on_smallest: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1282,7 +1296,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, fail_on_smallest: call.constant(1) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, fail_on_smallest: call.constant(1) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, point_counts: crate::gpu::next_binding(&mut bindings), point_firsts: crate::gpu::next_binding(&mut bindings), heaviest: crate::gpu::next_binding(&mut bindings), labels: crate::gpu::next_binding(&mut bindings), group_sizes: crate::gpu::next_binding(&mut bindings), taus: crate::gpu::next_binding(&mut bindings), prime_labels: crate::gpu::next_binding(&mut bindings), cluster_sizes: crate::gpu::next_binding(&mut bindings), rounds: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1293,6 +1307,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_groups";
     const LABEL: &'static std::ffi::CStr = c"lift_groups";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1307,13 +1322,14 @@ impl crate::gpu::Kernel for Kernel {
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 1, name: c"fail_on_smallest", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.fail_on_smallest as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.fail_on_smallest as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.point_counts.raw(), b.point_firsts.raw(), b.heaviest.raw(), b.labels.raw(), b.group_sizes.raw(), b.taus.raw(), b.prime_labels.raw(), b.cluster_sizes.raw(), b.rounds.raw()])
     }
@@ -1380,6 +1396,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_join";
     const LABEL: &'static std::ffi::CStr = c"lift_join";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1493,6 +1510,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_pca";
     const LABEL: &'static std::ffi::CStr = c"lift_pca";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1602,6 +1620,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "lift_points";
     const LABEL: &'static std::ffi::CStr = c"lift_points";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1680,6 +1699,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_probe";
     const LABEL: &'static std::ffi::CStr = c"loss_probe";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
@@ -1750,6 +1770,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "loss_sum";
     const LABEL: &'static std::ffi::CStr = c"loss_sum";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
@@ -1786,6 +1807,7 @@ pub struct Spec {
     pub tile_list: bool,
     pub ssim_weight: f32,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1826,7 +1848,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), image_grad: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1837,6 +1859,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_backward";
     const LABEL: &'static std::ffi::CStr = c"ssim_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1851,13 +1874,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 1, name: c"tile_list", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = false;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.image_grad.raw()])
     }
@@ -1880,6 +1904,7 @@ pub struct Spec {
     pub ssim_weight: f32,
     pub loss_map: bool,
     pub run: u32,
+    pub strip: u32,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -1924,7 +1949,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, tile_list: call.constant(1) != 0, ssim_weight: f32::from_bits(call.constant(2)), loss_map: call.constant(3) != 0, run: call.constant(8) as u32, strip: call.constant(9) as u32, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), tile_list: crate::gpu::next_binding(&mut bindings), frames: crate::gpu::next_binding(&mut bindings), image: crate::gpu::next_binding(&mut bindings), targets: crate::gpu::next_binding(&mut bindings), partials: crate::gpu::next_binding(&mut bindings), tile_sums: crate::gpu::next_binding(&mut bindings), loss_map: crate::gpu::next_binding(&mut bindings), }
     }
@@ -1935,6 +1960,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "ssim_forward";
     const LABEL: &'static std::ffi::CStr = c"ssim_forward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -1951,13 +1977,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"ssim_weight", kind: crate::gpu::ConstantKind::F32 },
         crate::gpu::Constant { id: 3, name: c"loss_map", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 8, name: c"run", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 9, name: c"strip", kind: crate::gpu::ConstantKind::U32 },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Workgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = true;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.tile_list as u32), (2, spec.ssim_weight.to_bits()), (3, spec.loss_map as u32), (8, spec.run as u32), (9, spec.strip as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.tile_list.raw(), b.frames.raw(), b.image.raw(), b.targets.raw(), b.partials.raw(), b.tile_sums.raw(), b.loss_map.raw()])
     }
@@ -2016,6 +2043,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "gather";
     const LABEL: &'static std::ffi::CStr = c"gather";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -2097,6 +2125,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "recount";
     const LABEL: &'static std::ffi::CStr = c"recount";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"added", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"pages", access: crate::gpu::Access::Read, element_bytes: size_of::<Page>() as u32 },
@@ -2204,6 +2233,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "adam";
     const LABEL: &'static std::ffi::CStr = c"adam";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -2349,6 +2379,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project_backward";
     const LABEL: &'static std::ffi::CStr = c"project_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -2426,6 +2457,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "step_done";
     const LABEL: &'static std::ffi::CStr = c"step_done";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
     ];
@@ -2519,6 +2551,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_attenuate";
     const LABEL: &'static std::ffi::CStr = c"pursuit_attenuate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2592,6 +2625,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_blur";
     const LABEL: &'static std::ffi::CStr = c"pursuit_blur";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"from_texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
         crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
@@ -2680,6 +2714,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_claim";
     const LABEL: &'static std::ffi::CStr = c"pursuit_claim";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2781,6 +2816,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_draw";
     const LABEL: &'static std::ffi::CStr = c"pursuit_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -2864,6 +2900,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_fit";
     const LABEL: &'static std::ffi::CStr = c"pursuit_fit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
         crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -2963,6 +3000,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_gain";
     const LABEL: &'static std::ffi::CStr = c"pursuit_gain";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3066,6 +3104,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_place";
     const LABEL: &'static std::ffi::CStr = c"pursuit_place";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"kept", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -3133,6 +3172,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_quanta";
     const LABEL: &'static std::ffi::CStr = c"pursuit_quanta";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
         crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
@@ -3228,6 +3268,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_residual";
     const LABEL: &'static std::ffi::CStr = c"pursuit_residual";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3319,6 +3360,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "pursuit_score";
     const LABEL: &'static std::ffi::CStr = c"pursuit_score";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
         crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
@@ -3450,6 +3492,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend";
     const LABEL: &'static std::ffi::CStr = c"blend";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3599,6 +3642,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward";
     const LABEL: &'static std::ffi::CStr = c"blend_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3741,6 +3785,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "blend_backward_atomic";
     const LABEL: &'static std::ffi::CStr = c"blend_backward_atomic";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
@@ -3868,6 +3913,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "emit";
     const LABEL: &'static std::ffi::CStr = c"emit";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -3962,6 +4008,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "median_depth";
     const LABEL: &'static std::ffi::CStr = c"median_depth";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -4069,6 +4116,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "project";
     const LABEL: &'static std::ffi::CStr = c"project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
@@ -4159,6 +4207,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "resolve";
     const LABEL: &'static std::ffi::CStr = c"resolve";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
         crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
@@ -4239,6 +4288,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "tile_ranges";
     const LABEL: &'static std::ffi::CStr = c"tile_ranges";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4346,6 +4396,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_backward";
     const LABEL: &'static std::ffi::CStr = c"screen_backward";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4456,6 +4507,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_draw";
     const LABEL: &'static std::ffi::CStr = c"screen_draw";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4555,6 +4607,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_project";
     const LABEL: &'static std::ffi::CStr = c"screen_project";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4636,6 +4689,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_prune";
     const LABEL: &'static std::ffi::CStr = c"screen_prune";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
@@ -4724,6 +4778,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "screen_tiles";
     const LABEL: &'static std::ffi::CStr = c"screen_tiles";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
         crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4798,6 +4853,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "dispatch_args";
     const LABEL: &'static std::ffi::CStr = c"dispatch_args";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
@@ -4835,6 +4891,7 @@ pub struct Spec {
     pub lanes: u32,
     pub indexed: bool,
     pub row_lanes: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -4875,7 +4932,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, lanes: call.constant(4) as u32, indexed: call.constant(5) != 0, row_lanes: call.constant(6) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), values_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), digit_totals: crate::gpu::next_binding(&mut bindings), keys_out: crate::gpu::next_binding(&mut bindings), values_out: crate::gpu::next_binding(&mut bindings), }
     }
@@ -4886,6 +4943,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_downsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_downsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -4903,13 +4961,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 4, name: c"lanes", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 5, name: c"indexed", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupBroadcastDynamicId, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (4, spec.lanes as u32), (5, spec.indexed as u32), (6, spec.row_lanes as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.values_in.raw(), b.block_counts.raw(), b.digit_totals.raw(), b.keys_out.raw(), b.values_out.raw()])
     }
@@ -4962,6 +5021,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_spine";
     const LABEL: &'static std::ffi::CStr = c"radix_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -4998,6 +5058,7 @@ pub struct Spec {
     pub digit_bits: u32,
     pub compact: bool,
     pub row_lanes: u32,
+    pub lockstep: bool,
 }
 #[derive(Clone, Copy)]
 pub struct Buffers<'a> {
@@ -5022,7 +5083,7 @@ pub struct Host<'a> {
 }
 impl<'a> Host<'a> {
     pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {
-        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, }, bytemuck::pod_read_unaligned(&call.push));
+        let (spec, push) = (Spec { workgroup_size: call.constant(0) as u32, block: call.constant(1) as u32, digit_bits: call.constant(2) as u32, compact: call.constant(3) != 0, row_lanes: call.constant(6) as u32, lockstep: call.constant(7) != 0, }, bytemuck::pod_read_unaligned(&call.push));
         let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());
         Host { workgroups, spec, push, count: crate::gpu::next_binding(&mut bindings), keys_in: crate::gpu::next_binding(&mut bindings), block_counts: crate::gpu::next_binding(&mut bindings), }
     }
@@ -5033,6 +5094,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "radix_upsweep";
     const LABEL: &'static std::ffi::CStr = c"radix_upsweep";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5044,13 +5106,14 @@ impl crate::gpu::Kernel for Kernel {
         crate::gpu::Constant { id: 2, name: c"digit_bits", kind: crate::gpu::ConstantKind::U32 },
         crate::gpu::Constant { id: 3, name: c"compact", kind: crate::gpu::ConstantKind::Bool },
         crate::gpu::Constant { id: 6, name: c"row_lanes", kind: crate::gpu::ConstantKind::U32 },
+        crate::gpu::Constant { id: 7, name: c"lockstep", kind: crate::gpu::ConstantKind::Bool },
     ];
     const UNIT: crate::gpu::Unit = crate::gpu::Unit::Subgroup;
     const SUBGROUPS: bool = true;
     const BARRIERS: bool = false;
     const FEATURES: &'static [crate::gpu::Feature] = &[crate::gpu::Feature::ComputeFullSubgroups, crate::gpu::Feature::SubgroupSizeControl];
     type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;
-    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32)] }
+    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> { vec![(0, spec.workgroup_size as u32), (1, spec.block as u32), (2, spec.digit_bits as u32), (3, spec.compact as u32), (6, spec.row_lanes as u32), (7, spec.lockstep as u32)] }
     fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {
         with(&[b.count.raw(), b.keys_in.raw(), b.block_counts.raw()])
     }
@@ -5111,6 +5174,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_apply";
     const LABEL: &'static std::ffi::CStr = c"scan_apply";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5185,6 +5249,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_reduce";
     const LABEL: &'static std::ffi::CStr = c"scan_reduce";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
@@ -5250,6 +5315,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "scan_spine";
     const LABEL: &'static std::ffi::CStr = c"scan_spine";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
         crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
@@ -5311,6 +5377,7 @@ impl crate::gpu::Kernel for Kernel {
     const NAME: &'static str = "fma_rate";
     const LABEL: &'static std::ffi::CStr = c"fma_rate";
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
+    const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
         crate::gpu::Binding { name: c"chain_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
     ];
@@ -5462,7 +5529,6 @@ pub mod splat {
 pub mod ssim {
 #[doc = ""] pub const WORKGROUP: u32 = 128;
 #[doc = ""] pub const TILE: u32 = 32;
-#[doc = ""] pub const STRIP: u32 = 8;
 #[doc = ""] pub const MIDDLE: f32 = 0.5;
 }
 pub mod status {

@@ -9,8 +9,8 @@ use crate::{
 /// List the Vulkan devices that --device chooses from
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Print JSON: [{"index","name","kind","subgroup_size",…}], all that
-    /// is known of each
+    /// Print JSON: [{"index","refused","name","kind","subgroup_size",…}], all that is known of each; "refused" has the reason if glint
+    /// cannot use it
     #[arg(long)]
     json: bool,
 }
@@ -18,6 +18,8 @@ pub(super) struct Args {
 #[derive(Serialize)]
 struct Listed {
     index: usize,
+    /// Why glint cannot use it.
+    refused: Option<String>,
     #[serde(flatten)]
     info: DeviceInfo,
 }
@@ -28,7 +30,7 @@ impl Args {
             .map_err(with_hint)?
             .into_iter()
             .enumerate()
-            .map(|(index, info)| Listed { index, info })
+            .map(|(index, (info, refused))| Listed { index, refused: refused.map(|e| e.to_string()), info })
             .collect();
         if self.json {
             return Ok(print_json(&devices)?);
@@ -41,8 +43,19 @@ impl Args {
             column("subgroup", "", 0),
             column("largest buffer", "MiB", 0),
             column("driver", "", 0),
+            column("notes", "", 0),
         ]);
-        for Listed { index, info } in devices {
+        for Listed { index, refused, info } in devices {
+            let notes = match refused {
+                Some(why) => format!("refused: {why}"),
+                None if info.software_subgroups => {
+                    let [least, most] = info.subgroup_sizes;
+                    format!(
+                        "slow: subgroups by software, since its own have {least} to {most} lanes or lack operations"
+                    )
+                }
+                None => String::new(),
+            };
             table.row([
                 Cell::Count(index as u64),
                 info.name.into(),
@@ -50,6 +63,7 @@ impl Args {
                 Cell::Count(info.subgroup_size.into()),
                 Cell::Number(info.max_storage_bytes as f64 / f64::from(1 << 20)),
                 info.driver.into(),
+                notes.into(),
             ]);
         }
         Ok(print(table)?)

@@ -85,7 +85,8 @@ impl Args {
             None | Some(Kind::Json) if self.plan => {
                 return Err(Error::input(path, "is a dataset, expected a scene for --plan").into());
             }
-            None | Some(Kind::Json) => {
+            // Of a video nothing is one, and what to make of it is said there.
+            None | Some(Kind::Json | Kind::Video) => {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
             Some(kind) if kind.may_be_scene() => {

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
 mod calibrate;
+mod check;
 mod convert;
 mod dataset;
 mod deadline;
@@ -30,6 +31,7 @@ mod verify;
 mod view;
 
 use std::{
+    ffi::OsString,
     fmt::{Arguments, Display},
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
@@ -121,6 +123,8 @@ enum Failure {
     /// There is no display, or it cannot be drawn in.
     #[cfg(feature = "view")]
     NoWindow(String),
+    /// The device failed its check, and how.
+    Device(String),
     /// So many stages were farther from their twins than they may be.
     Bounds(usize),
 }
@@ -137,7 +141,39 @@ type Outcome<T = ()> = Result<T, Failure>;
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     log(cli.verbose, cli.quiet);
-    let outcome = match &cli.command {
+    let outcome = match unexpanded(std::env::args_os().skip(1)) {
+        Some(what) => Err(Error::Usage(what).into()),
+        None => run(&cli.command),
+    };
+    let (text, code) = match outcome {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
+        Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+        #[cfg(feature = "view")]
+        Err(Failure::NoWindow(why)) => (
+            format!(
+                "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
+            ),
+            1,
+        ),
+        Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
+        Err(Failure::Device(what)) => (
+            format!(
+                "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
+                 stages (--twin), or go on all the same (--unchecked)"
+            ),
+            1,
+        ),
+        Err(Failure::Bounds(count)) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
+    };
+    // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
+    let line = text.replace(char::is_control, " ");
+    let _ = writeln!(io::stderr(), "error: {line}");
+    ExitCode::from(code)
+}
+
+fn run(command: &Command) -> Outcome {
+    match command {
         Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
         Command::Enhance(args) => args.run(),
@@ -155,25 +191,22 @@ pub fn main() -> ExitCode {
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),
         Command::Man(args) => args.run(),
+    }
+}
+
+/// The message for an argument whose `~` no shell has replaced by the home folder.
+fn unexpanded(arguments: impl Iterator<Item = OsString>) -> Option<String> {
+    let home = |path: &&str| *path == "~" || path.starts_with("~/");
+    let literal = |argument: OsString| {
+        let text = argument.to_str()?;
+        let path = [Some(text), text.split_once('=').map(|(_, value)| value)].into_iter().flatten().find(home)?;
+        (!Path::new(path).exists()).then(|| path.to_owned())
     };
-    let (text, code) = match outcome {
-        Ok(()) => return ExitCode::SUCCESS,
-        Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
-        Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
-        #[cfg(feature = "view")]
-        Err(Failure::NoWindow(why)) => (
-            format!(
-                "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
-            ),
-            1,
-        ),
-        Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
-        Err(Failure::Bounds(count)) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
-    };
-    // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
-    let line = text.replace(char::is_control, " ");
-    let _ = writeln!(io::stderr(), "error: {line}");
-    ExitCode::from(code)
+    let path = arguments.into_iter().find_map(literal)?;
+    let rest = path.trim_start_matches('~');
+    Some(format!(
+        "{path}: the shell has not replaced `~`, which is quoted or follows a `=`; write \"$HOME{rest}\" instead"
+    ))
 }
 
 /// Sends log lines to stderr, above the progress bar.
@@ -218,6 +251,9 @@ struct DeviceArgs {
     /// runs this stage wrongly. May be given several times
     #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
     twins: Vec<Twin>,
+    /// Use the device even if it fails the check that its first run makes: sort, scan, a picture and a step against float64
+    #[arg(long, hide_short_help = true)]
+    unchecked: bool,
 }
 
 fn parse_twin(stage: &str) -> Result<Twin, String> {
@@ -246,8 +282,16 @@ impl DeviceArgs {
         }
     }
 
-    /// Opens the device, does `work` on it and fails if the validation layers were on and found something.
+    /// Opens the device, checks it, does `work` on it and fails if the validation layers were on and found something.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
+        self.with_unchecked(|context| {
+            check::check(context, &self.options(), self.unchecked)?;
+            work(context)
+        })
+    }
+
+    /// The same without the check, for what judges a device itself.
+    fn with_unchecked<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
         let options = self.options();
         let context = Context::new(&options).map_err(|error| self.explain(&options, error))?;
         tracing::info!("device: {}", context.info().name);
@@ -461,6 +505,19 @@ mod tests {
         let held = vec![1u8; 50_000_000];
         let most = peak_memory().unwrap();
         assert!((held.len() as u64..1 << 40).contains(&most), "{most}");
+    }
+
+    #[test]
+    fn a_home_that_no_shell_has_filled_in_is_told() {
+        let found = |arguments: &[&str]| unexpanded(arguments.iter().map(OsString::from));
+        for arguments in
+            [&["train", "~/garden"][..], &["train", "x", "-o", "~/a.ply"], &["--init=~/a.ply"], &["a=~/s.ply"], &["~"]]
+        {
+            let what = found(arguments).unwrap();
+            assert!(what.contains("has not replaced `~`") && what.contains("\"$HOME"), "{what}");
+        }
+        assert!(found(&["~/garden"]).unwrap().contains("write \"$HOME/garden\""));
+        assert_eq!(found(&["train", "a~/b", "~x", "a=b~", "/home/~/x"]), None);
     }
 
     #[test]

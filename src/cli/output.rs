@@ -87,17 +87,15 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// The same for a plain PLY scene, which a name of compressed ones would misname.
+    /// The same for a plain PLY scene, of which `glint convert` makes a scene of any other name.
     pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
-        if SceneFormat::of(path) == Some(SceneFormat::PackedPly) {
-            let plain = path.file_stem().map(Path::new).unwrap_or(path).with_extension("ply");
-            return Err(Error::input(
-                path,
-                format!(
-                    "a plain PLY is written here, of which `glint convert` makes a compressed one; expected a name such as {}",
-                    plain.display()
-                ),
-            ));
+        if SceneFormat::of(path).is_some_and(|format| format != SceneFormat::Ply) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let stem = name.split_once('.').map_or(&name[..], |(stem, _)| stem);
+            let what = format!(
+                "a PLY scene is written here, expected a name such as {stem}.ply; then `glint convert {stem}.ply {name}` makes the other file"
+            );
+            return Err(Error::input(path, what));
         }
         self.check_file(path, "ply", "a PLY scene", inputs)
     }
@@ -231,7 +229,8 @@ mod tests {
         assert!(check(false).unwrap_err().to_string().contains("--force"));
         check(true).unwrap();
         let packed = OutputArgs { force: true }.check_ply(&at("new.compressed.ply"), &inputs).unwrap_err();
-        assert!(packed.to_string().ends_with("a name such as new.ply"), "{packed}");
+        let then = "a name such as new.ply; then `glint convert new.ply new.compressed.ply` makes the other file";
+        assert!(packed.to_string().ends_with(then), "{packed}");
         OutputArgs { force: true }.check_ply(&at("new.ply"), &inputs).unwrap();
     }
 

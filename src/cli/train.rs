@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Photo, Split, gaussian_bytes, write_scene},
+    data::{Dataset, Photo, Split, gaussian_bytes, write_scene},
     pipelines::{
         checkpoint::Clock,
         density::{DensityOptions, Strategy},
@@ -72,6 +72,8 @@ const SUBMISSIONS: u32 = 40;
 const WRITTEN_PER_SECOND: f64 = 2e8;
 /// Of a Gaussian's scores in a checkpoint.
 const SCORE_BYTES: u64 = 4 * SCORES as u64;
+/// A request for more Gaussians than this is compared with the device's memory before anything is allocated.
+const MANY: u32 = 1 << 20;
 /// What takes the place of the output's extension.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -249,6 +251,7 @@ impl Args {
         let sh_degree = self.degree();
         let began = Instant::now();
         let mut dataset = self.photos.open(&self.dataset)?;
+        self.check_asked(&dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
         if let Some(init) = &self.init {
             inputs = inputs.scene(init);
@@ -566,6 +569,27 @@ impl Args {
             return Err(Error::Usage("--color sb has no harmonics: --sh-degree is for --color sh".into()));
         }
         Ok(())
+    }
+
+    /// Fails if the device has no memory for the Gaussians that were asked for, before anything is allocated.
+    fn check_asked(&self, dataset: &Dataset) -> Outcome {
+        // Sparse points limit their own number; random points do not.
+        let drawn = self.points.filter(|_| self.init.is_none() && dataset.points.is_none());
+        let asked = [("--gaussians", self.gaussians), ("--points", drawn)];
+        let most = asked.into_iter().filter_map(|(option, n)| Some((n.filter(|&n| n > MANY)?, option))).max();
+        let Some((n, option)) = most else { return Ok(()) };
+        let packed = self.learn.precision == super::Precision::Half;
+        let bytes = learning_bytes(self.degree(), packed, Strategy::from(self.strategy).is_newton());
+        self.device.with_unchecked(|context| {
+            let fit = context.memory_at_most() / bytes;
+            if u64::from(n) <= fit {
+                return Ok(());
+            }
+            let what = format!(
+                "{option} {n}: the device's memory holds {fit} Gaussians, {bytes} bytes each; expected no more"
+            );
+            Err(Error::Usage(what).into())
+        })
     }
 
     /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.

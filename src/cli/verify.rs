@@ -48,7 +48,7 @@ impl Args {
         if let Some(path) = &self.plot {
             self.replace.check_file(path, "svg", "an SVG", &Inputs::default())?;
         }
-        self.device.with(|context| {
+        self.device.with_unchecked(|context| {
             let report = run(context, &Options { quick: self.quick, perturb: self.perturb })?;
             if self.json {
                 print_json(&report)?;

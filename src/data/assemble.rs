@@ -2,13 +2,14 @@
 //! all this is worth telling.
 
 use std::collections::{HashMap, HashSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
 use super::images;
-use super::lens::{Distortion, Lens};
+use super::left_out::{LeftOut, count};
+use super::lens::{Distortion, Frame, Lens};
 use super::ply::PointCloud;
 use super::sector::{Stand, sector};
 use super::shot::{Focal, Shot};
@@ -36,11 +37,6 @@ pub(super) struct Listed {
     pub(super) notes: Vec<String>,
 }
 
-/// "1 photo", "2 photos".
-pub(super) fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
-}
-
 /// `kind` is [`DatasetKind::Transforms`] also for what may turn out to be NeRF Synthetic.
 pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptions) -> Result<Dataset> {
     let Listed { mut shots, points, sources, mut notes } = listed;
@@ -55,10 +51,10 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     }
     shots.sort_by(|a, b| a.name.cmp(&b.name));
     split(&mut shots, options.holdout);
+    let shots = present(shots, &mut notes)?;
     // NeRF Synthetic has angles, and its photos in files for training and for testing.
     let blender = sources.first().is_some_and(|path| path.ends_with(transforms::TRAIN))
         && shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
-    let shots = present(shots, &mut notes)?;
     let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
     if masked > 0 {
         let what = "with a mask, whose black pixels do not count";
@@ -118,44 +114,68 @@ fn split(shots: &mut [Shot], holdout: Holdout) {
         let back = shot.rotation.transpose();
         Stand { eye: -(back * shot.translation), axis: back.z_axis }
     };
-    let sector = if holdout == Holdout::Sector { sector(&shots.iter().map(stand).collect::<Vec<_>>()) } else { vec![] };
+    let stands = || shots.iter().filter(|shot| shot.lost.is_none()).map(stand).collect::<Vec<_>>();
+    let mut sector = if holdout == Holdout::Sector { sector(&stands()) } else { vec![] }.into_iter();
     for (i, shot) in shots.iter_mut().enumerate() {
         shot.split = Some(match holdout {
             Holdout::Dataset => shot.split.unwrap_or(every(TEST_EVERY, i)),
             Holdout::Every(n) => every(n, i),
-            Holdout::Sector => test(sector[i]),
+            // A photo without a pose is left out later.
+            Holdout::Sector => test(shot.lost.is_none() && sector.next() == Some(true)),
             Holdout::Nothing => Split::Train,
         });
     }
 }
 
-/// Those whose files are there. An error where none is.
+/// Keeps the photos that have a pose and a file, with notes for the others.
+///
+/// # Errors
+/// If none is left, or if two have the same file.
 fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
     // A file that one photo names exactly is not also another's under another spelling.
     let exact: HashSet<PathBuf> =
         shots.iter().filter(|shot| !shot.respelled).filter_map(|shot| shot.path.clone()).collect();
-    let mut uses: HashMap<PathBuf, usize> = HashMap::new();
-    shots.iter().filter_map(|shot| shot.path.clone()).for_each(|path| *uses.entry(path).or_default() += 1);
     for shot in shots.iter_mut().filter(|shot| shot.respelled) {
-        shot.path = shot.path.take().filter(|path| !exact.contains(path) && uses[path] == 1);
+        shot.path = shot.path.take().filter(|path| !exact.contains(path));
     }
     let all = shots.len();
-    let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(|shot| shot.path.is_some());
-    if let Some(Shot { name, expected, listed_in, .. }) = missing.first() {
-        let others = if missing.len() == 1 { String::new() } else { format!(" (and {} more)", missing.len() - 1) };
-        let why =
-            expected.try_exists().err().map_or("is missing".into(), |error| format!("cannot be looked at: {error}"));
-        let what = format!("image `{name}` is listed, but {} {why}{others}", expected.display());
-        if there.is_empty() {
+    let (mut lost, mut missing) = (LeftOut::default(), LeftOut::default());
+    let listed_in = shots.first().map(|shot| shot.listed_in.clone()).unwrap_or_default();
+    shots.retain(|Shot { name, path, expected, lost: pose, .. }| {
+        let quoted = || format!("`{name}`");
+        match pose {
+            Some(why) => lost.add(quoted, || format!("`{name}` has no usable pose: {why}")),
+            None if path.is_none() => missing.add(quoted, || {
+                let error = expected.try_exists().err();
+                let why = error.map_or("is missing".into(), |error| format!("cannot be looked at: {error}"));
+                format!("image `{name}` is listed, but {} {why}", expected.display())
+            }),
+            None => return true,
+        }
+        false
+    });
+    if shots.is_empty() && missing.count > 0 {
+        let what = format!("{}; --images names the folder of the photos", missing.text());
+        return Err(Error::input(listed_in, what));
+    }
+    if all > 0 && shots.is_empty() {
+        return Err(Error::input(listed_in, format!("no photo is left: {}", lost.text())));
+    }
+    notes.extend([lost.note(all, "photo"), missing.note(all, "photo")].into_iter().flatten());
+    let mut owners = HashMap::new();
+    for Shot { name, path, listed_in, .. } in &shots {
+        if let Some(other) = owners.insert(path, name) {
+            let path = path.as_deref().unwrap_or(Path::new("")).display();
+            let what = format!("`{other}` and `{name}` are both the one file {path}; expected a file for each camera");
             return Err(Error::input(listed_in, what));
         }
-        notes.push(format!("{} of {all} left out: {what}", count(missing.len(), "photo")));
     }
-    let respelled = there.iter().filter(|shot| shot.respelled).count();
+    let respelled = shots.iter().filter(|shot| shot.respelled).count();
     if respelled > 0 {
-        notes.push(format!("{} found under another spelling, case or ending of the name", count(respelled, "photo")));
+        let what = "found under another spelling, case, ending or folder of the name";
+        notes.push(format!("{} {what}", count(respelled, "photo")));
     }
-    Ok(there)
+    Ok(shots)
 }
 
 /// A file's photos: one, or the faces of a panorama.
@@ -166,15 +186,37 @@ struct Prepared {
     /// Principal point and size of the file, where the point is not in the picture.
     off: Option<([f64; 2], [u32; 2])>,
     has_alpha: bool,
+    /// See [`ImageFile::orientation`].
+    orientation: u8,
+    ends_early: bool,
     distortion: Distortion,
+}
+
+/// The intrinsics for a file of this size and its EXIF orientation, which is 1 unless only the turned picture fits the camera.
+fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
+    let what = match shot.camera.for_image(size) {
+        Ok(frame) => return Ok((frame, 1)),
+        Err(what) => what,
+    };
+    let tag = images::orientation(path);
+    let upright = images::upright(size, tag);
+    match shot.camera.for_image(upright) {
+        Ok(frame) if upright != size => Ok((frame, tag)),
+        _ if tag == 1 => Err(what),
+        _ => {
+            let [w, h] = upright;
+            Err(format!("{what}; its EXIF orientation, {tag}, makes it {w} × {h}"))
+        }
+    }
 }
 
 fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
     // Only photos that are there come here.
-    let path = shot.path.unwrap_or(shot.expected);
-    let images::Header { size, bytes_per_pixel, has_alpha } = images::open(&path)?;
+    let path = shot.path.as_ref().unwrap_or(&shot.expected).clone();
+    let images::Header { size, bytes_per_pixel, has_alpha, ends_early } = images::open(&path)?;
     let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", shot.listed_in.display()));
-    let frame = shot.camera.for_image(size).map_err(fail)?;
+    let (frame, orientation) = turned(&shot, &path, size).map_err(fail)?;
+    let size = images::upright(size, orientation);
     let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(shot.translation.to_array());
     // What reaches the device is float32.
     // guard: cameras within float32
@@ -196,7 +238,7 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
     });
     let split = shot.split.unwrap_or(Split::Train);
     let photos = lenses.into_iter().map(|(name, lens)| {
-        let super::lens::Frame { width, height, fx, fy, cx, cy } = lens.view;
+        let Frame { width, height, fx, fy, cx, cy } = lens.view;
         // World to file's axes to view's axes.
         let back = lens.turn.transpose();
         let (rotation, translation) = (back * shot.rotation, back * shot.translation);
@@ -204,15 +246,27 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
         let [width, height] = images::fit([width, height], options.max_size);
         let lens = (!distortion.is_none()).then_some(lens);
         let (path, mask, alpha, reduce) = (path.clone(), shot.mask.clone(), options.alpha, options.reduce);
-        let file = ImageFile { path, size, bytes_per_pixel, has_alpha, lens, mask, alpha, reduce };
+        let file = ImageFile { path, size, orientation, bytes_per_pixel, has_alpha, lens, mask, alpha, reduce };
         Photo { name, camera: full.resized(width, height), split, pixels: PixelSource::File(Box::new(file)) }
     });
     let inside = (0.0..=frame.width as f64).contains(&frame.cx) && (0.0..=frame.height as f64).contains(&frame.cy);
     let off = (!inside).then_some(([frame.cx, frame.cy], size));
-    Ok(Prepared { photos: photos.collect(), outside, off, has_alpha, distortion })
+    Ok(Prepared { photos: photos.collect(), outside, off, has_alpha, orientation, ends_early, distortion })
 }
 
 fn tell(prepared: &[Prepared], notes: &mut Vec<String>) {
+    let turned = prepared.iter().filter(|p| p.orientation != 1).count();
+    if turned > 0 {
+        notes.push(format!("{} turned by the EXIF orientation, as the cameras' sizes ask for", count(turned, "photo")));
+    }
+    let mut cut = LeftOut::default();
+    for name in prepared.iter().filter(|p| p.ends_early).filter_map(|p| Some(&p.photos.first()?.name)) {
+        cut.add(|| format!("`{name}`"), || format!("`{name}`"));
+    }
+    if cut.count > 0 {
+        let n = count(cut.count, "JPEG photo");
+        notes.push(format!("{n} without an end, whose missing rows do not count: {}", cut.text()));
+    }
     let spheres = prepared.iter().filter(|p| p.distortion == Distortion::Equirectangular).count();
     if spheres > 0 {
         notes.push(format!("{} of the whole sphere: each becomes the six faces of a cube", count(spheres, "photo")));

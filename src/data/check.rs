@@ -67,7 +67,9 @@ impl FileKind {
     /// not looked for; `path` is only named in errors.
     pub fn check(self, bytes: &[u8], path: &Path) -> Result<()> {
         let poses = |poses: Vec<colmap::Pose>| {
-            poses.iter().try_for_each(|pose| pose.rotation().map(drop)).map_err(|what| Error::input(path, what))
+            let fault =
+                |pose: &colmap::Pose, what| Error::input(path, format!("image `{}`: its pose {what}", pose.name));
+            poses.iter().try_for_each(|pose| pose.rotation().map(drop).map_err(|what| fault(pose, what)))
         };
         match self {
             FileKind::PlyScene => scene_file::parse_ply(bytes, path).map(drop),
@@ -75,13 +77,13 @@ impl FileKind {
             FileKind::Sog => scene_file::check(Kind::Sog, bytes, path),
             FileKind::Splat => scene_file::check(Kind::Splat, bytes, path),
             FileKind::Gltf => scene_file::check(Kind::Gltf, bytes, path),
-            FileKind::PlyPoints => ply::parse_points(bytes, path).map(drop),
+            FileKind::PlyPoints => ply::parse_points(bytes, path, &mut Vec::new()).map(drop),
             FileKind::ColmapCamerasBin => colmap::cameras_binary(bytes, path).map(drop),
             FileKind::ColmapCamerasTxt => colmap::cameras_text(bytes, path).map(drop),
             FileKind::ColmapImagesBin => poses(colmap::images_binary(bytes, path)?),
             FileKind::ColmapImagesTxt => poses(colmap::images_text(bytes, path)?),
-            FileKind::ColmapPointsBin => colmap::points_binary(bytes, path).map(drop),
-            FileKind::ColmapPointsTxt => colmap::points_text(bytes, path).map(drop),
+            FileKind::ColmapPointsBin => colmap::points_binary(bytes, path, &mut Vec::new()).map(drop),
+            FileKind::ColmapPointsTxt => colmap::points_text(bytes, path, &mut Vec::new()).map(drop),
             FileKind::TransformsJson => transforms::check(bytes, path),
             FileKind::CameraPath => CameraPath::parse(bytes, path).map(drop),
             FileKind::Image => images::check(bytes, path),

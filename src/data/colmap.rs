@@ -8,6 +8,7 @@ use std::str::FromStr;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::assemble::{Listed, unused_masks};
+use super::left_out::LeftOut;
 use super::lens::{Distortion, Polynomial};
 use super::names::{self, Finder};
 use super::ply::{self, PointCloud};
@@ -36,36 +37,32 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
             let what = format!("image `{}`: its camera {} is not in the model", pose.name, pose.camera);
             return Err(Error::input(&path, what));
         };
-        let rotation = pose.rotation().map_err(|what| Error::input(&path, what))?;
-        let found = finder.find(&pose.name);
+        let (rotation, lost) = pose.rotation().map_or_else(|why| (DMat3::IDENTITY, Some(why)), |turn| (turn, None));
+        let (found, mask) = match names::is_absolute(&pose.name) {
+            true => {
+                (finder.find_moved(&pose.name), masks.as_ref().and_then(|masks| masks.find_mask_of_tail(&pose.name)))
+            }
+            false => (finder.find(&pose.name), masks.as_ref().and_then(|masks| masks.find_mask(&pose.name))),
+        };
         shots.push(Shot {
             expected: finder.expected(&pose.name),
             respelled: found.as_ref().is_some_and(|found| found.1),
             path: found.map(|found| found.0),
-            mask: masks.as_ref().and_then(|masks| masks.find_mask(&pose.name)),
+            mask,
             name: names::slashes(&pose.name),
             listed_in: path.clone(),
             camera,
             rotation,
             translation: DVec3::from_array(pose.translation),
+            lost,
             split: None,
         });
     }
     notes.extend(unused_masks(masks.is_some(), &shots));
-    let points = match open(folder, "points3D") {
-        Ok((path, bytes)) => {
-            sources.push(path.clone());
-            Some(if is_text(&path) { points_text(&bytes, &path) } else { points_binary(&bytes, &path) }?)
-        }
-        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
-            // 3DGS leaves the points in this form too.
-            let cloud = folder.join("points3D.ply");
-            let points = cloud.is_file().then(|| ply::read_points(&cloud)).transpose()?;
-            sources.extend(points.is_some().then_some(cloud));
-            points
-        }
-        Err(error) => return Err(error),
-    };
+    let points = points(folder, &mut notes)?.map(|(points, source)| {
+        sources.push(source);
+        points
+    });
     let points = points.filter(|points| !points.positions.is_empty());
     let lists = lists::find(&[folder, root], &mut sources)?;
     let mut listed = Listed { shots, points, sources, notes };
@@ -73,6 +70,84 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
         lists.apply(&mut listed);
     }
     Ok(listed)
+}
+
+/// Reads a model's points, and returns them with their file.
+fn points(folder: &Path, notes: &mut Vec<String>) -> Result<Option<(PointCloud, PathBuf)>> {
+    match open(folder, "points3D") {
+        Ok((path, bytes)) => {
+            let read = if is_text(&path) { points_text } else { points_binary };
+            Ok(Some((read(&bytes, &path, notes)?, path)))
+        }
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            // 3DGS leaves the points in this form too.
+            let cloud = folder.join("points3D.ply");
+            let points = cloud.is_file().then(|| ply::read_points(&cloud, notes)).transpose()?;
+            Ok(points.map(|points| (points, cloud)))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Rotation from the world and eye of a camera.
+type Stand = (DMat3, DVec3);
+
+/// Tolerance between the cameras of a model and those of the photos with the same names: a share of their spread, and an entry of a
+/// rotation. It moves a point by a few pixels.
+const SAME_PLACE: f64 = 1e-2;
+
+/// Reads the points of a model and moves them into the frame of `shots`, by the similarity between the two sets of cameras. `None` if the
+/// model has no points.
+///
+/// # Errors
+/// Says why the points cannot be used.
+pub(super) fn points_for(
+    folder: &Path,
+    shots: &[Shot],
+    notes: &mut Vec<String>,
+) -> Result<Option<(PointCloud, PathBuf)>, String> {
+    let mut found = Vec::new();
+    let points = points(folder, &mut found).map_err(|error| error.to_string())?;
+    let Some((mut points, source)) = points.filter(|(points, _)| !points.positions.is_empty()) else { return Ok(None) };
+    let (path, bytes) = open(folder, "images").map_err(|error| error.to_string())?;
+    let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) };
+    let poses = poses.map_err(|error| error.to_string())?;
+    let by_name: HashMap<String, &Pose> = poses.iter().map(|pose| (names::compared(&pose.name), pose)).collect();
+    // Rotation and eye in the model and in the photos' frame.
+    let pairs: Vec<(Stand, Stand)> = shots
+        .iter()
+        .filter(|shot| shot.lost.is_none())
+        .filter_map(|shot| {
+            let name = names::compared(&shot.name);
+            let pose = names::tails(&name).find_map(|tail| by_name.get(tail))?;
+            let turn = pose.rotation().ok()?;
+            let eye = |turn: DMat3, translation: DVec3| -(turn.transpose() * translation);
+            let (here, there) = (eye(shot.rotation, shot.translation), eye(turn, DVec3::from_array(pose.translation)));
+            Some(((turn, there), (shot.rotation, here)))
+        })
+        .collect();
+    let Some((first, _)) = pairs.split_first() else { return Err("none of its images is one of these photos".into()) };
+    let n = pairs.len() as f64;
+    let (from, to) = pairs.iter().fold((DVec3::ZERO, DVec3::ZERO), |(a, b), ((_, m), (_, f))| (a + m / n, b + f / n));
+    let spread = |which: fn(&(Stand, Stand)) -> DVec3, mean: DVec3| {
+        (pairs.iter().map(|pair| (which(pair) - mean).length_squared()).sum::<f64>() / n).sqrt()
+    };
+    let (wide, wider) = (spread(|pair| pair.0.1, from), spread(|pair| pair.1.1, to));
+    let scale = if wide > 0.0 && wider > 0.0 { wider / wide } else { 1.0 };
+    let turn = first.1.0.transpose() * first.0.0;
+    let there = |p: DVec3| scale * (turn * (p - from)) + to;
+    let same = pairs.iter().all(|((model, m), (shot, f))| {
+        let off = (shot.transpose() * *model - turn).to_cols_array();
+        off.iter().all(|v| v.abs() <= SAME_PLACE) && (there(*m) - *f).length() <= SAME_PLACE * wider
+    });
+    if !same {
+        return Err("its cameras do not stand to each other as these do".into());
+    }
+    for p in &mut points.positions {
+        *p = there(DVec3::from_array(*p)).to_array();
+    }
+    notes.extend(found);
+    Ok(Some((points, source)))
 }
 
 /// `stem`.bin if it is there, else `stem`.txt: the two may be mixed.
@@ -90,7 +165,7 @@ fn is_text(path: &Path) -> bool {
 pub(super) type Cameras = HashMap<u32, SourceCamera>;
 
 pub(super) struct Pose {
-    name: String,
+    pub(super) name: String,
     /// World to camera, (w, x, y, z).
     quat: [f64; 4],
     translation: [f64; 3],
@@ -105,8 +180,8 @@ impl Pose {
         // Any length but zero means the same rotation.
         // guard: COLMAP: poses
         if !self.quat.iter().chain(&self.translation).all(|v| v.is_finite()) || !quat.length_squared().is_normal() {
-            let Pose { name, quat, translation, .. } = self;
-            return Err(format!("image `{name}`: its pose {quat:?} {translation:?} is not finite or has no rotation"));
+            let Pose { quat, translation, .. } = self;
+            return Err(format!("{quat:?} {translation:?} is not finite or has no rotation"));
         }
         Ok(DMat3::from_quat(quat.normalize()))
     }
@@ -336,7 +411,7 @@ pub(super) fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
         word("the image id")?;
         let mut numbers = [0.0; 7];
         for (value, name) in numbers.iter_mut().zip(["qw", "qx", "qy", "qz", "tx", "ty", "tz"]) {
-            *value = number_of(word(name)?, name).map_err(fail)?;
+            *value = float(word(name)?, name).map_err(fail)?;
         }
         let camera = number_of(word("the camera id")?, "camera id").map_err(fail)?;
         let [qw, qx, qy, qz, translation @ ..] = numbers;
@@ -354,37 +429,53 @@ fn is_points(line: &str) -> bool {
     words.clone().count().is_multiple_of(3) && words.into_iter().all(|word| word.parse::<f64>().is_ok())
 }
 
-pub(super) fn points_binary(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+pub(super) fn points_binary(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
     // Id, position, colour, error and the length of its track.
+    let mut number = 0;
     let points = records(bytes, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |bytes| {
         bytes.u64()?;
         let (position, color) = (bytes.f64s()?, bytes.array()?);
         bytes.f64s::<1>()?;
         let track = usize::try_from(bytes.u64()?.checked_mul(8)?).ok()?;
         bytes.take(track)?;
-        Some(point(position).map(|position| (position, color)))
+        number += 1;
+        Some(Ok((number - 1, position, color)))
     })?;
-    let (positions, colors) = points.into_iter().unzip();
-    Ok(PointCloud { positions, colors })
+    Ok(usable(points, "point", path, notes))
 }
 
-pub(super) fn points_text(bytes: &[u8], path: &Path) -> Result<PointCloud> {
-    let mut cloud = PointCloud::default();
+pub(super) fn points_text(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
+    let mut points = Vec::new();
     for (number, line) in lines(bytes, path)?.filter(|(_, line)| is_data(line)) {
         let fail = |what: String| Error::input(path, format!("line {number}: {what}"));
         let mut words = line.split_whitespace();
         field::<u64>(&mut words, "point id").map_err(fail)?;
         let (mut position, mut color) = ([0.0; 3], [0; 3]);
         for (value, name) in position.iter_mut().zip(["x", "y", "z"]) {
-            *value = field(&mut words, name).map_err(fail)?;
+            *value = float(words.next().ok_or_else(|| fail(format!("ends before {name}")))?, name).map_err(fail)?;
         }
         for (value, name) in color.iter_mut().zip(["red", "green", "blue"]) {
             *value = field(&mut words, name).map_err(fail)?;
         }
-        cloud.positions.push(point(position).map_err(fail)?);
-        cloud.colors.push(color);
+        points.push((number, position, color));
     }
-    Ok(cloud)
+    Ok(usable(points, "line", path, notes))
+}
+
+/// Keeps the points whose positions are finite, and adds a note for the others. `what` is what their numbers count.
+fn usable(points: Vec<(usize, [f64; 3], [u8; 3])>, what: &str, path: &Path, notes: &mut Vec<String>) -> PointCloud {
+    let (all, mut cloud, mut left_out) = (points.len(), PointCloud::default(), LeftOut::default());
+    for (number, position, color) in points {
+        match point(position) {
+            Ok(position) => {
+                cloud.positions.push(position);
+                cloud.colors.push(color);
+            }
+            Err(why) => left_out.add(|| format!("{what} {number}"), || format!("{what} {number}: {why}")),
+        }
+    }
+    notes.extend(left_out.note(all, "point").map(|text| format!("{}: {text}", path.display())));
+    cloud
 }
 
 fn point(position: [f64; 3]) -> Result<[f64; 3], String> {
@@ -408,6 +499,13 @@ fn is_data(line: &str) -> bool {
 
 fn field<'a, T: FromStr>(words: &mut impl Iterator<Item = &'a str>, name: &str) -> Result<T, String> {
     number_of(words.next().ok_or_else(|| format!("ends before {name}"))?, name)
+}
+
+/// Parses a number. Windows writes NaN as `-nan(ind)` or `1.#QNAN`.
+fn float(word: &str, name: &str) -> Result<f64, String> {
+    let lower = word.to_ascii_lowercase();
+    let is_nan = ["nan(", "#ind", "#qnan", "#snan"].iter().any(|mark| lower.contains(mark));
+    if is_nan { Ok(f64::NAN) } else { number_of(word, name) }
 }
 
 fn number_of<T: FromStr>(word: &str, name: &str) -> Result<T, String> {
@@ -629,17 +727,10 @@ mod tests {
         with(&camera[..camera.len() - 1], &image, &["ends in camera 0 of 1"]);
         with(&[&camera[..], &[0]].concat(), &image, &["1 bytes are left after the 1 cameras"]);
         with(&camera, &pose("a.jpg", 8, QUAT), &["a.jpg", "camera 8 is not in the model"]);
-        with(&camera, &pose("a.jpg", 7, [0.0; 4]), &["a.jpg", "pose", "no rotation"]);
-        with(&camera, &pose("a.jpg", 7, [f64::NAN; 4]), &["a.jpg", "not finite"]);
         with(&camera, &images_bin(&[], 0), &["no images"]);
         with(&camera, &u64::MAX.to_le_bytes(), &["images.bin", "promises 18446744073709551615 images", "has 0"]);
         with(&camera, b"abc", &["images.bin", "too short"]);
         expect(&[("cameras.bin", &camera)], &["images.txt"]);
-        let bad_points = points_bin(&[[0.0; 3], [0.0, 1e60, 0.0]]);
-        expect(
-            &[("cameras.bin", &camera), ("images.bin", &image), ("points3D.bin", &bad_points)],
-            &["points3D.bin", "point 1 of 2", "not finite"],
-        );
         let path = Path::new("x.txt");
         let text = |result: Result<Cameras>| result.err().unwrap().to_string();
         assert!(text(cameras_text(b"1 PINHOLE 64 48 1 1 1", path)).contains("line 1: model PINHOLE cannot have 3"));
@@ -651,6 +742,109 @@ mod tests {
         assert!(text(cameras_text(b"1 WIDE 64 48 1 1 1 1", path)).contains("line 1: model WIDE is unknown"));
         let images = images_text(b"1 0.5 0.5 0.5 0.5 1 2\n\n", path).err().unwrap().to_string();
         assert!(images.contains("line 1: ends before ty"), "{images}");
+    }
+
+    /// Lost photos and points of depth cameras have no numbers.
+    #[test]
+    fn poses_and_points_that_are_none_are_left_out_and_told() {
+        let camera = cameras_bin(&[(7, 4, &OPENCV)]);
+        let nan = f64::NAN;
+        let poses = [
+            ("a", 7, QUAT, [0.0; 3]),
+            ("b", 7, [nan; 4], [0.0; 3]),
+            ("c", 7, [0.0; 4], [0.0; 3]),
+            ("d", 7, QUAT, [0.0, f64::NEG_INFINITY, 0.0]),
+        ];
+        let words = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+        let line = |(name, camera, quat, translation): &(&str, u32, [f64; 4], [f64; 3])| {
+            format!("1 {} {} {camera} {name}\n\n", words(quat), words(translation))
+        };
+        let text: String = poses.iter().map(line).collect();
+        let windows = text.replace("NaN NaN NaN NaN", "-nan(ind) nan 1.#QNAN -1.#IND");
+        let points = [[1.0, 2.0, 3.0], [nan; 3], [0.0, 1e60, 0.0], [4.0, 5.0, 6.0]];
+        let point = |p: &[f64; 3]| format!("1 {} 0 20 30 0.5\n", words(p));
+        let points_text: String = points.iter().map(point).collect();
+        for (images, cloud, place) in [
+            (("images.bin", images_bin(&poses, 1)), ("points3D.bin", points_bin(&points)), "point 1"),
+            (("images.txt", text.into_bytes()), ("points3D.txt", points_text.into_bytes()), "line 2"),
+            (("images.txt", windows.into_bytes()), ("points3D.txt", point(&[nan, 0.0, 0.0]).into_bytes()), "line 1"),
+        ] {
+            let (_root, listed) = model(&[("cameras.bin", &camera), (images.0, &images.1), (cloud.0, &cloud.1)]);
+            let listed = listed.unwrap();
+            assert_eq!(
+                listed.shots.iter().map(|shot| shot.lost.is_none()).collect::<Vec<_>>(),
+                [true, false, false, false]
+            );
+            assert!(listed.shots[1].lost.as_ref().unwrap().contains("not finite or has no rotation"));
+            let note = &listed.notes[0];
+            assert!(note.contains(cloud.0) && note.contains(place) && note.contains("not finite"), "{note}");
+            if place == "line 1" {
+                assert_eq!((listed.points, note.contains("1 point of 1 left out")), (None, true));
+                continue;
+            }
+            assert_eq!(listed.points.unwrap().positions, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+            assert!(note.contains("2 points of 4 left out"), "{note}");
+        }
+    }
+
+    /// A model beside transforms.json, whose frame is another: turned, moved and scaled, as nerfstudio's `applied_transform` does.
+    #[test]
+    fn points_follow_the_cameras_into_their_frame() {
+        let eyes = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
+        let spins = [0.1, 0.7, -0.4].map(DQuat::from_rotation_y);
+        let pose = |i: usize| {
+            let t = -(spins[i] * DVec3::from_array(eyes[i]));
+            let q = spins[i];
+            (["a.png", "sub/b.png", "c.png"][i], 7, [q.w, q.x, q.y, q.z], t.to_array())
+        };
+        let images = images_bin(&[pose(0), pose(1), pose(2)], 0);
+        let cloud = points_bin(&[[1.0, 2.0, 3.0], [-4.0, 5.0, 0.5]]);
+        let (root, _) = model(&[
+            ("cameras.bin", &cameras_bin(&[(7, 4, &OPENCV)])),
+            ("images.bin", &images),
+            ("points3D.bin", &cloud),
+        ]);
+        let folder = root.path().join("sparse/0");
+        let (scale, turn, shift) = (2.5, DMat3::from_cols(DVec3::Y, DVec3::X, -DVec3::Z), DVec3::new(7.0, -8.0, 9.0));
+        let moved = |p: [f64; 3]| scale * (turn * DVec3::from_array(p)) + shift;
+        let shot = |i: usize, eye: DVec3| {
+            let rotation = DMat3::from_quat(spins[i]) * turn.transpose();
+            Shot {
+                name: ["images/a.jpg", "images_2/sub/b.png", "/home/x/c.png"][i].into(),
+                path: None,
+                expected: PathBuf::new(),
+                respelled: false,
+                mask: None,
+                listed_in: PathBuf::new(),
+                camera: SourceCamera {
+                    size: None,
+                    focal: Focal::Sphere,
+                    center: None,
+                    distortion: Distortion::default(),
+                },
+                rotation,
+                translation: -(rotation * eye),
+                lost: None,
+                split: None,
+            }
+        };
+        let mut shots: Vec<Shot> = (0..3).map(|i| shot(i, moved(eyes[i]))).collect();
+        let found = |shots: &[Shot]| points_for(&folder, shots, &mut Vec::new());
+        let (points, source) = found(&shots).unwrap().unwrap();
+        assert!(source.ends_with("points3D.bin"));
+        for (found, expected) in points.positions.iter().zip([[1.0, 2.0, 3.0], [-4.0, 5.0, 0.5]]) {
+            let off = DVec3::from_array(found.map(f64::from)) - moved(expected);
+            assert!(off.length() < 1e-5, "{found:?}");
+        }
+        assert_eq!(points.colors[1], [1, 20, 30]);
+        // One photo gives no scale: as it is.
+        let alone = found(&shots[..1]).unwrap().unwrap().0.positions[0].map(f64::from);
+        assert!((DVec3::from_array(alone) - moved(eyes[0]) - DVec3::new(2.0, 0.0, -3.0)).length() < 1e-5, "{alone:?}");
+        // Another run's model.
+        shots[2] = shot(2, moved([0.0, 0.0, 3.2]));
+        assert!(found(&shots).unwrap_err().contains("do not stand"));
+        shots.iter_mut().for_each(|shot| shot.name = "other.png".into());
+        assert!(found(&shots).unwrap_err().contains("none of its images"));
     }
 
     #[test]
@@ -679,10 +873,10 @@ mod tests {
             };
             let _ = cameras_binary(&damage(cameras_bin(&[(7, 4, &OPENCV), (8, 5, &OPENCV)])), path);
             let _ = images_binary(&damage(images_bin(&[("a", 7, QUAT, [0.0; 3]), ("b", 7, QUAT, [0.0; 3])], 2)), path);
-            let _ = points_binary(&damage(points_bin(&[[1.0; 3]; 3])), path);
+            let _ = points_binary(&damage(points_bin(&[[1.0; 3]; 3])), path, &mut Vec::new());
             let _ = cameras_text(&damage(b"# c\n1 PINHOLE 64 48 1 1 1 1\n2 SIMPLE_RADIAL 64 48 1 1 1 0.1\n".to_vec()), path);
             let _ = images_text(&damage(b"# i\n1 0.5 -0.5 0.5 0.5 1 2 3 7 a b.jpg\n1 2 3\n2 1 0 0 0 1 2 3 7 c\n\n".to_vec()), path);
-            let _ = points_text(&damage(b"# p\n1 2 3 4 5 6 7 0.1 1 2\n2 2 3 4 5 6 7 0.1 1 2\n".to_vec()), path);
+            let _ = points_text(&damage(b"# p\n1 2 3 4 5 6 7 0.1 1 2\n2 2 3 4 5 6 7 0.1 1 2\n".to_vec()), path, &mut Vec::new());
         }
     }
 }

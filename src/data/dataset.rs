@@ -11,7 +11,7 @@ use super::images::{self, Image};
 use super::lens::Lens;
 use super::ply::PointCloud;
 use super::reduce::Reduce;
-use super::{assemble, colmap, kind, places, reduced, transforms};
+use super::{advice, assemble, colmap, kind, places, reduced, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
@@ -124,8 +124,10 @@ pub enum DatasetKind {
 pub struct ImageFile {
     /// Where it was found.
     pub path: PathBuf,
-    /// Width and height of the file.
+    /// Width and height of the picture, after it is turned.
     pub size: [u32; 2],
+    /// The EXIF orientation, 1 to 8, by which the file's pixels are turned; 1 leaves them as they are.
+    pub orientation: u8,
     /// Of the file, as it is decoded.
     pub bytes_per_pixel: u8,
     /// Whether pixels may be transparent.
@@ -228,20 +230,13 @@ impl Dataset {
             if let Some(file) = file {
                 return assemble::assemble(DatasetKind::Transforms, transforms::read(&file, false, options)?, options);
             }
-            let what = "no dataset here; expected a folder with a COLMAP model (sparse/0/cameras.bin or .txt, and images/), \
-                        with transforms_train.json or transforms.json, or a path to such a JSON file";
-            return Err(Error::input(path, what));
+            return Err(Error::input(path, advice::of_folder(path)));
         }
         match kind::Kind::of_file(path)? {
             kind::Kind::Json => {
                 assemble::assemble(DatasetKind::Transforms, transforms::read(path, true, options)?, options)
             }
-            other => {
-                let what = format!(
-                    "is {other}; expected a folder with a COLMAP model or transforms.json, or such a JSON file"
-                );
-                Err(Error::input(path, what))
-            }
+            other => Err(Error::input(path, advice::of_file(other))),
         }
     }
 
@@ -305,7 +300,8 @@ impl Photo {
         let folder = file.path.parent().and_then(Path::parent);
         let path = folder.zip(file.path.file_name()).map(|(folder, name)| folder.join(part).join(name));
         let Some(path) = path.filter(|path| path.is_file()) else { return Ok(None) };
-        let images::Header { size, bytes_per_pixel, has_alpha } = images::open(&path)?;
+        let images::Header { size, bytes_per_pixel, has_alpha, .. } = images::open(&path)?;
+        let size = images::upright(size, file.orientation);
         if size != file.size {
             let ([w, h], [ew, eh]) = (size, file.size);
             return Err(Error::input(path, format!("is {w} × {h}, but its photo is {ew} × {eh}")));
@@ -436,7 +432,7 @@ mod tests {
         std::fs::write(&json, text).unwrap();
         (0..17).for_each(|i| drop(std::fs::remove_file(folder.path().join(format!("{i:02}.png")))));
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
-        assert!(message.contains("`00`") && message.contains("(and 16 more)"), "{message}");
+        assert!(message.contains("`00`") && message.contains("(and 16 more: `01`, `02`, `03`, …)"), "{message}");
     }
 
     #[test]

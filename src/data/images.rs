@@ -1,12 +1,12 @@
 //! Photos as files: sizes, decoding, alpha and masks, and their way to the size and pinhole camera that training sees.
 
 use std::fs::{self, File};
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use image::{
     DynamicImage, GrayImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage, Rgba32FImage,
-    RgbaImage,
+    RgbaImage, metadata::Orientation,
 };
 
 use super::dataset::{Alpha, ImageFile};
@@ -27,6 +27,11 @@ const PNG_PIXELS_PER_BYTE: u64 = 1032 * 8;
 const JPEG_PIXELS_PER_BYTE: u64 = 8 * 32 * 32 / (4 + 4);
 /// Of a mean of zeros and ones in float32, so much is one.
 const WHOLE: f32 = 0.999;
+/// A mask whose largest value is below this many steps holds labels: every label except 0 counts.
+const LABELS: f32 = 16.0;
+/// Fill for the bytes that a JPEG image lacks, to find the rows that depend on them. Each is a mix of zeros and ones, since no Huffman
+/// table has a code of ones alone.
+const FILLERS: [u8; 3] = [0x55, 0x33, 0x0f];
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -92,12 +97,15 @@ pub(super) struct Header {
     /// As it is decoded.
     pub(super) bytes_per_pixel: u8,
     pub(super) has_alpha: bool,
+    /// Whether it is a JPEG image without its end.
+    pub(super) ends_early: bool,
 }
 
 /// A decoded file.
 struct Source<'a> {
     pixels: Buffer,
-    mask: Option<GrayImage>,
+    /// Of any size. A pixel counts if all masks are white there.
+    masks: Vec<GrayImage>,
     alpha: Alpha,
     background: [f32; 3],
     lens: Option<&'a Lens>,
@@ -153,7 +161,7 @@ impl Source<'_> {
     /// Colour of a pixel of the file, and 1 where it counts or 0 where it does not.
     fn at(&self, x: u32, y: u32) -> [f32; 4] {
         let [r, g, b, a] = self.pixels.at(x, y);
-        let counts = self.mask.as_ref().is_none_or(|mask| {
+        let counts = self.masks.iter().all(|mask| {
             // A mask may be smaller than its photo, or larger.
             let ([w, h], (mw, mh)) = (self.pixels.size(), mask.dimensions());
             let along = |at: u32, of: u32, to: u32| ((2 * at as u64 + 1) * to as u64 / (2 * of as u64)) as u32;
@@ -245,7 +253,42 @@ pub(super) fn open(path: &Path) -> Result<Header> {
     let at = |source| Error::io(path, source);
     let file = File::open(path).map_err(at)?;
     let length = file.metadata().map_err(at)?.len();
-    header(BufReader::new(file), length, path)
+    let mut file = BufReader::new(file);
+    if !file.fill_buf().map_err(at)?.starts_with(&JPEG_START) {
+        return header(file, length, path);
+    }
+    // The decoder reads it all, too.
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(at)?;
+    Ok(Header { ends_early: jpeg_is_cut(&bytes), ..header(Cursor::new(&bytes), length, path)? })
+}
+
+/// The EXIF orientation of a file, 1 to 8; 1 where it has none.
+pub(super) fn orientation(path: &Path) -> u8 {
+    File::open(path).map_or(1, |file| orientation_in(BufReader::new(file), path))
+}
+
+fn orientation_in(input: impl BufRead + Seek, path: &Path) -> u8 {
+    let decoder = reader(input, path).map(ImageReader::into_decoder);
+    let Ok(Ok(mut decoder)) = decoder else { return 1 };
+    let plain = decoder.orientation().map_or(1, Orientation::to_exif);
+    if plain != 1 {
+        return plain;
+    }
+    // Some WebP and PNG writers put JPEG's marker before the data.
+    let exif = decoder.exif_metadata().ok().flatten().unwrap_or_default();
+    let marked = exif.strip_prefix(b"Exif\0\0").and_then(Orientation::from_exif_chunk);
+    marked.map_or(1, Orientation::to_exif)
+}
+
+/// The size of a picture once it is turned by its EXIF orientation.
+pub(super) fn upright([width, height]: [u32; 2], orientation: u8) -> [u32; 2] {
+    if matches!(orientation, 5..=8) { [height, width] } else { [width, height] }
+}
+
+fn turn(mut image: DynamicImage, orientation: u8) -> DynamicImage {
+    image.apply_orientation(Orientation::from_exif(orientation).unwrap_or(Orientation::NoTransforms));
+    image
 }
 
 /// What the header of an image of `length` bytes says.
@@ -270,7 +313,8 @@ fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<Header
         return Err(Error::input(path, what));
     }
     let color = decoder.color_type();
-    Ok(Header { size: [width, height], bytes_per_pixel: color.bytes_per_pixel(), has_alpha: color.has_alpha() })
+    let (bytes_per_pixel, has_alpha) = (color.bytes_per_pixel(), color.has_alpha());
+    Ok(Header { size: [width, height], bytes_per_pixel, has_alpha, ends_early: false })
 }
 
 /// The size with the longer side at most `max_size`, never enlarged, each side at least 1.
@@ -292,27 +336,38 @@ pub(super) fn bytes_to_load(file: &ImageFile, to: [u32; 2]) -> u64 {
     (2 * u64::from(file.bytes_per_pixel) + 1) * pixels(file.size) + (16 + 4) * pixels(to)
 }
 
-/// Decodes, puts alpha over `background` (sRGB values, as NeRF does) or takes it for a mask, takes out the lens and shrinks,
-/// in this order. Orientation tags are ignored, as structure-from-motion tools ignore them.
+/// Decodes, turns, puts alpha over `background` (sRGB values, as NeRF does) or takes it for a mask, takes out the lens and shrinks,
+/// in this order. Structure-from-motion tools ignore orientation tags or obey them: the size of the camera says which.
 pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Result<Image> {
     let path = &file.path;
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
     let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
+    let size = upright(found, file.orientation);
     // guard: images: the size they had
-    if found != file.size {
-        let [[w, h], [ew, eh]] = [found, file.size];
+    if size != file.size {
+        let [[w, h], [ew, eh]] = [size, file.size];
         return Err(Error::input(path, format!("is {w} × {h} now, but was {ew} × {eh} when the dataset was opened")));
     }
     let decoded = decode(&bytes, path, found)?;
+    let mut masks = Vec::new();
+    // guard: images: ends
+    if jpeg_is_cut(&bytes) {
+        let rows = rows_before_the_cut(&decoded, &bytes, path);
+        let there = GrayImage::from_fn(found[0], found[1], |_, y| image::Luma([if y < rows { 255 } else { 0 }]));
+        masks.push(turn(there.into(), file.orientation).into_luma8());
+    }
     drop(bytes);
-    let mask = file.mask.as_deref().map(|path| read_mask(path, found)).transpose()?;
-    Ok(prepare(decoded, mask, file.lens.as_ref(), file.alpha, background, file.reduce, to))
+    let decoded = turn(decoded, file.orientation);
+    if let Some(mask) = &file.mask {
+        masks.push(read_mask(mask, size, file.orientation)?);
+    }
+    Ok(prepare(decoded, masks, file.lens.as_ref(), file.alpha, background, file.reduce, to))
 }
 
 fn prepare(
     decoded: DynamicImage,
-    mask: Option<GrayImage>,
+    masks: Vec<GrayImage>,
     lens: Option<&Lens>,
     alpha: Alpha,
     background: [f32; 3],
@@ -321,38 +376,71 @@ fn prepare(
 ) -> Image {
     let [width, height] = to;
     let same_size = [decoded.width(), decoded.height()] == to;
-    if lens.is_none() && mask.is_none() && same_size && !decoded.color().has_alpha() {
+    if lens.is_none() && masks.is_empty() && same_size && !decoded.color().has_alpha() {
         return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
     }
-    Source { pixels: Buffer::new(decoded), mask, alpha, background, lens, reduce }.prepare(to)
+    Source { pixels: Buffer::new(decoded), masks, alpha, background, lens, reduce }.prepare(to)
 }
 
-/// The mask of a photo of this size, which may be a reduced copy of what the mask was made for.
-fn read_mask(path: &Path, [width, height]: [u32; 2]) -> Result<GrayImage> {
+/// Reads the mask of a photo of this size, white where pixels count. The photo may be a reduced copy. The mask may be upright, have an EXIF
+/// orientation of its own, or lie as the photo's file does.
+fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let size = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
-    let [w, h] = size.map(f64::from);
-    // As of intrinsics: a reduced side is rounded to a whole pixel.
-    let (scale_x, scale_y) = (f64::from(width) / w, f64::from(height) / h);
-    if (f64::from(width) - w * scale_y).abs() > 1.0 && (f64::from(height) - h * scale_x).abs() > 1.0 {
+    let fits = |turned: &u8| {
+        // As of intrinsics: a reduced side is rounded to a whole pixel.
+        let ([width, height], [w, h]) = (photo.map(f64::from), upright(size, *turned).map(f64::from));
+        let (scale_x, scale_y) = (width / w, height / h);
+        !((width - w * scale_y).abs() > 1.0 && (height - h * scale_x).abs() > 1.0)
+    };
+    let own = || orientation_in(Cursor::new(&bytes), path);
+    let turns = [1].into_iter().chain(std::iter::once_with(own)).chain([orientation]);
+    let Some(turned) = turns.into_iter().find(fits) else {
+        let ([width, height], [w, h]) = (photo, size);
         let what = format!("the mask is {w} × {h}, but its photo is {width} × {height}, of another aspect");
         return Err(Error::input(path, what));
-    }
-    Ok(decode(&bytes, path, size)?.into_luma8())
+    };
+    Ok(where_it_counts(turn(decode(&bytes, path, size)?, turned)))
+}
+
+/// White where a mask is at least half as bright as its brightest pixel: soft edges and labels of 0 and 1 both work. If the color is the
+/// same everywhere, alpha is the mask; otherwise transparency darkens.
+fn where_it_counts(mask: DynamicImage) -> GrayImage {
+    let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };
+    let pixels = Buffer::new(mask);
+    let [width, height] = pixels.size();
+    let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixels.at(x, y));
+    let [r, g, b, a] = pixels.at(0, 0);
+    let plain = all().all(|pixel| pixel[..3] == [r, g, b]) && all().any(|pixel| pixel[3] != a);
+    let value = |[r, g, b, a]: [f32; 4]| if plain { a } else { r.max(g).max(b) * a };
+    let largest = all().map(value).fold(0.0, f32::max);
+    let least = if largest < (LABELS - 0.5) * step { 0.5 * step } else { 0.5 * largest };
+    let white = |x, y| image::Luma([if value(pixels.at(x, y)) >= least { 255 } else { 0 }]);
+    GrayImage::from_fn(width, height, white)
+}
+
+/// Counts the rows of a JPEG image without its end that do not depend on what follows.
+fn rows_before_the_cut(decoded: &DynamicImage, bytes: &[u8], path: &Path) -> u32 {
+    let size = [decoded.width(), decoded.height()];
+    let filled = FILLERS
+        .iter()
+        .find_map(|&filler| decode(&[bytes, &[filler; 1024][..], &JPEG_END[..]].concat(), path, size).ok());
+    let row = decoded.as_bytes().len() / decoded.height() as usize;
+    let same = |filled: DynamicImage| {
+        let rows = filled.as_bytes().chunks_exact(row).zip(decoded.as_bytes().chunks_exact(row));
+        rows.take_while(|(a, b)| a == b).count()
+    };
+    filled.map_or(0, same) as u32
 }
 
 /// Decodes `bytes` as [`load`] does, in the size they say.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let size = header(Cursor::new(bytes), bytes.len() as u64, path)?.size;
-    prepare(decode(bytes, path, size)?, None, None, Alpha::Background, [0.0; 3], Reduce::Area, size);
+    prepare(decode(bytes, path, size)?, Vec::new(), None, Alpha::Background, [0.0; 3], Reduce::Area, size);
     Ok(())
 }
 
 fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage> {
-    // guard: images: ends
-    if jpeg_is_cut(bytes) {
-        return Err(Error::input(path, "is a JPEG image without its end, as half a download leaves it"));
-    }
     let reader = reader(Cursor::new(bytes), path)?;
     // A damaged JPEG can overflow arithmetic of the decoder (zune-jpeg 0.5.15, `receive_extend`; found by fuzzing), which panics
     // where overflow is checked, as in debug builds. The reader is gone afterwards, so nothing half-done is seen.
@@ -365,18 +453,20 @@ fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage>
     Ok(decoded)
 }
 
+const JPEG_START: [u8; 2] = [0xff, 0xd8];
+const JPEG_END: [u8; 2] = [0xff, 0xd9];
+
 /// Whether `bytes` begin a JPEG image (ITU T.81, annex B) that never ends. The decoder fills what is missing with grey and says
 /// nothing. Only what follows the first scan's header counts: a thumbnail has an end of its own.
 fn jpeg_is_cut(bytes: &[u8]) -> bool {
-    const END: [u8; 2] = [0xff, 0xd9];
-    if !bytes.starts_with(&[0xff, 0xd8]) {
+    if !bytes.starts_with(&JPEG_START) {
         return false;
     }
     let mut at = 2;
     while let Some(&[first, second]) = bytes.get(at..at + 2).and_then(|pair| pair.first_chunk()) {
         at += match (first, second) {
             // In coded data a byte 0xff is never followed by 0xd9.
-            (0xff, 0xda) => return !bytes[at..].windows(2).any(|pair| pair == END),
+            (0xff, 0xda) => return !bytes[at..].windows(2).any(|pair| pair == JPEG_END),
             (0xff, 0xd9) => return false,
             // Markers without contents: TEM, RSTn, SOI.
             (0xff, 0x01 | 0xd0..=0xd8) => 2,
@@ -399,7 +489,7 @@ mod tests {
     use super::*;
 
     fn source(image: DynamicImage, alpha: Alpha, background: [f32; 3]) -> Source<'static> {
-        Source { pixels: Buffer::new(image), mask: None, alpha, background, lens: None, reduce: Reduce::Area }
+        Source { pixels: Buffer::new(image), masks: vec![], alpha, background, lens: None, reduce: Reduce::Area }
     }
 
     fn two(left: [u8; 4], right: [u8; 4]) -> DynamicImage {
@@ -468,11 +558,11 @@ mod tests {
         let white = DynamicImage::ImageRgb8(RgbImage::from_pixel(6, 2, image::Rgb([255; 3])));
         let mut all = source(white, Alpha::Background, [0.0; 3]);
         // Of half the size: each of its pixels is two of the photo's.
-        all.mask = Some(GrayImage::from_vec(3, 1, vec![255, 1, 0]).unwrap());
+        all.masks = vec![GrayImage::from_vec(3, 1, vec![255, 1, 0]).unwrap()];
         assert_eq!(all.prepare([6, 2]).mask.unwrap(), [true, true, true, true, false, false].repeat(2));
         assert_eq!(all.prepare([3, 1]).mask.unwrap(), [true, true, false]);
         assert_eq!(all.prepare([2, 1]).mask.unwrap(), [true, false]);
-        all.mask = Some(GrayImage::from_vec(1, 1, vec![3]).unwrap());
+        all.masks = vec![GrayImage::from_vec(1, 1, vec![3]).unwrap()];
         assert_eq!(all.prepare([2, 1]).mask, None);
     }
 
@@ -504,7 +594,7 @@ mod tests {
                 ImageBuffer::from_vec(64, 48, rgb.flat_map(|[r, g, b]| [r, g, b, 1.0]).collect()).unwrap(),
             );
             let (alpha, reduce) = (Alpha::Background, Reduce::Area);
-            let all = Source { pixels, mask: None, alpha, background: [0.0; 3], lens: Some(&lens), reduce };
+            let all = Source { pixels, masks: vec![], alpha, background: [0.0; 3], lens: Some(&lens), reduce };
             let out = all.prepare([64, 48]);
             let mut worst = 0.0f32;
             for (i, got) in out.rgb.chunks_exact(3).enumerate() {
@@ -532,9 +622,9 @@ mod tests {
     }
 
     fn file(path: &Path) -> Result<ImageFile> {
-        let Header { size, bytes_per_pixel, has_alpha } = open(path)?;
-        let (alpha, reduce) = (Alpha::Background, Reduce::Area);
-        Ok(ImageFile { path: path.to_owned(), size, bytes_per_pixel, has_alpha, lens: None, mask: None, alpha, reduce })
+        let Header { size, bytes_per_pixel, has_alpha, .. } = open(path)?;
+        let (path, alpha, reduce) = (path.to_owned(), Alpha::Background, Reduce::Area);
+        Ok(ImageFile { path, size, orientation: 1, bytes_per_pixel, has_alpha, lens: None, mask: None, alpha, reduce })
     }
 
     #[test]
@@ -576,8 +666,6 @@ mod tests {
         let checksum = crc(&huge[12..29]).to_be_bytes();
         huge[29..33].copy_from_slice(&checksum);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
-        let cut = &jpeg[..jpeg.len() - 2];
-        assert!(fails(cut).contains("without its end"), "{}", fails(cut));
         for whole in [png, jpeg, webp, tiff, bmp] {
             for at in 0..whole.len() {
                 let mut bytes = whole.clone();
@@ -611,6 +699,79 @@ mod tests {
         }
     }
 
+    /// A picture of noise, so that every block has bytes of its own.
+    fn noise(width: u32, height: u32) -> RgbImage {
+        let mut state = 1u32;
+        RgbImage::from_fn(width, height, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            image::Rgb([(state >> 24) as u8, (state >> 16) as u8, 90])
+        })
+    }
+
+    #[test]
+    fn of_a_jpeg_that_ends_early_the_rows_count_that_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        let mut bytes = Cursor::new(Vec::new());
+        noise(48, 64).write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
+        let bytes = bytes.into_inner();
+        let read = |bytes: &[u8], orientation| {
+            std::fs::write(&path, bytes).unwrap();
+            let size = upright([48, 64], orientation);
+            load(&ImageFile { size, orientation, ..file(&path).unwrap() }, size, [0.0; 3]).unwrap()
+        };
+        let whole = read(&bytes, 1);
+        assert!(whole.mask.is_none() && !open(&path).unwrap().ends_early);
+        // All pixels are there.
+        assert_eq!(read(&bytes[..bytes.len() - 2], 1), whole);
+        assert!(open(&path).unwrap().ends_early);
+        let header = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+        let half = header + (bytes.len() - header) / 2;
+        for cut in [half, bytes.len() - 40] {
+            let found = read(&bytes[..cut], 1);
+            let counts = found.mask.unwrap();
+            let rows = counts.iter().filter(|&&counts| counts).count() / 48;
+            // To a row of blocks, of which the last is not whole.
+            let there = 64 * (cut - header) / (bytes.len() - header);
+            assert!((there.saturating_sub(24)..=there).contains(&rows) && rows > 0, "{rows} of {there}");
+            assert!(counts[..48 * rows].iter().all(|&counts| counts));
+            assert_eq!(found.rgb[..3 * 48 * rows], whole.rgb[..3 * 48 * rows]);
+        }
+        // Turned by a quarter: what is at the bottom of the file is at the left.
+        let turned = read(&bytes[..half], 6).mask.unwrap();
+        assert!(turned.chunks_exact(64).all(|row| !row[0] && row[63]));
+    }
+
+    #[test]
+    fn a_mask_counts_where_it_is_half_as_bright_as_it_gets() {
+        let gray = |values: [u8; 4]| DynamicImage::from(GrayImage::from_vec(4, 1, values.to_vec()).unwrap());
+        let wide = |values: [u16; 4]| DynamicImage::ImageLuma16(ImageBuffer::from_vec(4, 1, values.to_vec()).unwrap());
+        let rgba = |pixels: [[u8; 4]; 4]| DynamicImage::from(RgbaImage::from_vec(4, 1, pixels.concat()).unwrap());
+        let [black, white] = [[0, 0, 0, 255], [255; 4]];
+        for (mask, expected) in [
+            // As JPEG leaves edges, and a black that is 1.
+            (gray([0, 22, 233, 255]), [0, 0, 1, 1]),
+            (gray([1, 1, 255, 1]), [0, 0, 1, 0]),
+            // A darker white, and labels.
+            (gray([0, 99, 100, 200]), [0, 0, 1, 1]),
+            (gray([0, 1, 0, 1]), [0, 1, 0, 1]),
+            (gray([0, 1, 3, 15]), [0, 1, 1, 1]),
+            (wide([0, 1, 0, 1]), [0, 1, 0, 1]),
+            (wide([0, 300, 65535, 40000]), [0, 0, 1, 1]),
+            (gray([0; 4]), [0; 4]),
+            (gray([255; 4]), [1; 4]),
+            // In colour, as palettes have it; in alpha, over white and over black; in both.
+            (rgba([black, [0, 0, 200, 255], [128, 0, 0, 255], [9, 20, 0, 255]]), [0, 1, 1, 0]),
+            (rgba([white, [255, 255, 255, 0], [255, 255, 255, 120], white]), [1, 0, 0, 1]),
+            (rgba([black, [0; 4], black, [0; 4]]), [1, 0, 1, 0]),
+            (rgba([white, [255, 255, 255, 0], black, [0; 4]]), [1, 0, 0, 0]),
+            (rgba([black; 4]), [0; 4]),
+        ] {
+            let found = where_it_counts(mask.clone()).into_raw();
+            assert_eq!(found, expected.map(|counts| 255 * counts), "{mask:?}");
+        }
+    }
+
     #[test]
     fn masks_of_another_aspect_are_refused() {
         let folder = tempfile::tempdir().unwrap();
@@ -620,12 +781,16 @@ mod tests {
             GrayImage::from_fn(width, height, |x, _| image::Luma([u8::from(x < width / 2)])).save(&mask).unwrap();
             load(&ImageFile { mask: Some(mask.clone()), ..file(&photo).unwrap() }, [8, 6], [0.0; 3])
         };
-        for (width, height) in [(8, 6), (4, 3), (80, 60)] {
+        for (width, height) in [(80, 60), (4, 3), (8, 6)] {
             assert_eq!(
                 with(width, height).unwrap().mask.unwrap()[..8],
                 [true, true, true, true, false, false, false, false]
             );
         }
+        // As the photo's file lies.
+        let turned = read_mask(&mask, [6, 8], 6).unwrap();
+        assert_eq!(turned.dimensions(), (6, 8));
+        assert_eq!((turned.get_pixel(0, 0)[0], turned.get_pixel(0, 7)[0]), (255, 0), "left is now the top");
         let message = with(6, 8).unwrap_err().to_string();
         assert!(message.contains("m.png") && message.contains("6 × 8") && message.contains("8 × 6"), "{message}");
     }

@@ -35,6 +35,8 @@ pub enum Kind {
     Exr,
     /// A photo.
     Image,
+    /// MP4, QuickTime, Matroska, WebM, AVI or MPEG.
+    Video,
     /// No bytes.
     Empty,
     /// None of these.
@@ -56,6 +58,15 @@ impl Kind {
             [0x89, b'P', b'N', b'G', ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => {
                 Kind::Image
             }
+            [0x1a, 0x45, 0xdf, 0xa3, ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', b' ', ..] => {
+                Kind::Video
+            }
+            // Photos of phones are such containers, too.
+            [_, _, _, _, b'f', b't', b'y', b'p', brand @ ..]
+                if ![&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|photo| brand.starts_with(photo)) =>
+            {
+                Kind::Video
+            }
             // It begins with any numbers, so less than four bytes can be a mark by chance.
             _ if ending("splat") => Kind::Splat,
             // A version before 4 is a whole gzip stream.
@@ -74,6 +85,7 @@ impl Kind {
             _ if text.starts_with(b"{") && path.file_name().is_some_and(|name| name == SOG_META) => Kind::Sog,
             _ if text.starts_with(b"{") => Kind::Json,
             _ if ending("ksplat") => Kind::Ksplat,
+            _ if ["mpg", "mpeg", "mts", "m2ts", "wmv", "flv"].into_iter().any(ending) => Kind::Video,
             _ => Kind::Unknown,
         }
     }
@@ -99,6 +111,7 @@ impl Kind {
     pub(super) fn advice(self) -> &'static str {
         match self {
             Kind::Ksplat => "; export it as PLY",
+            Kind::Json => " (where both are arguments, the scene comes before the dataset)",
             Kind::Spz | Kind::Splat | Kind::Sog | Kind::Zip | Kind::Gzip | Kind::Gltf if !self.may_be_scene() => {
                 "; this build of glint reads PLY scenes only"
             }
@@ -122,6 +135,7 @@ impl fmt::Display for Kind {
             Kind::Safetensors => "a safetensors file",
             Kind::Exr => "an EXR image",
             Kind::Image => "an image",
+            Kind::Video => "a video",
             Kind::Empty => "empty",
             Kind::Unknown => "nothing that glint knows",
         })
@@ -151,6 +165,11 @@ mod tests {
         for image in [&b"\x89PNG"[..], b"\xff\xd8\xff\xe0", b"RIFF\0\0\0\0WEBP", b"II*\0", b"MM\0*", b"BM6"] {
             is(image, "a", Kind::Image);
         }
+        for video in [&b"\0\0\0\x18ftypmp42"[..], b"\0\0\0\x14ftypqt  ", b"\x1a\x45\xdf\xa3", b"RIFF\0\0\0\0AVI LIST"] {
+            is(video, "a", Kind::Video);
+        }
+        is(b"\0\0\x01\xba", "a.MPG", Kind::Video);
+        is(b"\0\0\0\x18ftypheic", "a.mp4", Kind::Unknown);
         is(b"\x40\x01\0\0\0\0\0\0{\"a\"", "a", Kind::Safetensors);
         is(b"", "a.ply", Kind::Empty);
         is(&[7; 64], "a.splat", Kind::Splat);

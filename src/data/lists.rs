@@ -4,8 +4,9 @@ use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::assemble::{Listed, count};
+use super::assemble::Listed;
 use super::dataset::Split;
+use super::left_out::count;
 use super::names;
 use crate::{Error, Result};
 
@@ -36,22 +37,17 @@ pub(super) fn find(folders: &[&Path], sources: &mut Vec<PathBuf>) -> Result<Opti
     Ok((!names.is_empty()).then(|| Lists { train, test, from: names.join(" and ") }))
 }
 
-/// As names are compared: whether an ending is there or not.
-fn key(name: &str) -> String {
-    names::without_ending(&names::slashes(name)).to_owned()
-}
-
 impl Lists {
     /// Splits the photos. Where there is one list, the others have the other part; of two lists the photos in neither are left
     /// out, and those in both are for testing.
     pub(super) fn apply(self, listed: &mut Listed) {
-        let set = |names: Vec<String>| names.iter().map(|name| key(name)).collect::<HashSet<String>>();
+        let set = |names: Vec<String>| names.iter().map(|name| names::compared(name)).collect::<HashSet<String>>();
         let (train, test) = (self.train.map(set), self.test.map(set));
         let mut unknown: HashSet<&String> = train.iter().chain(&test).flatten().collect();
         let mut tests = 0;
         let before = listed.shots.len();
         listed.shots.retain_mut(|shot| {
-            let key = key(&shot.name);
+            let key = names::compared(&shot.name);
             unknown.remove(&key);
             let [train, test] = [&train, &test].map(|list| list.as_ref().map(|names| names.contains(&key)));
             shot.split = match (train, test) {

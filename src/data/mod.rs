@@ -1,6 +1,8 @@
 //! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
 
 #[cfg(feature = "train")]
+mod advice;
+#[cfg(feature = "train")]
 mod assemble;
 #[cfg(feature = "train")]
 mod atomic;
@@ -21,6 +23,7 @@ mod images;
 #[cfg(feature = "train")]
 pub mod kept;
 mod kind;
+mod left_out;
 #[cfg(feature = "train")]
 mod lens;
 #[cfg(feature = "train")]

@@ -1,9 +1,12 @@
-//! Files by names that other systems wrote: with backslashes, in another case, with another ending or none.
+//! Files by names that other systems wrote: with backslashes, in another case or Unicode form, with another ending or none, in
+//! folders of another machine.
 
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
+
+use unicode_normalization::UnicodeNormalization;
 
 /// Endings of image files that are read.
 pub(super) const ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp"];
@@ -17,11 +20,22 @@ pub(super) struct Finder {
     listing: OnceCell<Listing>,
 }
 
-/// Image files by lower-case relative name, and by that without its ending.
+/// Image and PLY files, found by the [`key`] of the relative name, of the relative name without ending (images), and of the bare name.
 #[derive(Default)]
 struct Listing {
     names: HashMap<String, Vec<PathBuf>>,
     stems: HashMap<String, Vec<PathBuf>>,
+    bare: HashMap<String, Vec<(String, PathBuf)>>,
+}
+
+impl Listing {
+    /// The files whose relative names end with `tail`, in any folder except those of masks.
+    fn below(&self, tail: &str) -> impl Iterator<Item = &PathBuf> {
+        let tail = key(tail);
+        let same = self.bare.get(bare(&tail)).into_iter().flatten();
+        let ends = move |name: &str| name.strip_suffix(&tail).is_some_and(|before| before.ends_with('/'));
+        same.filter(move |(name, _)| ends(name) && !name.starts_with("mask")).map(|(_, path)| path)
+    }
 }
 
 impl Finder {
@@ -52,8 +66,7 @@ impl Finder {
                 return Some((found, false));
             }
         }
-        let listing = self.listing.get_or_init(|| list(&self.folder));
-        let name = plain.to_lowercase();
+        let (listing, name) = (self.listing(), key(&plain));
         let only = |found: Option<&Vec<PathBuf>>| match found.map(Vec::as_slice) {
             Some([one]) => Some((one.clone(), true)),
             _ => None,
@@ -63,11 +76,78 @@ impl Finder {
             .or_else(|| only(listing.stems.get(without_ending(&name))))
     }
 
+    /// As [`Finder::find`]; if nothing is found, tries the tails of `name`, which may start with folders of another machine.
+    pub(super) fn find_moved(&self, name: &str) -> Option<(PathBuf, bool)> {
+        let plain = slashes(name);
+        self.find(name).or_else(|| tails(&plain).skip(1).find_map(|tail| self.find(tail)).map(|(path, _)| (path, true)))
+    }
+
+    /// Looks for the longest tail of `name` that has a folder, in any folder except those of masks.
+    ///
+    /// # Errors
+    /// If two files match. The message names both.
+    pub(super) fn find_below(&self, name: &str) -> Result<Option<PathBuf>, String> {
+        let plain = slashes(name);
+        for tail in tails(&plain).filter(|tail| tail.contains('/')) {
+            let mut below = self.listing().below(tail);
+            match (below.next(), below.next()) {
+                (Some(a), Some(b)) => {
+                    let [a, b] = [a, b].map(|path| path.display());
+                    return Err(format!("`{name}` may be {a} or {b}; --images names the folder of the photos"));
+                }
+                (Some(path), None) => return Ok(Some(path.clone())),
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
     /// The mask of the photo `name`: COLMAP's `a.jpg.png`, else `a.jpg`, else `a` with any ending.
     pub(super) fn find_mask(&self, name: &str) -> Option<PathBuf> {
-        let colmaps = self.folder.join(format!("{}.png", slashes(name)));
-        if colmaps.is_file() { Some(colmaps) } else { self.find(name).map(|found| found.0) }
+        let colmaps = format!("{}.png", slashes(name));
+        self.find(&colmaps).or_else(|| self.find(name)).map(|found| found.0)
     }
+
+    /// As [`Finder::find_mask`], by the longest tail of the photo's name.
+    pub(super) fn find_mask_of_tail(&self, name: &str) -> Option<PathBuf> {
+        tails(&slashes(name)).find_map(|tail| self.find_mask(tail))
+    }
+
+    fn listing(&self) -> &Listing {
+        self.listing.get_or_init(|| list(&self.folder))
+    }
+}
+
+/// The form in which names are compared: lower case, and composed, since macOS writes a letter and its accent apart.
+fn key(name: &str) -> String {
+    composed(&name.to_lowercase())
+}
+
+/// The Unicode form NFC.
+pub(super) fn composed(name: &str) -> String {
+    name.nfc().collect()
+}
+
+/// The form in which names of two lists are compared: with `/`, composed, without the ending.
+pub(super) fn compared(name: &str) -> String {
+    composed(without_ending(&slashes(name)))
+}
+
+/// The part after the last `/`.
+fn bare(name: &str) -> &str {
+    name.rsplit_once('/').map_or(name, |(_, bare)| bare)
+}
+
+/// `name`, then `name` without its first folder, and so on.
+pub(super) fn tails(name: &str) -> impl Iterator<Item = &str> {
+    std::iter::successors(Some(name), |name| name.split_once('/').map(|(_, tail)| tail))
+}
+
+/// Whether a name begins at the root of some system: `/home/x`, `C:\x`, `\\server\x`.
+pub(super) fn is_absolute(name: &str) -> bool {
+    let drive =
+        name.as_bytes().first_chunk().is_some_and(|[letter, colon]| letter.is_ascii_alphabetic() && *colon == b':');
+    drive || name.starts_with(['/', '\\'])
 }
 
 /// `name` with `/` between folders and without `.` parts, as it is compared and shown.
@@ -96,6 +176,11 @@ pub(super) fn clean(name: &str) -> String {
     parts.collect::<Vec<_>>().join("/")
 }
 
+/// Counts the image files in a folder and below it.
+pub(super) fn count_photos(folder: &Path) -> usize {
+    list(folder).stems.values().map(Vec::len).sum()
+}
+
 fn list(root: &Path) -> Listing {
     let mut listing = Listing::default();
     let (mut folders, mut count) = (vec![(root.to_owned(), String::new())], 0);
@@ -110,10 +195,15 @@ fn list(root: &Path) -> Listing {
             // Links to folders could lead round in circles.
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 folders.push((path, format!("{name}/")));
-            } else if without_ending(&name) != name {
-                let lower = name.to_lowercase();
-                listing.stems.entry(without_ending(&lower).to_owned()).or_default().push(path.clone());
-                listing.names.entry(lower).or_default().push(path);
+                continue;
+            }
+            let (key, is_image) = (key(&name), without_ending(&name) != name);
+            if is_image {
+                listing.stems.entry(without_ending(&key).to_owned()).or_default().push(path.clone());
+            }
+            if is_image || key.ends_with(".ply") {
+                listing.bare.entry(bare(&key).to_owned()).or_default().push((key.clone(), path.clone()));
+                listing.names.entry(key).or_default().push(path);
             }
         }
     }
@@ -169,6 +259,57 @@ mod tests {
             assert_eq!(find(name), None, "{name}");
         }
         assert_eq!(find("x.txt"), Some(("x.txt".into(), false)));
+    }
+
+    #[test]
+    fn a_letter_and_its_accent_may_be_written_apart() {
+        let (composed, apart) = ("S\u{e4}ule \u{dc}ber.png", "Sa\u{308}ule U\u{308}ber.png");
+        for [there, listed] in [[composed, apart], [apart, composed]] {
+            let folder = folder(&[&format!("\u{dc}/{there}"), &format!("{there}.png"), "plain.png"]);
+            let finder = Finder::new(folder.path());
+            let file = folder.path().join(format!("\u{dc}/{there}"));
+            assert_eq!(finder.find(&format!("U\u{308}/{listed}")), Some((file.clone(), true)));
+            // As it is there, nothing is respelled.
+            assert_eq!(finder.find(&format!("\u{dc}/{there}")), Some((file, false)));
+            assert_eq!(finder.find_mask(listed), Some(folder.path().join(format!("{there}.png"))));
+        }
+    }
+
+    #[test]
+    fn names_of_another_machine_are_found_by_their_longest_tail() {
+        let there =
+            ["images/p.png", "p.png", "a/sub/q.png", "b/sub/q.png", "b/one/r.JPG", "masks/one/r.jpg", "S\u{e4}/t.png"];
+        let folder = folder(&there);
+        let finder = Finder::new(folder.path());
+        let relative = |path: PathBuf| path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
+        for (name, file) in [
+            ("/home/x/d/images/p.png", "images/p.png"),
+            ("C:\\Users\\x\\d\\images\\p.png", "images/p.png"),
+            ("scene_01/images/p.png", "images/p.png"),
+            ("../images/p.png", "images/p.png"),
+            ("/home/x/photos/p.png", "p.png"),
+            ("/home/x/d/b/sub/q.png", "b/sub/q.png"),
+            ("/home/x/Sa\u{308}/t.png", "S\u{e4}/t.png"),
+        ] {
+            let (path, respelled) = finder.find_moved(name).unwrap();
+            assert_eq!((relative(path), respelled), (file.into(), true), "{name}");
+        }
+        assert_eq!(
+            finder.find_moved("images/p.png").map(|(path, other)| (relative(path), other)),
+            Some(("images/p.png".into(), false))
+        );
+        let absolute = folder.path().join("images/p.png");
+        assert_eq!(finder.find_moved(absolute.to_str().unwrap()), Some((absolute, false)));
+        // A file in a folder of another name may be another picture.
+        assert_eq!(finder.find_moved("/home/x/images/q.png"), None);
+        assert_eq!(finder.find_below("/home/x/images/q.png"), Ok(None));
+        assert_eq!(finder.find_below("D:/y/one/R.jpg").unwrap().map(relative), Some("b/one/r.JPG".into()));
+        let both = finder.find_below("/home/x/sub/q.png").unwrap_err();
+        assert!(["a/sub/q.png", "b/sub/q.png", "--images"].iter().all(|part| both.contains(part)), "{both}");
+        assert_eq!(
+            ["/a", "C:\\a", "c:/a", "\\\\s\\a", "a/b", "a", "", "ab:"].map(is_absolute),
+            [1, 1, 1, 1, 0, 0, 0, 0].map(|n| n == 1)
+        );
     }
 
     /// COLMAP calls the mask of `a.jpg` `a.jpg.png`, others `a.png`.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::names::Finder;
-use super::{DatasetOptions, assemble::count};
+use super::{DatasetOptions, left_out::count};
 use crate::{Error, Result};
 
 /// Where a dataset has its own model, in order; and where a tool left the one that it worked with.
@@ -42,6 +42,12 @@ fn models(root: &Path) -> Vec<(String, bool)> {
     let [own, theirs] = NUMBERED.map(numbered);
     let all = fixed.chain(own).chain(aside).chain(theirs);
     all.filter(|(place, _)| is_model(&root.join(place))).collect()
+}
+
+/// Whether a folder has a model and photos in the usual places.
+pub(super) fn is_dataset(root: &Path) -> bool {
+    let photos = |base: &str| PHOTOS.iter().any(|name| root.join(base).join(name).is_dir());
+    !models(root).is_empty() && ["", "dense", "colmap"].into_iter().any(photos)
 }
 
 /// The model that is asked for, else the first of the usual places.

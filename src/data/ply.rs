@@ -18,12 +18,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::left_out::LeftOut;
 use super::ply_format::{Element, Number, Ply};
 use super::scene_file::SceneFile;
 use crate::scene::{
     Gaussians, Lobes, Scene, Supplement,
     layout::{self, BETA_LOBES, BETAS},
 };
+use crate::stages::constants::constants::SH_C0;
 use crate::{Error, Result};
 
 /// A sparse point cloud, scene units and 8-bit sRGB.
@@ -70,11 +72,12 @@ pub(super) const DC: usize = 3;
 pub(super) const SHAPE: usize = 6;
 
 /// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
-/// if none is larger. Points without colour are mid grey.
-pub fn read_points(path: impl AsRef<Path>) -> Result<PointCloud> {
+/// if none is larger. Points without colour are mid grey. Points whose position is not finite are left out, and a sentence in `notes`
+/// counts them.
+pub fn read_points(path: impl AsRef<Path>, notes: &mut Vec<String>) -> Result<PointCloud> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    parse_points(&bytes, path)
+    parse_points(&bytes, path, notes)
 }
 
 /// Whether a file is a PLY of points, and not of Gaussians, as far as its header says.
@@ -93,7 +96,7 @@ pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
     Ok(header.starts_with("ply") && !gaussians.iter().any(|name| header.contains(name)))
 }
 
-pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
+pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
     let element = ply.element(BASE).ok_or_else(|| fail(format!("has no element `{BASE}`")))?;
@@ -105,7 +108,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         _ => return Err(fail(format!("element `{BASE}` has only some of `red`, `green`, `blue`"))),
     };
     let floats = rgb.iter().flatten().any(|&p| !element.properties[p].number.is_integer());
-    let mut cloud = PointCloud::default();
+    let (mut cloud, mut left_out) = (PointCloud::default(), LeftOut::default());
     let (mut colors, mut largest) = (Vec::new(), 0.0f64);
     ply.for_each_row(|element, row, values| {
         if element.name != BASE {
@@ -115,7 +118,8 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         // guard: PLY: points
         if let Some(axis) = position.iter().position(|v| !(*v as f32).is_finite()) {
             let name = ["x", "y", "z"][axis];
-            return Err(fail(format!("row {row} of element `{BASE}`: `{name}` is not a finite number")));
+            left_out.add(|| format!("row {row}"), || format!("row {row}: `{name}` is not a finite number"));
+            return Ok(());
         }
         let color = rgb.map_or([128.0; 3], |rgb| rgb.map(|p| values[p]));
         if let Some(bad) = color.iter().find(|v| !(0.0..=255.0).contains(*v)) {
@@ -127,6 +131,8 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path) -> Result<PointCloud> {
         largest = color.iter().copied().fold(largest, f64::max);
         Ok(())
     })?;
+    let all = cloud.positions.len() + left_out.count;
+    notes.extend(left_out.note(all, "point").map(|text| format!("{}: {text}", path.display())));
     let unit = if floats && largest <= 1.0 { 255.0 } else { 1.0 };
     cloud.colors = colors.into_iter().map(|color| color.map(|v| (v * unit).round() as u8)).collect();
     Ok(cloud)
@@ -213,11 +219,16 @@ fn filtered(log_scales: [f32; 3], logit: f32, filter: f64) -> ([f32; 3], f32) {
     }
 }
 
+/// Colours that some writers have in place of f_dc_*: 0 to 255, or as floats 0 to 1 if none is larger.
+const PLAIN: [&str; 3] = ["red", "green", "blue"];
+
 /// Property indices of one element.
 struct Columns {
     fixed: [usize; FIXED.len()],
     /// That of [`FILTER`].
     filter: Option<usize>,
+    /// Set if the element has colours in place of their coefficients: whether they are integers.
+    plain: Option<bool>,
     sh_degree: u32,
     /// By coefficient beyond the constant one, then channel.
     rest: Vec<[usize; 3]>,
@@ -238,9 +249,14 @@ impl Columns {
             named.get(name).copied().ok_or_else(lacks)
         };
         let mut fixed = [0; FIXED.len()];
+        let plain =
+            FIXED[DC..SHAPE].iter().zip(PLAIN).all(|(dc, plain)| !named.contains_key(dc) && named.contains_key(plain));
         for (slot, name) in fixed.iter_mut().zip(FIXED) {
-            *slot = place(name)?;
+            let dc = FIXED[DC..SHAPE].iter().position(|dc| plain && *dc == name);
+            *slot = place(dc.map_or(name, |channel| PLAIN[channel]))?;
         }
+        let integers = |&p: &usize| element.properties[p].number.is_integer();
+        let plain = plain.then(|| fixed[DC..SHAPE].iter().all(integers));
         let sh_degree = degree_of(&element.name, |prefix| named.keys().filter(|n| n.starts_with(prefix)).count())?;
         let (prefix, order) = beyond(sh_degree);
         let mut rest = vec![[0; 3]; order.len() / 3];
@@ -257,7 +273,7 @@ impl Columns {
                 Some(lobe)
             }
         };
-        Ok(Columns { fixed, filter: element.scalar(FILTER), sh_degree, rest, lobe })
+        Ok(Columns { fixed, filter: element.scalar(FILTER), plain, sh_degree, rest, lobe })
     }
 
     /// Means count from `origin`.
@@ -402,6 +418,15 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
         }
         Ok(())
     })?;
+    for (columns, gaussians) in [(Some(&base_columns), &mut base), (extra_columns.as_ref(), &mut extra)] {
+        if let Some(integers) = columns.and_then(|columns| columns.plain) {
+            let k = gaussians.sh_coefficients();
+            let largest = gaussians.sh.iter().step_by(k).flatten().fold(0.0, |a: f32, &b| a.max(b));
+            let white = if integers || largest > 1.0 { 255.0 } else { 1.0 };
+            let colours = gaussians.sh.iter_mut().step_by(k).flatten();
+            colours.for_each(|v| *v = (*v / white - 0.5) / SH_C0);
+        }
+    }
     let mut shown = None;
     if let Some(columns) = learned_columns {
         shown = Some(base.clone());
@@ -573,6 +598,38 @@ mod tests {
             supplement: Some(Supplement { gaussians: gaussians(0, 2, 0.0), lobes: Lobes::default() }),
             ..Default::default()
         });
+    }
+
+    #[test]
+    fn colours_may_stand_in_the_place_of_their_coefficients() {
+        let with = |kind: &str, colours: [&str; 2]| {
+            let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 2\n");
+            let names = FIXED.map(|name| match name {
+                "f_dc_0" => format!("property {kind} red\n"),
+                "f_dc_1" => format!("property {kind} green\n"),
+                "f_dc_2" => format!("property {kind} blue\n"),
+                name => format!("property float {name}\n"),
+            });
+            text += &(names.concat() + "end_header\n");
+            colours.iter().for_each(|rgb| text += &format!("1 2 3 {rgb} 0.5 -1 -1 -1 1 0 0 0\n"));
+            parse_ply(text.as_bytes(), Path::new("a.ply")).map(|scene| scene.base.sh)
+        };
+        // Y₀⁰ = √(1/4π) = 0.2820948: black is −½ of it, white ½.
+        let (half, fifth) = (0.5 / 0.282_094_8, 0.2 / 0.282_094_8);
+        let near = |found: Vec<[f32; 3]>, expected: [[f32; 3]; 2]| {
+            let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+            assert!(found.len() == 2 && pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-5), "{found:?}");
+        };
+        let expected = [[-half, half, fifth - half], [half, -half, half - fifth]];
+        near(with("uchar", ["0 255 51", "255 0 204"]).unwrap(), expected);
+        near(with("float", ["0 255 51", "255 0 204"]).unwrap(), expected);
+        near(with("float", ["0 1 0.2", "1 0 0.8"]).unwrap(), expected);
+        // Those of one value are bytes too.
+        near(
+            with("uchar", ["0 1 1", "1 1 0"]).unwrap()[..1].repeat(2),
+            [[-half, 1.0 / 255.0 / 0.282_094_8 - half, 1.0 / 255.0 / 0.282_094_8 - half]; 2],
+        );
+        assert!(with("float", ["nan 0 0", "0 0 0"]).unwrap_err().to_string().contains("f_dc_0"));
     }
 
     #[test]
@@ -1020,22 +1077,30 @@ mod tests {
     fn point_clouds_are_read_with_and_without_colour() {
         let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty float y\nproperty float z\n";
         let plain = format!("{head}end_header\n1 2 3\n4 5 6\n");
-        let cloud = parse_points(plain.as_bytes(), Path::new("p.ply")).unwrap();
+        let cloud = parse_points(plain.as_bytes(), Path::new("p.ply"), &mut Vec::new()).unwrap();
         assert_eq!(cloud, PointCloud { positions: vec![[1., 2., 3.], [4., 5., 6.]], colors: vec![[128; 3]; 2] });
         let rgb = "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
-        let cloud =
-            parse_points(format!("{head}{rgb}1 2 3 0 9 255\n4 5 6 7 8 9\n").as_bytes(), Path::new("p.ply")).unwrap();
+        let cloud = parse_points(
+            format!("{head}{rgb}1 2 3 0 9 255\n4 5 6 7 8 9\n").as_bytes(),
+            Path::new("p.ply"),
+            &mut Vec::new(),
+        )
+        .unwrap();
         assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
-        let error = |text: String| parse_points(text.as_bytes(), Path::new("p.ply")).unwrap_err().to_string();
+        let read = |text: String, notes: &mut Vec<String>| parse_points(text.as_bytes(), Path::new("p.ply"), notes);
+        let error = |text: String| read(text, &mut Vec::new()).unwrap_err().to_string();
         assert!(error(format!("{head}{rgb}1 2 3 0 9 256\n4 5 6 7 8 9\n")).contains("256"));
         let floats = rgb.replace("uchar", "float");
-        let colors =
-            |rows: &str| parse_points(format!("{head}{floats}{rows}").as_bytes(), Path::new("p.ply")).unwrap().colors;
+        let colors = |rows: &str| read(format!("{head}{floats}{rows}"), &mut Vec::new()).unwrap().colors;
         assert_eq!(colors("1 2 3 0 0.2 1\n4 5 6 0.5 0.001 1.0\n"), [[0, 51, 255], [128, 0, 255]]);
         assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
         assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
         assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
-        assert!(error(format!("{head}end_header\n1 inf 3\n4 5 6\n")).contains("row 0"));
+        // What is not finite is left out and told, with its colour, whatever that is.
+        let mut notes = Vec::new();
+        let cloud = read(format!("{head}{floats}1 inf 3 nan 900 0\n4 5 6 0.2 0.4 1\n"), &mut notes).unwrap();
+        assert_eq!((cloud.positions, cloud.colors), (vec![[4.0, 5.0, 6.0]], vec![[51, 102, 255]]));
+        assert_eq!(notes, ["p.ply: 1 point of 2 left out: row 0: `y` is not a finite number"]);
     }
 
     proptest! {
@@ -1057,7 +1122,7 @@ mod tests {
                 bytes.truncate((cut * 2.0 * bytes.len() as f64) as usize);
             }
             let _ = parse_ply(&bytes, Path::new("a.ply"));
-            let _ = parse_points(&bytes, Path::new("a.ply"));
+            let _ = parse_points(&bytes, Path::new("a.ply"), &mut Vec::new());
         }
     }
 }

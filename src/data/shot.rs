@@ -15,7 +15,7 @@ pub(super) struct Shot {
     pub(super) path: Option<PathBuf>,
     /// Where it should be, for errors.
     pub(super) expected: PathBuf,
-    /// Whether the file has another case or ending than the name.
+    /// Whether the file has another case, ending or folder than the name.
     pub(super) respelled: bool,
     pub(super) mask: Option<PathBuf>,
     /// The file that names it, for errors.
@@ -24,6 +24,8 @@ pub(super) struct Shot {
     /// World to camera, OpenCV axes.
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
+    /// Why its pose is none.
+    pub(super) lost: Option<String>,
     pub(super) split: Option<Split>,
 }
 

@@ -2,25 +2,31 @@
 //!
 //! Poses are camera-to-world in OpenGL axes (x right, y up, z backward).
 
+use std::borrow::Cow;
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::assemble::{Listed, unused_masks};
 use super::dataset::{DatasetOptions, Holdout, Split};
+use super::left_out::count;
 use super::lens::{Distortion, Polynomial};
 use super::lists::Lists;
-use super::names::{self, Finder};
+use super::names::{self, Finder, tails};
 use super::shot::{Focal, Shot, SourceCamera};
-use super::{places, ply};
+use super::{colmap, places, ply};
 use crate::{Error, Result};
 
 pub(super) const TRAIN: &str = "transforms_train.json";
 const TEST: &str = "transforms_test.json";
 const VALIDATION: &str = "transforms_val.json";
 const PLAIN: &str = "transforms.json";
+/// Point clouds that nerfstudio and 3DGS write beside such a file, in the frame of its cameras.
+const CLOUDS: [&str; 2] = ["sparse_pc.ply", "points3D.ply"];
 
 /// The largest entry by which RᵀR may differ from a multiple of the identity. Matrices written in float32 differ by 1e-6, those
 /// with six digits by 1e-5; an error of 1e-3 radian moves a picture with a focal length of 1000 by a pixel.
@@ -41,7 +47,9 @@ struct File {
 struct Frame {
     file_path: String,
     mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
+    /// Rows of numbers; a tracker that lost the frame writes anything else.
+    #[serde(default)]
+    transform_matrix: Value,
     #[serde(flatten)]
     camera: Camera,
 }
@@ -78,69 +86,66 @@ pub(super) fn find(folder: &Path) -> Option<PathBuf> {
 /// alone.
 pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) -> Result<Listed> {
     let test = path.with_file_name(TEST);
-    let is_train = path.file_name().is_some_and(|name| name == TRAIN);
-    if named_itself || !is_train {
-        return read_file(path, None, options);
-    }
-    let mut all = read_file(path, test.is_file().then_some(Split::Train), options)?;
-    if test.is_file() {
-        let test = read_file(&test, Some(Split::Test), options)?;
+    let in_folder = !named_itself && path.file_name().is_some_and(|name| name == TRAIN);
+    let both = in_folder && test.is_file();
+    let (mut all, cloud) = read_file(path, both.then_some(Split::Train), options)?;
+    if both {
+        let (test, _) = read_file(&test, Some(Split::Test), options)?;
         all.shots.extend(test.shots);
         all.sources.extend(test.sources);
         // Both files may say the same.
         all.notes.extend(test.notes);
         all.notes.dedup();
     }
-    let others = [VALIDATION, PLAIN].into_iter().filter(|name| path.with_file_name(name).is_file());
+    add_points(path, cloud.as_deref(), &mut all)?;
+    let others = [VALIDATION, PLAIN].into_iter().filter(|name| in_folder && path.with_file_name(name).is_file());
     all.notes.extend(others.map(|name| format!("{name} is not used")));
     Ok(all)
 }
 
-fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<Listed> {
+/// The photos of a file, and its `ply_file_path`.
+fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<(Listed, Option<String>)> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let file = parse(&bytes, path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let asked = options.images.as_ref().map(|images| places::asked_folder(folder, images)).transpose()?;
     let finder = Finder::new(folder);
-    let elsewhere = asked.as_ref().map(Finder::new);
+    let found = find_photos(&file, path, &finder, asked.as_deref())?;
     let masks = places::masks(asked.as_deref().unwrap_or(&folder.join("images")));
     let mut shots = Vec::with_capacity(file.frames.len());
-    for (i, frame) in file.frames.iter().enumerate() {
-        let (camera, rotation, translation) = file.view(i, path)?;
-        let name = names::slashes(&frame.file_path);
-        // Another folder holds what is in `images` by the same names.
-        let (found, expected) = match &elsewhere {
-            None => (finder.find(&frame.file_path), finder.expected(&frame.file_path)),
-            Some(elsewhere) => (
-                tails(&name).find_map(|tail| elsewhere.find(tail)),
-                elsewhere.expected(tails(&name).last().unwrap_or("")),
-            ),
+    for (i, (frame, (found, expected))) in file.frames.iter().zip(found).enumerate() {
+        let camera = source_camera(&frame.camera, &file.camera).map_err(|what| frame.fault(i, path, &what))?;
+        let (pose, lost) = match pose(&frame.transform_matrix) {
+            Ok(pose) => (pose, None),
+            Err(why) => ((DMat3::IDENTITY, DVec3::ZERO), Some(format!("frame {i}: {why}"))),
         };
         let mask = match &frame.mask_path {
-            Some(mask) => {
-                let missing = || frame.fault(i, path, &format!("no mask {}", finder.expected(mask).display()));
-                Some(finder.find(mask).ok_or_else(missing)?.0)
-            }
-            None => masks.as_ref().and_then(|masks| tails(&name).find_map(|tail| masks.find_mask(tail))),
+            Some(mask) if lost.is_none() => Some(find_mask(mask, &finder).ok_or_else(|| {
+                frame.fault(
+                    i,
+                    path,
+                    &format!("no mask {}; expected it, or no `mask_path`", finder.expected(mask).display()),
+                )
+            })?),
+            _ => None,
         };
         shots.push(Shot {
-            name,
+            name: names::slashes(&frame.file_path),
             expected,
             respelled: found.as_ref().is_some_and(|found| found.1),
             path: found.map(|found| found.0),
             mask,
             listed_in: path.to_owned(),
             camera,
-            rotation,
-            translation,
+            rotation: pose.0,
+            translation: pose.1,
+            lost,
             split,
         });
     }
-    let cloud = file.ply_file_path.map(|name| folder.join(names::slashes(&name)));
-    let points = cloud.as_ref().map(ply::read_points).transpose()?.filter(|p| !p.positions.is_empty());
-    let sources = std::iter::once(path.to_owned()).chain(cloud).collect();
-    let notes = Vec::from_iter(unused_masks(masks.is_some(), &shots));
-    let mut listed = Listed { shots, points, sources, notes };
+    let mut notes = masks.as_ref().map(|masks| add_masks(&mut shots, masks)).unwrap_or_default();
+    notes.extend(unused_masks(masks.is_some() && notes.is_empty(), &shots));
+    let mut listed = Listed { shots, points: None, sources: vec![path.to_owned()], notes };
     let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
     let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
     if options.holdout == Holdout::Dataset
@@ -151,12 +156,110 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
         let names = ["train_filenames", if test.is_some() { "test_filenames" } else { "val_filenames" }];
         Lists { train, test: test.or(validation), from: names.join(" and ") }.apply(&mut listed);
     }
-    Ok(listed)
+    Ok((listed, file.ply_file_path))
 }
 
-/// `name`, and what is left of it without its first folder, and so on.
-fn tails(name: &str) -> impl Iterator<Item = &str> {
-    std::iter::successors(Some(name), |name| name.split_once('/').map(|(_, tail)| tail))
+/// The file found for a name, with whether it is respelled; and the path where it is expected.
+type Looked = (Option<(PathBuf, bool)>, PathBuf);
+
+/// Looks up each frame's photo. `asked` is the folder of `--images`, which holds the photos under the same names.
+fn find_photos(file: &File, path: &Path, finder: &Finder, asked: Option<&Path>) -> Result<Vec<Looked>> {
+    let names = file.frames.iter().map(|frame| &frame.file_path);
+    if let Some(asked) = asked.map(Finder::new) {
+        return Ok(names
+            .map(|name| {
+                let name = names::slashes(name);
+                let bare = tails(&name).last().unwrap_or("");
+                (tails(&name).find_map(|tail| asked.find(tail)), asked.expected(bare))
+            })
+            .collect());
+    }
+    let mut found: Vec<Looked> = names.map(|name| (finder.find_moved(name), finder.expected(name))).collect();
+    // If some photos are there, the others are missing, and a file of that name elsewhere is another picture.
+    if found.iter().all(|(photo, _)| photo.is_none()) {
+        for ((photo, _), (i, frame)) in found.iter_mut().zip(file.frames.iter().enumerate()) {
+            let below = finder.find_below(&frame.file_path).map_err(|what| frame.fault(i, path, &what))?;
+            *photo = below.map(|path| (path, true));
+        }
+    }
+    Ok(found)
+}
+
+/// Finds the file of a `mask_path`, by a tail with a folder too: the bare name may be the photo's.
+fn find_mask(name: &str, finder: &Finder) -> Option<PathBuf> {
+    let plain = names::slashes(name);
+    let moved = || tails(&plain).skip(1).filter(|tail| tail.contains('/')).find_map(|tail| finder.find(tail));
+    finder.find(name).or_else(moved).map(|found| found.0)
+}
+
+/// Assigns masks by the photos' names, unless several photos share a mask, for which it returns a note.
+fn add_masks(shots: &mut [Shot], masks: &Finder) -> Vec<String> {
+    let mut owners: HashMap<PathBuf, Vec<usize>> = HashMap::new();
+    for (i, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.mask.is_none()) {
+        let mask = masks.find_mask_of_tail(&shot.name);
+        mask.into_iter().for_each(|mask| owners.entry(mask).or_default().push(i));
+    }
+    let mut shared: Vec<_> = owners.iter().filter(|(_, owners)| owners.len() > 1).collect();
+    shared.sort();
+    let note = shared.first().map(|(mask, owners)| {
+        let [a, b] = [owners[0], owners[1]].map(|i| &shots[i].name);
+        let (count, mask) = (count(shared.len(), "mask"), mask.display());
+        format!("{count} left out, since several photos share the name: {mask} is for `{a}` and `{b}`; expected a folder for each camera")
+    });
+    for (mask, owners) in owners {
+        if let [one] = owners[..] {
+            shots[one].mask = Some(mask);
+        }
+    }
+    note.into_iter().collect()
+}
+
+/// Reads the points that the file names; else those beside it, with a note.
+fn add_points(path: &Path, named: Option<&str>, listed: &mut Listed) -> Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if let Some(name) = named {
+        let finder = Finder::new(folder);
+        if let Some((cloud, _)) = finder.find_moved(name) {
+            let points = ply::read_points(&cloud, &mut listed.notes)?;
+            listed.points = Some(points).filter(|points| !points.positions.is_empty());
+            listed.sources.push(cloud);
+            return Ok(());
+        }
+        listed.notes.push(format!("`ply_file_path` is left out: {} is missing", finder.expected(name).display()));
+    }
+    for (name, cloud) in CLOUDS.map(|name| (name, folder.join(name))) {
+        // A trained scene may have this name too.
+        if !cloud.is_file() || !ply::is_point_cloud(&cloud)? {
+            continue;
+        }
+        match ply::read_points(&cloud, &mut listed.notes) {
+            Ok(points) if points.positions.is_empty() => {}
+            Ok(points) => {
+                listed.notes.push(format!("the points of {name} are taken, which {} does not name", file_name(path)));
+                listed.points = Some(points);
+                listed.sources.push(cloud);
+                return Ok(());
+            }
+            Err(error) => listed.notes.push(format!("the points of {name} are left out: {error}")),
+        }
+    }
+    let Some(model) = places::find_model(folder, &DatasetOptions::default())? else { return Ok(()) };
+    let place = model.folder.strip_prefix(folder).unwrap_or(&model.folder).display().to_string();
+    let what = match colmap::points_for(&model.folder, &listed.shots, &mut listed.notes) {
+        Ok(Some((points, source))) => {
+            listed.points = Some(points);
+            listed.sources.push(source);
+            "are taken, in the frame of these cameras".into()
+        }
+        Ok(None) => return Ok(()),
+        Err(why) => format!("are left out: {why}"),
+    };
+    listed.notes.push(format!("the points of the COLMAP model in {place} {what}"));
+    Ok(())
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 impl Frame {
@@ -165,30 +268,54 @@ impl Frame {
     }
 }
 
-impl File {
-    /// Intrinsics, and rotation and translation from world to camera, of one frame.
-    fn view(&self, index: usize, path: &Path) -> Result<(SourceCamera, DMat3, DVec3)> {
-        let frame = &self.frames[index];
-        let fail = |what: String| frame.fault(index, path, &what);
-        let (rotation, translation) = pose(&frame.transform_matrix).map_err(fail)?;
-        Ok((source_camera(&frame.camera, &self.camera).map_err(fail)?, rotation, translation))
-    }
-}
-
 /// Reads `bytes` and judges every frame as [`read`] does, without looking for its image.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let file = parse(bytes, path)?;
-    (0..file.frames.len()).try_for_each(|i| file.view(i, path).map(drop))
+    file.frames.iter().enumerate().try_for_each(|(i, frame)| {
+        let judged = pose(&frame.transform_matrix).and_then(|_| source_camera(&frame.camera, &file.camera));
+        judged.map(drop).map_err(|what| frame.fault(i, path, &what))
+    })
 }
 
 fn parse(bytes: &[u8], path: &Path) -> Result<File> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    let file: File = serde_json::from_slice(bytes)
-        .map_err(|error| Error::input(path, format!("is not a sound transforms file: {error}")))?;
+    let parse = |bytes: &[u8]| serde_json::from_slice::<File>(bytes);
+    let file = parse(bytes).or_else(|error| match quoted(bytes) {
+        Cow::Owned(bytes) => parse(&bytes),
+        Cow::Borrowed(_) => Err(error),
+    });
+    let file = file.map_err(|error| Error::input(path, format!("is not a sound transforms file: {error}")))?;
     if file.frames.is_empty() {
         return Err(Error::input(path, "`frames` is empty"));
     }
     Ok(file)
+}
+
+/// Quotes bare `NaN`, `Infinity` and `-Infinity`, which Python writes although JSON has no such words.
+fn quoted(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const WORDS: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
+    let (mut out, mut from, mut at, mut in_string) = (Vec::new(), 0, 0, false);
+    while at < bytes.len() {
+        match bytes[at] {
+            b'\\' if in_string => at += 1,
+            b'"' => in_string = !in_string,
+            _ if in_string => {}
+            _ => {
+                if let Some(word) = WORDS.iter().find(|word| bytes[at..].starts_with(word)) {
+                    out.extend([&bytes[from..at], b"\"", word, b"\""].concat());
+                    from = at + word.len();
+                    at = from;
+                    continue;
+                }
+            }
+        }
+        at += 1;
+    }
+    if from == 0 {
+        return Cow::Borrowed(bytes);
+    }
+    out.extend(&bytes[from..]);
+    Cow::Owned(out)
 }
 
 fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
@@ -246,7 +373,15 @@ fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
 
 /// World-to-camera rotation and translation in OpenCV axes from a camera-to-world matrix in OpenGL axes. A uniform scale of the
 /// rotation part (a scaled camera object in Blender) changes no ray and is taken out; skew and mirroring are refused.
-fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
+fn pose(matrix: &Value) -> Result<(DMat3, DVec3), String> {
+    if matrix.is_null() {
+        return Err("there is no `transform_matrix`".into());
+    }
+    // Anything else than a number counts as NaN.
+    let numbers = |row: &Value| -> Vec<f64> {
+        row.as_array().into_iter().flatten().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
+    };
+    let rows: Vec<Vec<f64>> = matrix.as_array().into_iter().flatten().map(numbers).collect();
     if !(rows.len() == 3 || rows.len() == 4) || rows.iter().any(|row| row.len() != 4) {
         return Err("`transform_matrix` is not 4 × 4 (or 3 × 4)".into());
     }
@@ -287,7 +422,7 @@ fn pose(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use serde_json::{Value, json};
+    use serde_json::json;
 
     use super::*;
 
@@ -295,8 +430,8 @@ mod tests {
     const UPRIGHT: [[f64; 4]; 4] =
         [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]];
 
-    fn rows(matrix: [[f64; 4]; 4]) -> Vec<Vec<f64>> {
-        matrix.iter().map(|row| row.to_vec()).collect()
+    fn pose(matrix: &[[f64; 4]]) -> Result<(DMat3, DVec3), String> {
+        super::pose(&json!(matrix))
     }
 
     fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
@@ -332,48 +467,87 @@ mod tests {
 
     #[test]
     fn opengl_poses_become_opencv_ones() {
-        let (rotation, translation) = pose(&rows(UPRIGHT)).unwrap();
+        let (rotation, translation) = pose(&UPRIGHT).unwrap();
         let camera = |p: DVec3| rotation * p + translation;
         assert!((camera(DVec3::new(1.0, 7.0, 3.0)) - DVec3::new(0.0, 0.0, 5.0)).length() < 1e-12);
         // Up is −y, right stays right.
         assert!((camera(DVec3::new(1.5, 7.0, 4.0)) - DVec3::new(0.5, -1.0, 5.0)).length() < 1e-12);
-        assert_eq!(pose(&rows(UPRIGHT)[..3]).unwrap(), (rotation, translation));
+        assert_eq!(pose(&UPRIGHT[..3]).unwrap(), (rotation, translation));
     }
 
     #[test]
     fn a_uniform_scale_changes_nothing_and_small_errors_are_taken_out() {
-        let exact = pose(&rows(UPRIGHT)).unwrap();
+        let exact = pose(&UPRIGHT).unwrap();
         for scale in [1e-3, 0.5, 40.0] {
             let mut scaled = UPRIGHT;
             scaled[..3].iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= scale));
-            let (rotation, translation) = pose(&rows(scaled)).unwrap();
+            let (rotation, translation) = pose(&scaled).unwrap();
             assert!((rotation - exact.0).to_cols_array().iter().all(|v| v.abs() < 1e-12));
             assert!((translation - exact.1).length() < 1e-12);
         }
         let mut skewed = UPRIGHT;
         skewed[0][1] = 9e-4;
-        let (rotation, _) = pose(&rows(skewed)).unwrap();
+        let (rotation, _) = pose(&skewed).unwrap();
         let gram = rotation.transpose() * rotation - DMat3::IDENTITY;
         assert!(gram.to_cols_array().iter().all(|v| v.abs() < 1e-12));
     }
 
+    /// Asserts the reason why the frame is left out.
+    #[track_caller]
+    fn expect_lost(frame: Value, part: &str) {
+        let why = one(json!({"camera_angle_x": 0.7}), frame).unwrap().lost.unwrap();
+        assert!(why.starts_with("frame 0") && why.contains(part), "`{part}` is not in: {why}");
+    }
+
     #[test]
-    fn bad_matrices_are_refused_by_frame() {
+    fn bad_matrices_are_left_out_by_frame() {
         let edited = |row: usize, column: usize, value: f64| {
             let mut matrix = UPRIGHT;
             matrix[row][column] = value;
             json!({"transform_matrix": matrix})
         };
-        let all = || json!({"camera_angle_x": 0.7});
-        expect(all(), edited(0, 1, 0.01), &["frame 0", "a.png", "RᵀR"]);
-        expect(all(), edited(0, 0, 1.1), &["RᵀR"]);
-        expect(all(), edited(0, 0, -1.0), &["determinant"]);
-        expect(all(), edited(0, 0, 0.0), &["determinant"]);
-        expect(all(), edited(3, 3, 2.0), &["last row"]);
-        expect(all(), json!({"transform_matrix": [[1, 0, 0, 0]]}), &["4 × 4"]);
-        expect(all(), json!({"transform_matrix": [[1, 0], [1, 0], [1, 0], [1, 0]]}), &["4 × 4"]);
-        expect(all(), json!({"transform_matrix": null}), &["not a sound transforms file", "line 1"]);
-        assert!(pose(&vec![vec![f64::NAN; 4]; 4]).unwrap_err().contains("not finite"));
+        expect_lost(edited(0, 1, 0.01), "RᵀR");
+        expect_lost(edited(0, 0, 1.1), "RᵀR");
+        expect_lost(edited(0, 0, -1.0), "determinant");
+        expect_lost(edited(0, 0, 0.0), "determinant");
+        expect_lost(edited(3, 3, 2.0), "last row");
+        let matrix = |matrix: Value| json!({"transform_matrix": matrix});
+        expect_lost(matrix(json!([[1, 0, 0, 0]])), "4 × 4");
+        expect_lost(matrix(json!([[1, 0], [1, 0], [1, 0], [1, 0]])), "4 × 4");
+        expect_lost(matrix(json!("lost")), "4 × 4");
+        expect_lost(matrix(json!(vec![[0.0; 4]; 4])), "last row");
+        expect_lost(matrix(json!(vec![[0.0; 4]; 3])), "determinant");
+        expect_lost(matrix(json!(null)), "no `transform_matrix`");
+        for none in [json!(null), json!("NaN"), json!("-Infinity")] {
+            expect_lost(matrix(json!([[none, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])), "not finite");
+        }
+    }
+
+    /// Python writes what JSON has no word for.
+    #[test]
+    fn a_frame_without_a_pose_does_not_refuse_the_others() {
+        let read = |first: &str| {
+            let frame = |name: &str, matrix: &str| format!(r#"{{"file_path": "{name}.png"{matrix}}}"#);
+            let matrix = format!(r#", "transform_matrix": {}"#, json!(UPRIGHT));
+            let frames = [frame("a", first), frame("NaN, \\\" -Infinity", &matrix)].join(",");
+            let text = format!(r#"{{"fl_x": 9, "frames": [{frames}]}}"#);
+            let folder = folder(&[(PLAIN, &text), ("a.png", "")]);
+            super::read(&folder.path().join(PLAIN), false, &DatasetOptions::default())
+        };
+        for first in [
+            "",
+            r#", "transform_matrix": null"#,
+            r#", "transform_matrix": NaN"#,
+            r#", "transform_matrix": [[-Infinity, Infinity, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]"#,
+            r#", "transform_matrix": [[NaN,NaN,NaN,NaN],[NaN,NaN,NaN,NaN],[NaN,NaN,NaN,NaN],[0,0,0,1]]"#,
+        ] {
+            let shots = read(first).unwrap().shots;
+            assert!(shots[0].lost.is_some() && shots[1].lost.is_none(), "{first}");
+            assert_eq!(shots[1].name, "NaN, \" -Infinity.png", "names are as they were");
+            assert_eq!(shots[1].translation, pose(&UPRIGHT).unwrap().1);
+        }
+        let error = read(r#", "fl_y": NaN"#).err().unwrap().to_string();
+        assert!(error.contains("not a sound transforms file") && error.contains("NaN"), "{error}");
     }
 
     #[test]
@@ -523,19 +697,77 @@ mod tests {
     }
 
     #[test]
-    fn only_points_that_are_named_are_read() {
+    fn points_are_those_that_are_named_else_those_beside() {
         let frame = json!({"file_path": "a.png", "transform_matrix": UPRIGHT});
         let plain = json!({"fl_x": 9.0, "frames": [frame]}).to_string();
         let named = json!({"fl_x": 9.0, "frames": [frame], "ply_file_path": "points.ply"}).to_string();
         let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
-        let with = |json: &str, name: &str| {
-            let folder = folder(&[(PLAIN, json), ("a.png", ""), (name, ply)]);
-            read(&folder.path().join(PLAIN), false, &DatasetOptions::default())
-                .map(|read| read.points.map(|p| p.positions))
+        let with = |json: &str, names: &[&str]| {
+            let clouds = names.iter().map(|name| (*name, ply));
+            let files: Vec<(&str, &str)> = [(PLAIN, json), ("a.png", "")].into_iter().chain(clouds).collect();
+            let folder = folder(&files);
+            let Listed { points, sources, notes, .. } =
+                read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+            let last = sources.last().unwrap().strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
+            (points.map(|p| p.positions), last, notes.join("; "))
         };
-        assert_eq!(with(&plain, "points.ply").unwrap(), None);
-        assert_eq!(with(&named, "points.ply").unwrap(), Some(vec![[1.0, 2.0, 3.0]]));
-        assert!(with(&named, "other.ply").unwrap_err().to_string().contains("points.ply"));
+        let points = Some(vec![[1.0, 2.0, 3.0]]);
+        assert_eq!(with(&plain, &["points.ply"]), (None, PLAIN.into(), String::new()));
+        assert_eq!(
+            with(&named, &["points.ply", "sparse_pc.ply"]),
+            (points.clone(), "points.ply".into(), String::new())
+        );
+        for beside in CLOUDS {
+            let note = format!("the points of {beside} are taken, which transforms.json does not name");
+            assert_eq!(with(&plain, &[beside]), (points.clone(), beside.into(), note));
+        }
+        let (found, last, notes) = with(&named, &["sparse_pc.ply"]);
+        assert_eq!((found, &last[..]), (points.clone(), "sparse_pc.ply"));
+        assert!(notes.contains("`ply_file_path` is left out") && notes.contains("points.ply is missing"), "{notes}");
+        let (found, last, notes) = with(&named, &[]);
+        assert!(found.is_none() && last == PLAIN && notes.contains("points.ply is missing"), "{notes}");
+        for moved in ["/home/x/d/points.ply", "C:\\x\\points.ply", "POINTS.ply"] {
+            let named = json!({"fl_x": 9.0, "frames": [frame], "ply_file_path": moved}).to_string();
+            assert_eq!(with(&named, &["points.ply"]), (points.clone(), "points.ply".into(), String::new()), "{moved}");
+        }
+        // A scene of that name has no points to begin with, and what is broken is told.
+        let broken = [
+            (PLAIN, &plain[..]),
+            ("a.png", ""),
+            ("sparse_pc.ply", "ply\nnothing"),
+            ("points3D.ply", "ply\nproperty float f_dc_0\nend_header\n"),
+        ];
+        let folder = folder(&broken);
+        let listed = read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+        assert_eq!((listed.points, listed.notes.len()), (None, 1));
+        assert!(listed.notes[0].contains("sparse_pc.ply are left out"), "{:?}", listed.notes);
+    }
+
+    #[test]
+    fn a_mask_that_several_photos_have_a_name_for_is_none() {
+        let frame = |name: &str| json!({"file_path": format!("images/{name}.png"), "transform_matrix": UPRIGHT});
+        let frames = ["c0/a", "c1/a", "c0/b", "c1/c"].map(frame);
+        let file = json!({"fl_x": 9.0, "frames": frames}).to_string();
+        let read = |masks: &[&str]| {
+            let files: Vec<(&str, &str)> =
+                [(PLAIN, &file[..])].into_iter().chain(masks.iter().map(|mask| (*mask, ""))).collect();
+            let folder = folder(&files);
+            let listed = super::read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+            let name = |shot: &Shot| {
+                Some(shot.mask.as_ref()?.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
+            };
+            (listed.shots.iter().map(name).collect::<Vec<_>>(), listed.notes.join("; "))
+        };
+        let (found, notes) = read(&["masks/a.png", "masks/b.png"]);
+        assert_eq!(found, [None, None, Some("masks/b.png".into()), None]);
+        assert!(
+            notes.contains("1 mask left out")
+                && notes.contains("masks/a.png is for `images/c0/a.png` and `images/c1/a.png`"),
+            "{notes}"
+        );
+        let (found, notes) = read(&["masks/c0/a.png", "masks/c1/a.png.png"]);
+        assert_eq!(found, [Some("masks/c0/a.png".into()), Some("masks/c1/a.png.png".into()), None, None]);
+        assert_eq!(notes, "");
     }
 
     proptest! {
@@ -551,7 +783,7 @@ mod tests {
             bytes.truncate((cut * bytes.len() as f64) as usize);
             if let Ok(file) = parse(&bytes, Path::new("t.json")) {
                 for frame in &file.frames {
-                    let _ = pose(&frame.transform_matrix);
+                    let _ = super::pose(&frame.transform_matrix);
                     let _ = source_camera(&frame.camera, &file.camera).and_then(|camera| camera.for_image([64, 48]));
                 }
             }

@@ -17,7 +17,7 @@ use gpu_allocator::{
 use super::{
     DeviceInfo, Feature, GpuError, Recorder, Requirements, Twin,
     device::{self, Limits, Physical, Subgroups},
-    functions::{check_device, check_instance},
+    functions::{check_device, check_instance, has_push_descriptors},
     instance::{create_instance, create_messenger},
     memory::{BLOCK, Budget, types_of_buffers},
     pipeline::Made,
@@ -34,9 +34,8 @@ pub struct ContextOptions {
     pub validation: bool,
     /// Lanes of a subgroup: a power of two from 8 to 64 that the device offers. `None` takes what the device prefers.
     pub subgroup_size: Option<u32>,
-    /// Subgroups of any such size (32 if none is given) on any device, their operations through shared memory: for tests of
-    /// what a CPU device's own subgroups do not reach.
-    #[cfg(feature = "software-subgroups")]
+    /// Run subgroup operations through shared memory even if the device's own subgroups could be used, with subgroups of
+    /// [`subgroup_size`](Self::subgroup_size) lanes (by default 32). For tests of sizes that the device does not have.
     pub software_subgroups: bool,
     /// Bytes of device memory that buffers may take together, where that is less than the device has to give. See [`Memory`](super::Memory).
     pub memory_budget: Option<u64>,
@@ -57,20 +56,12 @@ impl ContextOptions {
             validation: text("GLINT_VALIDATION").is_some(),
             // What is not a number is no size that a device offers, and is refused as such.
             subgroup_size: text("GLINT_SUBGROUP_SIZE").map(|size| size.parse().unwrap_or(0)),
-            #[cfg(feature = "software-subgroups")]
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
             // Nothing fits into a budget that is not a number, and the error says how large it is.
             memory_budget: text("GLINT_MEMORY_BUDGET").map(|bytes| bytes.parse().unwrap_or(0)),
             twins: Vec::new(),
             lost_after: text("GLINT_LOST_AFTER").and_then(|count| count.parse().ok()),
         }
-    }
-
-    pub(super) fn software_subgroups(&self) -> bool {
-        #[cfg(feature = "software-subgroups")]
-        return self.software_subgroups;
-        #[cfg(not(feature = "software-subgroups"))]
-        return false;
     }
 }
 
@@ -126,7 +117,8 @@ pub struct Counters {
 
 pub(super) struct Inner {
     pub device: ash::Device,
-    pub push_descriptor: khr::push_descriptor::Device,
+    /// None: ordinary descriptor sets take their place.
+    pub push_descriptor: Option<khr::push_descriptor::Device>,
     pub debug: Option<ext::debug_utils::Device>,
     pub queue: Mutex<vk::Queue>,
     pub queue_lock: Option<QueueLock>,
@@ -178,12 +170,15 @@ impl Context {
         Requirements::of_kernels()
     }
 
-    /// All physical devices, in the loader's order.
-    pub fn devices() -> Result<Vec<DeviceInfo>, GpuError> {
+    /// All physical devices, in the loader's order; with one that cannot be used goes the reason.
+    pub fn devices() -> Result<Vec<(DeviceInfo, Option<GpuError>)>, GpuError> {
         let (entry, instance, _) = create_instance(false, &[])?;
         let options = ContextOptions::default();
         let infos = device::all(&instance).map(|list| {
-            let info = |p: &Physical| p.info(p.check(&options, &p.offered).ok(), &p.offered, p.timestamp_bits());
+            let info = |p: &Physical| {
+                let subgroups = p.check(&options, &p.offered);
+                (p.info(subgroups.as_ref().ok().copied(), &p.offered, p.timestamp_bits()), subgroups.err())
+            };
             list.iter().map(info).collect()
         });
         // SAFETY: nothing made from this instance is left.
@@ -349,6 +344,8 @@ impl Context {
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical_device) };
         let timestamp_bits = families.get(queue_family as usize).map_or(0, |f| f.timestamp_valid_bits);
         let types = types_of_buffers(&device)?;
+        // SAFETY: the handles are live and belong together.
+        let pushes = physical.limits.push_descriptors() && unsafe { has_push_descriptors(&instance, &device) };
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -359,7 +356,7 @@ impl Context {
         })
         .map_err(|source| GpuError::Allocation { name: "allocator".into(), bytes: 0, source })?;
         let context = Context(Arc::new(Inner {
-            push_descriptor: khr::push_descriptor::Device::new(&instance, &device),
+            push_descriptor: pushes.then(|| khr::push_descriptor::Device::new(&instance, &device)),
             debug: from.labels.then(|| ext::debug_utils::Device::new(&instance, &device)),
             queue: Mutex::new(queue),
             queue_lock: from.queue_lock,

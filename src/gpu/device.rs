@@ -14,16 +14,23 @@ use super::{
 /// Lanes of the smallest and the largest subgroup that kernels are written for.
 const LANES: [u32; 2] = [8, 64];
 
-/// Extensions that glint enables, and that a borrowed device must have enabled, beside those of its features.
+/// Lanes of software's subgroups where nothing else is asked for.
+const SOFTWARE_LANES: u32 = 32;
+
+/// Extensions that glint enables, and that a borrowed device should have enabled, beside those of its features.
 const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
 
 /// What a device must have and be made with, and what it may have.
+///
+/// Two things have a substitute that is slower. A device that lacks `VK_KHR_push_descriptor` is given ordinary descriptor sets. One
+/// that lacks the features, operations or lanes of subgroups ([`Feature::is_of_subgroups`]) runs subgroups of 32 lanes by software,
+/// through shared memory: an application then makes it without these features and extensions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Requirements {
     /// Of Vulkan, at least.
     pub api_version: u32,
-    /// Those of the features are named by [`Feature::extension`]; on a device of Vulkan 1.3 `VK_EXT_subgroup_size_control` is
-    /// not needed.
+    /// Those that the device has are to be enabled. Extensions of the features are named by [`Feature::extension`]; on a device of
+    /// Vulkan 1.3 `VK_EXT_subgroup_size_control` is not needed.
     pub extensions: Vec<&'static CStr>,
     /// [`FeatureChain`] sets them for `vkCreateDevice`.
     pub features: Vec<Feature>,
@@ -40,7 +47,7 @@ pub struct Requirements {
 /// A limit that a device must allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limit {
-    /// As Vulkan has it in `VkPhysicalDeviceLimits`, or of push descriptors in `VkPhysicalDevicePushDescriptorPropertiesKHR`.
+    /// As Vulkan has it in `VkPhysicalDeviceLimits`.
     pub name: &'static str,
     /// What is needed.
     pub least: u32,
@@ -55,7 +62,7 @@ const WORKGROUP: u32 = 128;
 type Said = fn(&Limits) -> u32;
 
 /// The limits, and what a device says of them.
-const LIMITS: [(Limit, Said); 8] = {
+const LIMITS: [(Limit, Said); 7] = {
     const fn limit(name: &'static str, least: u32) -> Limit {
         Limit { name, least }
     }
@@ -63,7 +70,6 @@ const LIMITS: [(Limit, Said); 8] = {
         (limit("maxPerStageDescriptorStorageBuffers", needs::STORAGE_BUFFERS), |l| l.stage_storage_buffers),
         (limit("maxDescriptorSetStorageBuffers", needs::STORAGE_BUFFERS), |l| l.set_storage_buffers),
         (limit("maxPerStageResources", needs::STORAGE_BUFFERS), |l| l.stage_resources),
-        (limit("maxPushDescriptors", needs::STORAGE_BUFFERS), |l| l.push_descriptors),
         (limit("maxPushConstantsSize", needs::PUSH_BYTES), |l| l.push_bytes),
         (limit("maxComputeSharedMemorySize", SHARED_BYTES), |l| l.shared_bytes),
         (limit("maxComputeWorkGroupInvocations", WORKGROUP), |l| l.workgroup_invocations),
@@ -118,6 +124,9 @@ pub struct DeviceInfo {
     pub subgroup_sizes: [u32; 2],
     /// What keeps lanes together, see [`Reconvergence`].
     pub reconvergence: Reconvergence,
+    /// The driver (llvmpipe) runs a subgroup as one stream of masked vector instructions: its lanes are always together, and kernels
+    /// put no control barrier between them, see `glsl/shared/meet.glsl`.
+    pub lockstep: bool,
     /// Kernels are run with `SignedZeroInfNanPreserve`: NaN and infinities are those of IEEE 754.
     pub preserves_nan: bool,
     /// Threads of the largest workgroup, a multiple of the subgroup size.
@@ -130,6 +139,8 @@ pub struct DeviceInfo {
     pub is_cpu: bool,
     /// Name and version.
     pub driver: String,
+    /// Subgroups are software's, their operations through shared memory: the device's own are not what kernels need.
+    pub software_subgroups: bool,
     /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
     pub float_atomics: bool,
 }
@@ -207,8 +218,12 @@ impl Limits {
 
     /// Buffers that a kernel binds.
     pub fn storage_buffers(&self) -> u32 {
-        let all = [self.stage_storage_buffers, self.set_storage_buffers, self.stage_resources, self.push_descriptors];
-        all.into_iter().fold(u32::MAX, u32::min)
+        self.stage_storage_buffers.min(self.set_storage_buffers).min(self.stage_resources)
+    }
+
+    /// The buffers of every kernel can be push descriptors.
+    pub fn push_descriptors(&self) -> bool {
+        self.push_descriptors >= needs::STORAGE_BUFFERS
     }
 }
 
@@ -311,22 +326,10 @@ impl Physical {
         if self.queue_family.is_none() {
             return Err(missing("a compute queue".into()));
         }
-        let software = options.software_subgroups();
-        for wanted in needed.extensions {
-            let of_subgroups = wanted == ext::subgroup_size_control::NAME;
-            let not_needed = of_subgroups && (software || self.api_version >= vk::API_VERSION_1_3);
-            if !not_needed && !has_extension(&self.extensions, wanted) {
-                return Err(missing(format!("extension {}", wanted.to_string_lossy())));
-            }
-        }
-        for feature in needed.features.into_iter().filter(|f| !(software && f.is_of_subgroups())) {
+        for feature in needed.features.into_iter().filter(|f| !f.is_of_subgroups()) {
             if !self.offered.contains(&feature) {
                 return Err(missing(format!("feature {}", feature.name())));
             }
-        }
-        let operations = needed.subgroup_operations & !vk::SubgroupFeatureFlags::from_raw(self.subgroup_operations);
-        if !software && !operations.is_empty() {
-            return Err(missing(format!("subgroup operations in compute: {operations:?}")));
         }
         for (Limit { name, least }, of) in LIMITS {
             let has = of(&self.limits);
@@ -335,47 +338,73 @@ impl Physical {
                 return Err(GpuError::Limit { device, what, needs: least.into(), has: has.into() });
             }
         }
-        self.subgroups(options, enabled).ok_or_else(|| {
-            let wanted = match options.subgroup_size {
+        let lanes = options.subgroup_size;
+        if !options.software_subgroups {
+            match self.own_subgroups(lanes, enabled) {
+                Ok(own) => return Ok(own),
+                // Its subgroups could be used, but not of this size.
+                Err(lacks) if lanes.is_some() && self.own_subgroups(None, enabled).is_ok() => {
+                    return Err(missing(lacks));
+                }
+                Err(lacks) => tracing::debug!("{}: subgroups by software, the device lacks {lacks}", self.name),
+            }
+        }
+        let fits = |lanes: &u32| lanes.is_power_of_two() && (LANES[0]..=LANES[1]).contains(lanes);
+        let lanes = Some(lanes.unwrap_or(SOFTWARE_LANES)).filter(fits);
+        let lanes =
+            lanes.ok_or_else(|| missing(format!("subgroups of {} lanes", options.subgroup_size.unwrap_or(0))))?;
+        // A barrier of the workgroup stands at each operation, where its subgroups do not work for themselves.
+        Ok(Subgroups { lanes, require: false, reconvergence: Reconvergence::OneSubgroup, software: true })
+    }
+
+    /// How kernels would use the device's own subgroups, or what it lacks for that.
+    fn own_subgroups(&self, wanted: Option<u32>, enabled: &BTreeSet<Feature>) -> Result<Subgroups, String> {
+        let needed = Requirements::of_kernels();
+        let name = ext::subgroup_size_control::NAME;
+        if self.api_version < vk::API_VERSION_1_3 && !has_extension(&self.extensions, name) {
+            return Err(format!("extension {}", name.to_string_lossy()));
+        }
+        if let Some(feature) = needed.features.into_iter().find(|f| f.is_of_subgroups() && !self.offered.contains(f)) {
+            return Err(format!("feature {}", feature.name()));
+        }
+        let operations = needed.subgroup_operations & !vk::SubgroupFeatureFlags::from_raw(self.subgroup_operations);
+        if !operations.is_empty() {
+            return Err(format!("subgroup operations in compute: {operations:?}"));
+        }
+        let (lanes, require) = self.lanes(wanted).ok_or_else(|| {
+            let wanted = match wanted {
                 Some(lanes) => format!("subgroups of {lanes} lanes"),
                 None => format!("subgroups of one known size from {} to {} lanes", LANES[0], LANES[1]),
             };
             let [least, most] = self.subgroup_sizes;
             let own = if self.requires_lanes { "" } else { ", and takes no demand" };
-            missing(format!("{wanted} (it offers {least} to {most}{own})"))
-        })
-    }
-
-    /// Bits of the timestamps of the first family with compute.
-    pub fn timestamp_bits(&self) -> u32 {
-        self.queue_family.map_or(0, |(_, bits)| bits)
-    }
-
-    fn subgroups(&self, options: &ContextOptions, enabled: &BTreeSet<Feature>) -> Option<Subgroups> {
-        let wanted = options.subgroup_size;
-        let [low, high] = [self.subgroup_sizes[0].max(LANES[0]), self.subgroup_sizes[1].min(LANES[1])];
-        let software = options.software_subgroups();
+            format!("{wanted} (it offers {least} to {most}{own})")
+        })?;
         let reconvergence = match self.driver_id {
-            // A barrier of the workgroup stands at each operation, where its subgroups do not work for themselves.
-            _ if software => Reconvergence::OneSubgroup,
             _ if enabled.contains(&Feature::ShaderMaximalReconvergence) => Reconvergence::Maximal,
             _ if enabled.contains(&Feature::ShaderSubgroupUniformControlFlow) => Reconvergence::SubgroupUniform,
             vk::DriverId::MESA_LLVMPIPE => Reconvergence::Masked,
             _ => Reconvergence::OneSubgroup,
         };
-        let (lanes, require) = if software {
-            let fits = |lanes: &u32| lanes.is_power_of_two() && (LANES[0]..=LANES[1]).contains(lanes);
-            (Some(wanted.unwrap_or(32)).filter(fits)?, false)
-        } else if self.requires_lanes && low <= high {
+        Ok(Subgroups { lanes, require, reconvergence, software: false })
+    }
+
+    /// Lanes of its subgroups, and whether they must be required at each pipeline.
+    fn lanes(&self, wanted: Option<u32>) -> Option<(u32, bool)> {
+        let [low, high] = [self.subgroup_sizes[0].max(LANES[0]), self.subgroup_sizes[1].min(LANES[1])];
+        if self.requires_lanes && low <= high {
             let fits = |lanes: &u32| lanes.is_power_of_two() && (low..=high).contains(lanes);
             // All sizes are powers of two, so the nearest one is at an end.
-            (Some(wanted.unwrap_or(self.preferred_lanes.clamp(low, high))).filter(fits)?, true)
-        } else {
-            // What cannot be required is known all the same where there is one size only.
-            let only = Some(low).filter(|_| self.subgroup_sizes == [low, high] && low == high);
-            (only.filter(|&lanes| wanted.is_none_or(|w| w == lanes))?, false)
-        };
-        Some(Subgroups { lanes, require, reconvergence, software })
+            return Some((Some(wanted.unwrap_or(self.preferred_lanes.clamp(low, high))).filter(fits)?, true));
+        }
+        // What cannot be required is known all the same where there is one size only.
+        let only = Some(low).filter(|_| self.subgroup_sizes == [low, high] && low == high);
+        Some((only.filter(|&lanes| wanted.is_none_or(|w| w == lanes))?, false))
+    }
+
+    /// Bits of the timestamps of the first family with compute.
+    pub fn timestamp_bits(&self) -> u32 {
+        self.queue_family.map_or(0, |(_, bits)| bits)
     }
 
     /// `subgroups` as [`Physical::check`] gave them; none for a device that glint cannot use.
@@ -400,12 +429,14 @@ impl Physical {
             subgroup_size: lanes,
             subgroup_sizes: self.subgroup_sizes,
             reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
+            lockstep: self.driver_id == vk::DriverId::MESA_LLVMPIPE && !subgroups.is_some_and(|s| s.software),
             preserves_nan: self.preserves_nan,
             max_workgroup: self.limits.workgroup().min(most) / lanes * lanes,
             max_storage_bytes: storage_bytes,
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
             driver: self.driver.clone(),
+            software_subgroups: subgroups.is_some_and(|s| s.software),
             float_atomics: enabled.contains(&Feature::ShaderBufferFloat32AtomicAdd),
         }
     }
@@ -585,17 +616,20 @@ mod tests {
         assert_eq!(lanes(&with([32, 32], 32, false), None), Some((32, false)));
         assert_eq!(lanes(&with([32, 32], 32, false), Some(32)), Some((32, false)));
         assert_eq!(lanes(&with([32, 32], 32, false), Some(16)), None);
-        // Not to be had or not known.
-        let refused =
+        // Not to be had or not known: software's, of any size that kernels know.
+        let others =
             [([8, 32], 32, false), ([4, 4], 4, true), ([4, 4], 4, false), ([128, 128], 128, true), ([0, 0], 32, false)];
-        for (sizes, preferred, required) in refused {
+        for (sizes, preferred, required) in others {
             let p = with(sizes, preferred, required);
-            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
-            assert!(
-                error.contains("from 8 to 64 lanes") && error.contains(&format!("{} to {}", sizes[0], sizes[1])),
-                "{error}"
-            );
+            let lacks = p.own_subgroups(None, &p.offered).unwrap_err();
+            assert!(lacks.contains("from 8 to 64 lanes") && lacks.contains(&format!("{} to {}", sizes[0], sizes[1])));
+            let software = |wanted| p.check(&wants(wanted), &p.offered).ok().filter(|s| s.software).map(|s| s.lanes);
+            assert_eq!([None, Some(8), Some(64), Some(4)].map(software), [Some(32), Some(8), Some(64), None]);
         }
+        // Where they are asked for, too.
+        let p = with([32, 32], 32, true);
+        let forced = p.check(&ContextOptions { software_subgroups: true, ..wants(None) }, &p.offered).unwrap();
+        assert!(forced.software && forced.reconvergence == Reconvergence::OneSubgroup && !forced.require);
     }
 
     #[test]
@@ -608,21 +642,23 @@ mod tests {
         assert!(physical().check(&wants(None), &BTreeSet::new()).is_ok());
         assert_eq!(says(|p| p.api_version = vk::API_VERSION_1_1), "device a device lacks Vulkan 1.2");
         assert_eq!(says(|p| p.queue_family = None), "device a device lacks a compute queue");
-        assert_eq!(says(|p| p.extensions.clear()), "device a device lacks extension VK_KHR_push_descriptor");
         for feature in Feature::REQUIRED {
             let mut p = physical();
             p.offered.remove(&feature);
-            let error = p.check(&wants(None), &p.offered).unwrap_err().to_string();
-            assert_eq!(error, format!("device a device lacks feature {}", feature.name()));
+            let lacks = format!("feature {}", feature.name());
+            match p.check(&wants(None), &p.offered) {
+                Ok(s) => assert!(s.software && p.own_subgroups(None, &p.offered).unwrap_err() == lacks),
+                Err(e) => assert_eq!(e.to_string(), format!("device a device lacks {lacks}")),
+            }
         }
-        let ballot = says(|p| p.subgroup_operations &= !vk::SubgroupFeatureFlags::BALLOT.as_raw());
-        assert_eq!(ballot, "device a device lacks subgroup operations in compute: BALLOT");
+        let operations = needs::SUBGROUP_OPERATIONS & !vk::SubgroupFeatureFlags::BALLOT.as_raw();
+        let p = Physical { subgroup_operations: operations, ..physical() };
+        assert_eq!(p.own_subgroups(None, &p.offered).unwrap_err(), "subgroup operations in compute: BALLOT");
         // Each limit of the list, by its name; with what is asked for and no more the device is taken.
         let set = |limits: &mut Limits, name: &str, value: u32| match name {
             "maxPerStageDescriptorStorageBuffers" => limits.stage_storage_buffers = value,
             "maxDescriptorSetStorageBuffers" => limits.set_storage_buffers = value,
             "maxPerStageResources" => limits.stage_resources = value,
-            "maxPushDescriptors" => limits.push_descriptors = value,
             "maxPushConstantsSize" => limits.push_bytes = value,
             "maxComputeSharedMemorySize" => limits.shared_bytes = value,
             "maxComputeWorkGroupInvocations" => limits.workgroup_invocations = value,
@@ -639,14 +675,10 @@ mod tests {
         }
         assert!(least.check(&wants(None), &least.offered).is_ok());
         // An extension became a part of Vulkan 1.3.
-        let lone = |api_version| Physical {
-            extensions: vec![extension(khr::push_descriptor::NAME)],
-            api_version,
-            ..physical()
-        };
+        let lone = |api_version| Physical { extensions: vec![], api_version, ..physical() };
         let [old, new] =
-            [vk::API_VERSION_1_2, vk::API_VERSION_1_3].map(|v| lone(v).check(&wants(None), &BTreeSet::new()));
-        assert!(new.is_ok() && old.unwrap_err().to_string().ends_with("lacks extension VK_EXT_subgroup_size_control"));
+            [vk::API_VERSION_1_2, vk::API_VERSION_1_3].map(|v| lone(v).own_subgroups(None, &BTreeSet::new()));
+        assert!(new.is_ok() && old.unwrap_err() == "extension VK_EXT_subgroup_size_control");
     }
 
     #[test]

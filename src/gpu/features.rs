@@ -45,7 +45,8 @@ impl Feature {
         Self::StorageBuffer16BitAccess,
     ];
 
-    /// Without these there is no context. All others are optional: a kernel that needs one is refused where it is missing.
+    /// Without these there is no context, but for those of subgroups ([`Feature::is_of_subgroups`]), without which subgroups are
+    /// software's. All others are optional: a kernel that needs one is refused where it is missing.
     pub const REQUIRED: [Self; 5] = [
         Self::ScalarBlockLayout,
         Self::HostQueryReset,
@@ -61,8 +62,8 @@ impl Feature {
         name
     }
 
-    /// Only subgroups of the device's own need it.
-    pub(super) fn is_of_subgroups(self) -> bool {
+    /// Only the device's own subgroups need it, not those of software.
+    pub fn is_of_subgroups(self) -> bool {
         matches!(self, Self::SubgroupSizeControl | Self::ComputeFullSubgroups | Self::SubgroupBroadcastDynamicId)
     }
 

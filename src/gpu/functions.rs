@@ -22,11 +22,13 @@ const OF_INSTANCE: [&CStr; 10] = [
 ];
 
 /// Of the device.
-const OF_DEVICE: [&CStr; 47] = [
+const OF_DEVICE: [&CStr; 52] = [
     c"vkAllocateCommandBuffers",
+    c"vkAllocateDescriptorSets",
     c"vkAllocateMemory",
     c"vkBeginCommandBuffer",
     c"vkBindBufferMemory",
+    c"vkCmdBindDescriptorSets",
     c"vkCmdBindPipeline",
     c"vkCmdCopyBuffer",
     c"vkCmdCopyBufferToImage",
@@ -36,12 +38,12 @@ const OF_DEVICE: [&CStr; 47] = [
     c"vkCmdFillBuffer",
     c"vkCmdPipelineBarrier",
     c"vkCmdPushConstants",
-    PUSH_DESCRIPTORS,
     c"vkCmdUpdateBuffer",
     c"vkCmdWriteTimestamp",
     c"vkCreateBuffer",
     c"vkCreateCommandPool",
     c"vkCreateComputePipelines",
+    c"vkCreateDescriptorPool",
     c"vkCreateDescriptorSetLayout",
     c"vkCreateFence",
     c"vkCreatePipelineLayout",
@@ -49,6 +51,7 @@ const OF_DEVICE: [&CStr; 47] = [
     c"vkCreateShaderModule",
     c"vkDestroyBuffer",
     c"vkDestroyCommandPool",
+    c"vkDestroyDescriptorPool",
     c"vkDestroyDescriptorSetLayout",
     c"vkDestroyDevice",
     c"vkDestroyFence",
@@ -66,9 +69,11 @@ const OF_DEVICE: [&CStr; 47] = [
     c"vkMapMemory",
     c"vkQueueSubmit",
     c"vkResetCommandPool",
+    c"vkResetDescriptorPool",
     c"vkResetFences",
     c"vkResetQueryPool",
     c"vkUnmapMemory",
+    c"vkUpdateDescriptorSets",
     c"vkWaitForFences",
 ];
 
@@ -76,13 +81,12 @@ const OF_DEVICE: [&CStr; 47] = [
 const OF_LABELS: [&CStr; 3] =
     [c"vkCmdBeginDebugUtilsLabelEXT", c"vkCmdEndDebugUtilsLabelEXT", c"vkSetDebugUtilsObjectNameEXT"];
 
-/// The one function of an extension that every device must have.
+/// Of the device, if it was made with `VK_KHR_push_descriptor`.
 const PUSH_DESCRIPTORS: &CStr = c"vkCmdPushDescriptorSetKHR";
 
 /// What is missing where there is no such function.
 fn origin(function: &CStr) -> String {
     match function {
-        _ if function == PUSH_DESCRIPTORS => "extension VK_KHR_push_descriptor, enabled".into(),
         _ if OF_LABELS.contains(&function) => "extension VK_EXT_debug_utils, enabled on the instance".into(),
         _ => format!("{}: the instance must be of Vulkan 1.2", function.to_string_lossy()),
     }
@@ -124,6 +128,16 @@ pub(super) unsafe fn check_device(
             Err(GpuError::Missing { device, feature: origin(name) })
         }
     }
+}
+
+/// Whether a device was made with `VK_KHR_push_descriptor`.
+///
+/// # Safety
+/// The handles are live and belong together.
+pub(super) unsafe fn has_push_descriptors(instance: &ash::Instance, device: &ash::Device) -> bool {
+    let get = instance.fp_v1_0().get_device_proc_addr;
+    // SAFETY: by the contract above.
+    unsafe { get(device.handle(), PUSH_DESCRIPTORS.as_ptr()) }.is_some()
 }
 
 #[cfg(test)]
@@ -183,7 +197,7 @@ mod tests {
         check(&["instance"], &[&OF_INSTANCE], &[]);
         // gpu-allocator's own.
         let allocators = ["vkAllocateMemory", "vkFreeMemory", "vkMapMemory", "vkUnmapMemory"];
-        check(&["device", "device()", "push", "debug"], &[&OF_DEVICE, &OF_LABELS], &allocators);
+        check(&["device", "device()", "push", "debug"], &[&OF_DEVICE, &OF_LABELS, &[PUSH_DESCRIPTORS]], &allocators);
         assert!(origin(c"vkResetQueryPool").contains("vkResetQueryPool"));
         assert!(origin(OF_LABELS[0]).contains("VK_EXT_debug_utils"));
     }

@@ -27,6 +27,7 @@ pub(super) struct CommandSlot {
     commands: vk::CommandBuffer,
     fence: vk::Fence,
     stamps: Stamps,
+    sets: Sets,
 }
 
 /// # Safety
@@ -36,6 +37,7 @@ pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
     unsafe {
         device.destroy_fence(slot.fence, None);
         slot.stamps.destroy(device);
+        slot.sets.destroy(device);
         device.destroy_command_pool(slot.pool, None);
     }
 }
@@ -114,6 +116,59 @@ impl Stamps {
     }
 }
 
+/// Descriptor sets, for devices without push descriptors: one a dispatch, given back together.
+#[derive(Default)]
+struct Sets {
+    pools: Vec<vk::DescriptorPool>,
+    used: usize,
+}
+
+impl Sets {
+    /// Sets of a pool, each with room for the buffers of any kernel.
+    const OF_POOL: usize = 256;
+
+    fn allocate(
+        &mut self,
+        device: &ash::Device,
+        layout: vk::DescriptorSetLayout,
+    ) -> Result<vk::DescriptorSet, GpuError> {
+        let pool = self.used / Self::OF_POOL;
+        if pool == self.pools.len() {
+            let sizes = [vk::DescriptorPoolSize {
+                ty: vk::DescriptorType::STORAGE_BUFFER,
+                descriptor_count: Self::OF_POOL as u32 * needs::STORAGE_BUFFERS,
+            }];
+            let info = vk::DescriptorPoolCreateInfo::default().max_sets(Self::OF_POOL as u32).pool_sizes(&sizes);
+            // SAFETY: the structures live for the call.
+            self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.check("vkCreateDescriptorPool")?);
+        }
+        let layouts = [layout];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pools[pool]).set_layouts(&layouts);
+        // SAFETY: the pool has room for one more; the layout is alive.
+        let sets = unsafe { device.allocate_descriptor_sets(&info) }.check("vkAllocateDescriptorSets")?;
+        self.used += 1;
+        Ok(sets[0])
+    }
+
+    /// # Safety
+    /// The device is done with what was recorded.
+    unsafe fn reset(&mut self, device: &ash::Device) -> Result<(), vk::Result> {
+        for &pool in &self.pools[..self.used.div_ceil(Self::OF_POOL)] {
+            // SAFETY: by the contract above.
+            unsafe { device.reset_descriptor_pool(pool, vk::DescriptorPoolResetFlags::empty()) }?;
+        }
+        self.used = 0;
+        Ok(())
+    }
+
+    /// # Safety
+    /// As for `reset`.
+    unsafe fn destroy(self, device: &ash::Device) {
+        // SAFETY: by the contract above.
+        self.pools.into_iter().for_each(|pool| unsafe { device.destroy_descriptor_pool(pool, None) });
+    }
+}
+
 /// Records stages into a command buffer, its own or the caller's.
 pub struct Recorder {
     context: Context,
@@ -133,21 +188,23 @@ pub struct Kept {
     /// Since the last barrier: whether a buffer was written (true) or only read.
     touched: HashMap<vk::Buffer, bool>,
     buffers: HashMap<vk::Buffer, Arc<RawBuffer>>,
-    times: Option<Times>,
+    pools: Option<Pools>,
 }
 
-/// Timestamps in a caller's command buffers.
-struct Times {
+/// What a caller's command buffers use besides buffers.
+struct Pools {
     context: Context,
-    /// `None` once it is dropped.
     stamps: Option<Stamps>,
+    sets: Sets,
 }
 
-impl Drop for Times {
+impl Drop for Pools {
     fn drop(&mut self) {
-        if let Some(stamps) = self.stamps.take() {
-            // SAFETY: a `Kept` outlives the commands that were recorded with it.
-            unsafe { stamps.destroy(&self.context.0.device) };
+        let device = &self.context.0.device;
+        // SAFETY: a `Kept` outlives the commands that were recorded with it.
+        unsafe {
+            self.stamps.take().into_iter().for_each(|stamps| stamps.destroy(device));
+            std::mem::take(&mut self.sets).destroy(device);
         }
     }
 }
@@ -158,11 +215,12 @@ impl Kept {
     /// # Errors
     /// Where the device has no memory for the queries.
     pub fn timed(context: &Context) -> Result<Self, GpuError> {
-        let times = match context.info().timestamp_period > 0.0 {
-            true => Some(Times { context: context.clone(), stamps: Some(Stamps::new(&context.0.device)?) }),
+        let stamps = match context.info().timestamp_period > 0.0 {
+            true => Some(Stamps::new(&context.0.device)?),
             false => None,
         };
-        Ok(Kept { times, ..Kept::default() })
+        let pools = Pools { context: context.clone(), stamps, sets: Sets::default() };
+        Ok(Kept { pools: Some(pools), ..Kept::default() })
     }
 
     /// Times of the stages, in order, of one that is [`timed`](Kept::timed); else none.
@@ -170,7 +228,7 @@ impl Kept {
     /// # Errors
     /// Where the commands have not run, or the device is lost.
     pub fn times(&self) -> Result<Vec<StageTime>, GpuError> {
-        let Some((context, stamps)) = self.times.as_ref().and_then(|t| Some((&t.context, t.stamps.as_ref()?))) else {
+        let Some((context, stamps)) = self.pools.as_ref().and_then(|p| Some((&p.context, p.stamps.as_ref()?))) else {
             return Ok(vec![]);
         };
         stamps.read(context)
@@ -262,16 +320,22 @@ impl Recorder {
     /// The command buffer stays in the recording state while the recorder lives.
     pub unsafe fn borrow(context: &Context, commands: vk::CommandBuffer, mut kept: Kept) -> Self {
         kept.clear();
-        let stamps = kept.times.as_mut().and_then(|times| times.stamps.as_mut());
-        let timed = stamps.is_some();
-        if let Some(stamps) = stamps {
+        let (device, mut timed, mut failed) = (&context.0.device, false, None);
+        if context.0.push_descriptor.is_none() && kept.pools.is_none() {
+            kept.pools = Some(Pools { context: context.clone(), stamps: None, sets: Sets::default() });
+        }
+        if let Some(Pools { stamps, sets, .. }) = &mut kept.pools {
             // SAFETY: what was recorded with `kept` has run; the command buffer is recording.
             unsafe {
-                stamps.reset(&context.0.device);
-                stamps.begin(&context.0.device, commands);
+                failed = sets.reset(device).check("vkResetDescriptorPool").err();
+                if let Some(stamps) = stamps {
+                    timed = true;
+                    stamps.reset(device);
+                    stamps.begin(device, commands);
+                }
             }
         }
-        Recorder { context: context.clone(), slot: None, commands, kept, timed, failed: None }
+        Recorder { context: context.clone(), slot: None, commands, kept, timed, failed }
     }
 
     /// The context that it records for.
@@ -311,7 +375,9 @@ impl Recorder {
         if let Some(twin) = self.twin::<K>() {
             return self.stand_in(twin, pipeline, buffers, push, &Count::Of(groups));
         }
-        self.bind(pipeline, buffers, push, None);
+        if !self.bind(pipeline, buffers, push, None) {
+            return;
+        }
         let x = groups.min(MAX_GROUPS);
         // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
         unsafe { self.context.0.device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1) };
@@ -330,7 +396,9 @@ impl Recorder {
         if let Some(twin) = self.twin::<K>() {
             return self.stand_in(twin, pipeline, buffers, push, &Count::Indirect(args, slot));
         }
-        self.bind(pipeline, buffers, push, Some(args));
+        if !self.bind(pipeline, buffers, push, Some(args)) {
+            return;
+        }
         // SAFETY: as in `dispatch`; `bind` checked nothing about the slot, which stages derive from their own layout.
         unsafe { self.context.0.device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12) };
         self.close(K::NAME);
@@ -508,18 +576,30 @@ impl Recorder {
     }
 
     /// For a borrowed command buffer: the buffers that must outlive the commands, and with them the context and its pipelines.
+    ///
+    /// Without push descriptors a stage for whose descriptors there is no memory is left out, with all that follow it; an error is
+    /// logged.
     pub fn finish(mut self) -> Kept {
+        if let Some(why) = &self.failed {
+            tracing::error!("stages are missing from the caller's command buffer: {why}");
+        }
         std::mem::take(&mut self.kept)
     }
 
+    /// False if that failed, now or before: nothing is to be dispatched.
     fn bind<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
         buffers: &K::Buffers<'_>,
         push: &K::Push,
         args: Option<&Buffer<u32>>,
-    ) {
-        K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, args));
+    ) -> bool {
+        if self.failed.is_none() {
+            self.failed = K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, args)).err();
+        }
+        if self.failed.is_some() {
+            return false;
+        }
         self.label(K::LABEL);
         let inner = &self.context.0;
         let bytes = bytemuck::bytes_of(push);
@@ -531,10 +611,16 @@ impl Recorder {
                 inner.device.cmd_push_constants(self.commands, pipeline.raw.layout, stage, 0, bytes);
             }
         }
+        true
     }
 
     /// Descriptors, and the barrier before them. Nothing is taken from the heap once `kept` has seen as many buffers.
-    fn bind_buffers<K: Kernel>(&mut self, pipeline: &Pipeline<K>, raw: &[&Arc<RawBuffer>], args: Option<&Buffer<u32>>) {
+    fn bind_buffers<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        raw: &[&Arc<RawBuffer>],
+        args: Option<&Buffer<u32>>,
+    ) -> Result<(), GpuError> {
         let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
         raw.iter().for_each(|buffer| self.kept.keep(buffer));
@@ -550,9 +636,25 @@ impl Recorder {
                 .buffer_info(std::slice::from_ref(info));
         }
         let (layout, point) = (pipeline.raw.layout, vk::PipelineBindPoint::COMPUTE);
-        let push = &self.context.0.push_descriptor;
-        // SAFETY: the buffers are kept; the layout has as many bindings as the kernel's own reflection.
-        unsafe { push.cmd_push_descriptor_set(self.commands, point, layout, 0, &writes[..raw.len()]) };
+        let writes = &mut writes[..raw.len()];
+        if let Some(push) = &self.context.0.push_descriptor {
+            // SAFETY: the buffers are kept; the layout has as many bindings as the kernel's own reflection.
+            unsafe { push.cmd_push_descriptor_set(self.commands, point, layout, 0, writes) };
+            return Ok(());
+        }
+        let device = &self.context.0.device;
+        let sets = match &mut self.slot {
+            Some(slot) => Some(&mut slot.sets),
+            None => self.kept.pools.as_mut().map(|pools| &mut pools.sets),
+        };
+        let set = sets.ok_or(GpuError::NotOurs)?.allocate(device, pipeline.raw.set_layout)?;
+        writes.iter_mut().for_each(|write| write.dst_set = set);
+        // SAFETY: as above; the set is new, so nothing uses it.
+        unsafe {
+            device.update_descriptor_sets(writes, &[]);
+            device.cmd_bind_descriptor_sets(self.commands, point, layout, 0, &[set], &[]);
+        }
+        Ok(())
     }
 
     /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
@@ -614,7 +716,7 @@ impl Recorder {
         if self.timed
             && let Some(stamps) = match &mut self.slot {
                 Some(slot) => Some(&mut slot.stamps),
-                None => self.kept.times.as_mut().and_then(|times| times.stamps.as_mut()),
+                None => self.kept.pools.as_mut().and_then(|pools| pools.stamps.as_mut()),
             }
         {
             // SAFETY: the command buffer is recording.
@@ -699,7 +801,8 @@ fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
                 return Err(e);
             }
         };
-        let mut slot = CommandSlot { pool, commands: vk::CommandBuffer::null(), fence: vk::Fence::null(), stamps };
+        let (commands, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
+        let mut slot = CommandSlot { pool, commands, fence, stamps, sets: Sets::default() };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
@@ -727,6 +830,7 @@ fn recycle(context: &Context, mut slot: CommandSlot) {
         slot.stamps.reset(device);
         device
             .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
+            .and_then(|()| slot.sets.reset(device))
             .and_then(|()| device.reset_fences(&[slot.fence]))
     };
     match (reset, context.0.free_slots.lock()) {

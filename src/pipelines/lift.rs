@@ -213,6 +213,7 @@ impl LiftPhase {
     pub fn new(context: &Context, options: LiftOptions) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
         let fail_on_smallest = u32::from(options.fail_on_smallest);
+        let lockstep = context.info().lockstep;
         let plain_weights = u32::from(options.plain_weights);
         Ok(LiftPhase {
             count: lift_count::Stage::new(context, &lift_count::Spec { workgroup_size })?,
@@ -220,7 +221,10 @@ impl LiftPhase {
             args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
             points: lift_points::Stage::new(context, &lift_points::Spec { workgroup_size })?,
             join: lift_join::Stage::new(context, &lift_join::Spec { workgroup_size })?,
-            groups: lift_groups::Stage::new(context, &lift_groups::Spec { workgroup_size, fail_on_smallest })?,
+            groups: lift_groups::Stage::new(
+                context,
+                &lift_groups::Spec { workgroup_size, fail_on_smallest, lockstep },
+            )?,
             pca: lift_pca::Stage::new(context, &lift_pca::Spec { workgroup_size, plain_weights })?,
             append: Append::new(context)?,
             status: Buffer::zeroed(context, "lift status", status::WORDS)?,

@@ -5,7 +5,7 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Location, Recorder, Unused},
     stages::{
         loss_probe, loss_sum,
-        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len, run_for},
+        ssim::{SSIM_WEIGHT, SUM_WORKGROUP, WORKGROUP, partials_len, run_and_strip_for},
         ssim_backward, ssim_forward,
         types::{Frame, Loss},
     },
@@ -97,13 +97,13 @@ impl Photometric {
     /// Makes the pipelines and buffers of the loss.
     pub fn new(context: &Context, options: &LossOptions) -> Result<Self, GpuError> {
         let (workgroup_size, ssim_weight) = (WORKGROUP, SSIM_WEIGHT);
-        let run = run_for(context.info());
+        let [run, strip] = run_and_strip_for(context.info());
         let forward = |wanted, tile_list, loss_map| {
-            let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map, run };
+            let spec = ssim_forward::Spec { workgroup_size, tile_list, ssim_weight, loss_map, run, strip };
             if wanted { ssim_forward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
         let backward = |wanted, tile_list| {
-            let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight, run };
+            let spec = ssim_backward::Spec { workgroup_size, tile_list, ssim_weight, run, strip };
             if wanted { ssim_backward::Stage::new(context, &spec).map(Some) } else { Ok(None) }
         };
         let probe = |wanted| {

@@ -133,15 +133,26 @@ impl RadixSort {
         let (passes, digit_bits) = blocks.passes_for(key_bits);
         let Blocks { block, workgroup: workgroup_size, .. } = blocks;
         let constant_lanes = context.info().constant_lanes().unwrap_or(0);
-        let row_lanes = context.info().subgroup_size;
+        let (row_lanes, lockstep) = (context.info().subgroup_size, context.info().lockstep);
         let upsweep = |compact| {
-            let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, row_lanes, compact };
+            let spec = radix_upsweep::Spec { workgroup_size, block, digit_bits, row_lanes, compact, lockstep };
             radix_upsweep::Stage::new(context, &spec)
         };
         let downsweep = |compact, indexed| {
             let lanes = constant_lanes;
-            let spec = radix_downsweep::Spec { workgroup_size, block, digit_bits, row_lanes, compact, lanes, indexed };
-            radix_downsweep::Stage::new(context, &spec)
+            radix_downsweep::Stage::new(
+                context,
+                &radix_downsweep::Spec {
+                    workgroup_size,
+                    block,
+                    digit_bits,
+                    row_lanes,
+                    compact,
+                    lanes,
+                    indexed,
+                    lockstep,
+                },
+            )
         };
         let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));
         // A workgroup of the spine has a column of counters per lane, so they are few, and on a GPU it takes many subgroups in

@@ -15,6 +15,9 @@ pub const GATE: (f64, f64) = (100.0, 0.995);
 
 /// Σ (ε σ(100 ((1 − o) − 0.995))) rate, 0 where that is not finite.
 pub fn density_noise(gaussian: &Geometry, rate: f64, number: u32, step: u32, seed: u32) -> DVec3 {
+    if !gaussian.logit.is_finite() {
+        return DVec3::ZERO;
+    }
     let gate = rate * sigmoid(GATE.0 * (1.0 - sigmoid(gaussian.logit) - GATE.1));
     let [w, x, y, z] = gaussian.quat;
     let rotation = DQuat::from_xyzw(x, y, z, w).normalize();
@@ -33,7 +36,11 @@ mod tests {
         let length = |g: Geometry| density_noise(&g, 1.0, 3, 4, 5).length();
         assert!(length(faint) > 1e-4 && length(Geometry { logit: 2.0, ..faint }) < 1e-20);
         assert_ne!(density_noise(&faint, 1.0, 3, 4, 5), density_noise(&faint, 1.0, 3, 5, 5));
-        for bad in [Geometry { logit: f64::NAN, ..faint }, Geometry { log_scale: DVec3::splat(1e3), ..faint }] {
+        for bad in [
+            Geometry { logit: f64::NAN, ..faint },
+            Geometry { logit: f64::NEG_INFINITY, ..faint },
+            Geometry { log_scale: DVec3::splat(1e3), ..faint },
+        ] {
             assert_eq!(density_noise(&bad, 1.0, 3, 4, 5), DVec3::ZERO);
         }
         // Σ of a ball is its squared scale, so that twice the scale is four times the noise.

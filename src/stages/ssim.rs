@@ -10,10 +10,11 @@ pub const SSIM_WEIGHT: f32 = 0.2;
 /// Threads that sum a frame's tiles: one of 1600 × 1064 pixels has 1700.
 pub const SUM_WORKGROUP: u32 = 256;
 
-/// Pixels of a row that one thread filters: on a GPU as few as give all but a quarter of a workgroup's threads a run of its 3 channels and
-/// 8 rows, on a CPU a whole row of a tile, as every run reads the border anew.
-pub fn run_for(device: &DeviceInfo) -> u32 {
-    if device.constant_lanes().is_some() { TILE } else { 8 }
+/// Pixels of a row that one thread filters, and rows that pass through shared memory at a time. On a GPU few of both, so that many
+/// workgroups have room for their registers and shared memory at once: three quarters of a workgroup's threads then have a run. On a
+/// CPU a whole row of a tile, as every run reads the border anew, and 8 rows, one for each lane of a vector.
+pub fn run_and_strip_for(device: &DeviceInfo) -> [u32; 2] {
+    if device.constant_lanes().is_some() { [TILE, 8] } else { [4, 4] }
 }
 
 /// Tiles of a frame. Tile t is column t mod ⌈width / [`TILE`]⌉; its number among all is frame × tiles_per_frame + t.

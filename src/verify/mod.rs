@@ -85,6 +85,20 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     Ok(report)
 }
 
+/// Runs the stages that everything rests on, on small cases: scan, sort, a picture from scene to gradients, a step. Gives the rows that
+/// break a bound; none from a device that computes what it should.
+///
+/// # Errors
+/// As [`run`].
+pub fn check(context: &Context) -> Result<Vec<Row>> {
+    let mut bench = Bench::new(context, 0.0, 0);
+    sort::check(&mut bench)?;
+    raster::check(&mut bench)?;
+    bench.rows.iter_mut().for_each(Row::judge);
+    bench.rows.retain(|row| !row.breaches.is_empty());
+    Ok(bench.rows)
+}
+
 impl Report {
     /// Rows that break a bound.
     pub fn broken(&self) -> usize {
@@ -102,7 +116,7 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// Times are medians of `repeats` runs.
+    /// Times are medians of `repeats` runs after the first.
     fn new(context: &'a Context, perturb: f64, repeats: usize) -> Self {
         Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new() }
     }

@@ -51,6 +51,24 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     case(bench, &betas, &betas.twin(false), chosen, false)
 }
 
+/// A small picture, as a whole, its gradients, and a step by these. Few pipelines: a CPU device takes longer to compile them than to run.
+pub(super) fn check(bench: &mut Bench<'_>) -> Result<()> {
+    let tile = TileShape::for_subgroup(bench.context.info().subgroup_size);
+    let scene = Scene::new(bench, 1, (500, 0), 0, (41, 27), false)?;
+    let (twin, options) = (scene.twin(false), scene.options(tile, false));
+    let policy = Policy { reduction: Reduction::Deterministic, tile: Some(tile), ..Policy::default() };
+    let renderer = scene.renderer(bench, policy, |options| options.backward = true)?;
+    let ordered = Ordered::of(bench, &scene, renderer, policy, tile)?;
+    let mut row = bench.row("(render)", "");
+    let image = ordered.renderer.raster.buffers.image.download_range(0, scene.pixels())?;
+    compare_image(&mut row, &image, &twin.blended, Margin::image);
+    if !ordered.is_sound() {
+        row.unequal(u64::MAX);
+    }
+    bench.push(row);
+    step::check(bench, &scene, &ordered, &twin, &options)
+}
+
 /// A random scene on both sides.
 pub(super) struct Scene {
     pub params: Params,
@@ -143,12 +161,17 @@ pub(super) struct Ordered {
 
 impl Ordered {
     fn new(bench: &Bench<'_>, scene: &Scene, policy: Policy, tile: TileShape) -> Result<Self> {
-        let (view, policy) = (&scene.view, Policy { tile: Some(tile), ..policy });
+        let policy = Policy { tile: Some(tile), ..policy };
         let mut renderer = scene.renderer(bench, policy, |options| {
             options.depth = true;
             options.backward = true;
         })?;
         renderer.raster.make_scores()?;
+        Self::of(bench, scene, renderer, policy, tile)
+    }
+
+    fn of(bench: &Bench<'_>, scene: &Scene, mut renderer: Renderer, policy: Policy, tile: TileShape) -> Result<Self> {
+        let view = &scene.view;
         renderer.render_on_device(&scene.model, &scene.views, 0, &scene.show)?;
         let mut ordered = Ordered {
             grid: renderer.raster.grid(0, 1, view.width, view.height),

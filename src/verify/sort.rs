@@ -34,6 +34,13 @@ pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
     Ok(())
 }
 
+/// Of several workgroups, the last not full.
+pub(super) fn check(bench: &mut Bench<'_>) -> Result<()> {
+    let items = 20_479;
+    scan(bench, items, false)?;
+    radix(bench, items, 12, Input::Keys)
+}
+
 pub(super) fn noise(i: u32) -> u32 {
     let x = (i ^ i >> 16).wrapping_mul(0x7feb_352d);
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)

@@ -81,6 +81,18 @@ pub(super) fn cases(
     whole(bench, scene, ordered, twin, options, &format!("{DETERMINISTIC}{}", scene.suffix(options.compensate)))
 }
 
+/// Gradients of a whole picture, and a step of each segment.
+pub(super) fn check(
+    bench: &mut Bench<'_>,
+    scene: &Scene,
+    ordered: &Ordered,
+    twin: &reference::Rendered,
+    options: &Options,
+) -> Result<()> {
+    whole(bench, scene, ordered, twin, options, "")?;
+    parts(scene).iter().try_for_each(|part| step(bench, scene, ordered, part, part.lesson(options, false, false), &[]))
+}
+
 /// What a raster that packs its records is asked, with moments that are packed too.
 pub(super) fn packed_cases(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, options: &Options) -> Result<()> {
     let touched = gradients(bench, scene, ordered, options)?;
@@ -343,7 +355,7 @@ fn step(
                 let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
                 let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][at]));
                 let (mut first, mut second) = (wide(&start[array][2 * at]), wide(&start[array][2 * at + 1]));
-                let touched = lesson.sparse.then_some(&touched[part.first..][..count]);
+                let touched = lesson.sparse.then(|| &touched[part.first..][..count]);
                 let rate = [PlaneRate::of(&group, p, rate)];
                 adam(&mut value, &gradients, &mut first, &mut second, count, count, &rate, Some(STEP), touched);
                 // Each plane by itself: their magnitudes differ.

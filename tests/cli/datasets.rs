@@ -258,3 +258,68 @@ fn files_of_other_kinds_are_called_what_they_are() {
     }
     work.refused("info data/images/a.png", &["a.png", "is an image"]);
 }
+
+/// What people try first. The text is part of the contract.
+#[test]
+fn mistakes_get_the_next_step() {
+    let work = Work::new();
+    let base = random_scene(4, 60, 0, 0);
+    write_scene(work.path("base.ply"), &base).unwrap();
+    fs::create_dir_all(work.path("photos/images")).unwrap();
+    for name in ["a.png", "d.png"] {
+        fs::copy(work.path("data/images").join(name), work.path("photos/images").join(name)).unwrap();
+    }
+    fs::write(work.path("clip.mov"), b"\0\0\0\x14ftypqt  ").unwrap();
+    fs::create_dir(work.path("above")).unwrap();
+    fs::rename(work.path("data"), work.path("above/data")).unwrap();
+    // Any command that takes a dataset.
+    for command in ["train {} -o x.ply", "enhance {} --base base.ply -o x.ply", "eval base.ply {}", "info {}"] {
+        let refused = |path: &str, words: &[&str]| work.refused(&command.replace("{}", path), words);
+        refused(
+            "photos",
+            &["photos: found 2 photos but no camera poses; run COLMAP to find them, see docs/datasets.md"],
+        );
+        refused("above", &["above: no dataset here, but one folder deeper: give above/data"]);
+        refused("above/data/images", &["no dataset here, but in the folder above: give ", "above/data"]);
+        refused("~/data", &["~/data: the shell has not replaced `~`", "write \"$HOME/data\" instead"]);
+        let video = "clip.mov: is a video; extract photos from it with ffmpeg and find their poses with COLMAP, see docs/datasets.md";
+        refused("clip.mov", &[video]);
+        if !command.starts_with("info") {
+            refused("base.ply", &["base.ply: is a PLY file, not a dataset", "the scene comes before the dataset"]);
+        }
+    }
+    fs::rename(work.path("above/data"), work.path("data")).unwrap();
+    work.refused("eval data base.ply", &["data: is a folder", "the scene comes before the dataset"]);
+    fs::write(work.path("transforms.json"), "{\"frames\": []}").unwrap();
+    work.refused(
+        "eval transforms.json base.ply",
+        &["is a JSON file, not a scene", "the scene comes before the dataset"],
+    );
+    for ending in ["spz", "splat", "glb", "sog", "compressed.ply"] {
+        let then = format!("expected a name such as a.ply; then `glint convert a.ply a.{ending}`");
+        for command in ["train data -o", "enhance data --base base.ply -o"] {
+            work.refused(&format!("{command} a.{ending}"), &["a PLY scene is written here", &then]);
+        }
+    }
+    work.refused("train data -o ~/x.ply", &["~/x.ply: the shell has not replaced `~`"]);
+    work.refused("train data -o x.ply --init=~/x.ply", &["the shell has not replaced `~`"]);
+}
+
+/// It ended in an abort: there was no memory for as many random points.
+#[test]
+fn absurd_numbers_are_refused_before_there_is_room_for_them() {
+    let work = Work::new();
+    let refused = |options: &str, words: &[&str]| work.refused(&format!("train data -o x.ply {options}"), words);
+    let most = ["the device's memory holds", "expected no more"];
+    for strategy in ["", "--strategy mcmc", "--precision half"] {
+        refused(&format!("--gaussians 3000000000 {strategy}"), &[&["--gaussians 3000000000"], &most[..]].concat());
+    }
+    // No more points are taken than there are.
+    work.ok("train data -o y.ply --points 3000000000 --iterations 1");
+    // Photos are never enlarged.
+    work.ok("train data -o z.ply --max-size 4294967295 --iterations 1");
+    fs::remove_file(work.path("data/sparse/0/points3D.txt")).unwrap();
+    refused("--points 4294967295", &[&["--points 4294967295"], &most[..]].concat());
+    refused("--gaussians 3000000000", &most);
+    assert_eq!(work.run("train data -o x.ply --iterations 4294967295").status.code(), Some(2));
+}

@@ -22,6 +22,10 @@ pub fn run(command: &mut Command) -> Output {
 /// As [`run`], of one that may take as long as `limit`.
 #[track_caller]
 pub fn run_within(limit: Duration, command: &mut Command) -> Output {
+    // Whether the device was checked is remembered among the tests, and not in the user's files.
+    if !command.get_envs().any(|(name, _)| name == "XDG_CACHE_HOME") {
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+    }
     let piped = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     finish_within(limit, piped.spawn().unwrap())
 }

@@ -3,6 +3,7 @@
 mod carving;
 #[path = "../common/mod.rs"]
 mod common;
+mod imperfect;
 mod lenses;
 mod reduced;
 #[path = "../common/shared.rs"]
@@ -183,7 +184,7 @@ fn files_of_other_kinds_are_told_what_they_are() {
         }
     }
     let Some(path) = shared("full/garden/sparse/0/points3D.ply") else { return };
-    assert_eq!(read_points(path).unwrap().positions.len(), 138_766);
+    assert_eq!(read_points(path, &mut Vec::new()).unwrap().positions.len(), 138_766);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! glTF and GLB.
 
 use glint::{
-    data::{read_scene_file, write_augmented},
+    data::{SceneFormat, read_scene_file, write_augmented, write_scene_as},
     scene::Supplement,
 };
 use serde_json::{Value, json};
@@ -63,6 +63,55 @@ fn changed(change: impl FnOnce(&mut Value)) -> Result<SceneFile, String> {
     let (mut document, binary) = document();
     change(&mut document);
     read("a.glb", &glb(&document, &binary))
+}
+
+/// Drafts that Cesium writes: the attributes are in an SPZ scene, whose frame is not that of glTF.
+#[test]
+fn an_spz_scene_in_a_buffer_view_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = SceneFile { antialiased: true, ..sample(7, 40, 2).into() };
+    let path = folder.path().join("a.spz");
+    for version in [2, 3, 4] {
+        write_scene_as(&path, SceneFormat::Spz { version }, &scene).unwrap();
+        let plain = read_scene_file(&path).unwrap();
+        let mut spz = std::fs::read(&path).unwrap();
+        let length = spz.len();
+        spz.resize(length.next_multiple_of(4), 0);
+        let at = json!({"bufferView": 0});
+        let splatting = |name: &str| json!({"KHR_gaussian_splatting": {"extensions": {name: at}}});
+        for (name, extensions) in [
+            ("KHR_gaussian_splatting_compression_spz_2", splatting("KHR_gaussian_splatting_compression_spz_2")),
+            ("KHR_gaussian_splatting_compression_spz", splatting("KHR_gaussian_splatting_compression_spz")),
+            ("KHR_spz_gaussian_splats_compression", json!({"KHR_spz_gaussian_splats_compression": at})),
+            ("KHR_spz_compression", json!({"KHR_spz_compression": at})),
+        ] {
+            let document = |node: Value| {
+                json!({
+                    "asset": {"version": "2.0"},
+                    "extensionsRequired": [name],
+                    "scenes": [{"nodes": [0]}],
+                    "nodes": [node],
+                    // Accessors without a buffer view say what shape the attributes have.
+                    "meshes": [{"primitives": [{"mode": 0, "attributes": {"POSITION": 0}, "extensions": extensions}]}],
+                    "accessors": [{"componentType": 5126, "count": 40, "type": "VEC3"}],
+                    "bufferViews": [{"buffer": 0, "byteLength": length}],
+                    "buffers": [{"byteLength": spz.len()}],
+                })
+            };
+            let found = read("a.glb", &glb(&document(json!({"mesh": 0})), &spz)).unwrap();
+            assert_eq!(found, plain, "{name}, version {version}");
+            // A node moves along the axes of glTF: x to the left, y up.
+            let moved = document(json!({"mesh": 0, "translation": [10, 20, 30]}));
+            let moved = read("a.glb", &glb(&moved, &spz)).unwrap().scene.base;
+            for (a, b) in moved.means.iter().zip(&plain.scene.base.means) {
+                assert!((0..3).all(|k| (a[k] - b[k] - [-10.0, -20.0, 30.0][k]).abs() < 1e-4), "{a:?} {b:?}");
+            }
+            let mut bad = document(json!({"mesh": 0}));
+            bad["bufferViews"][0]["byteLength"] = 20.into();
+            let refused = read("a.glb", &glb(&bad, &spz)).unwrap_err();
+            assert!(refused.contains("bufferView 0") && refused.contains("primitive 0 of mesh 0"), "{refused}");
+        }
+    }
 }
 
 #[test]

@@ -100,6 +100,50 @@ fn pixels_are_read_as_described() {
     assert!(base.quats[1][0] > 0.999 && base.quats[1][1..].iter().all(|v| v.abs() < 0.003));
 }
 
+/// SuperSplat's of before August 2025, by what its readers do.
+#[test]
+fn version_1_has_ranges_in_the_place_of_codebooks() {
+    let first = |version: Value| {
+        changed(|meta, _| {
+            let range = |mins: Value, maxs: Value, files: Value| json!({"shape": [2, 3], "dtype": "float32", "mins": mins, "maxs": maxs, "files": files});
+            let quats = meta["quats"].clone();
+            *meta = json!({
+                "means": range(json!([0, -1, -2]), json!([1, 1, 2]), json!(["l.webp", "u.webp"])),
+                "scales": range(json!([0, -5, -1]), json!([0, 5, 50]), json!(["scales.webp"])),
+                "quats": {"shape": [2, 4], "dtype": "uint8", "encoding": "quaternion_packed", "files": quats["files"]},
+                "sh0": range(json!([0, 0, -1, -5]), json!([2.55, 5.1, 1.55, 5.2]), json!(["sh0.webp"])),
+                "shN": {"shape": [2, 9], "dtype": "float32", "mins": -2.55, "maxs": 2.55, "quantization": 8, "files": ["palette.webp", "labels.webp"]},
+            });
+            if !version.is_null() {
+                meta["version"] = version;
+            }
+        })
+    };
+    let second = changed(|_, _| {}).unwrap().scene.base;
+    let base = first(Value::Null).unwrap().scene.base;
+    assert_eq!((base.len(), base.sh_degree), (2, 1));
+    assert_eq!((&base.means, &base.quats), (&second.means, &second.quats));
+    let near = |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    // Bytes 0, 7, 255 and 1, 2, 3.
+    let scales = [0.0, -5.0 + 70.0 / 255.0, 50.0, 0.0, -5.0 + 20.0 / 255.0, -1.0 + 153.0 / 255.0];
+    assert!(near(base.log_scales.as_flattened(), &scales), "{:?}", base.log_scales);
+    // 0, 64, 128 and 1, 2, 3; opacities of 51 and 255 are logits.
+    assert!(near(&base.sh[0], &[0.0, 1.28, 0.28]) && near(&base.sh[4], &[0.01, 0.04, -0.97]), "{:?}", base.sh);
+    assert!(near(&base.opacities, &[-5.0 + 10.2 * 0.2, 5.2]), "{:?}", base.opacities);
+    // The second entry: 4, 40, 80 of the 256 steps of 0.02.
+    assert!(near(&base.sh[1], &[-2.55 + 0.08, -2.55 + 0.8, -2.55 + 1.6]), "{:?}", base.sh[1]);
+    assert!(near(&base.sh[5], &[-2.55 + 0.02, -2.55 + 0.2, -2.55 + 0.4]), "{:?}", base.sh[5]);
+    assert_eq!(first(json!(1)).unwrap().scene.base, base);
+    assert!(first(json!(3)).unwrap_err().contains("version 3; 1 and 2 are read"));
+    let short = changed(|meta, _| {
+        let quats = meta["quats"].clone();
+        let one =
+            |n: usize| json!({"shape": [2, n], "mins": vec![0; n], "maxs": vec![1; n], "files": ["l.webp", "u.webp"]});
+        *meta = json!({"means": one(3), "scales": one(3), "quats": quats, "sh0": one(3)});
+    });
+    assert!(short.unwrap_err().contains("sh0 have `mins` and `maxs` of 3 channels"));
+}
+
 #[test]
 fn archives_and_folders_and_png_are_read_alike() {
     let wanted = changed(|_, _| {}).unwrap();
@@ -204,7 +248,7 @@ fn what_is_not_understood_is_said() {
         move |meta: &mut Value, _: &mut BTreeMap<String, Vec<u8>>| *meta.pointer_mut(&at).unwrap() = value.clone()
     };
     says(&set("/version", json!(3)), &["SOG version 3"]);
-    says(&|meta, _| drop(meta.as_object_mut().unwrap().remove("version")), &["no version"]);
+    says(&|meta, _| drop(meta.as_object_mut().unwrap().remove("version")), &["no version", "not understood", "mins"]);
     says(&set("/count", json!(5)), &["`l.webp` has 4 pixels, expected 5 or more of means"]);
     says(&set("/count", json!(u64::MAX)), &["4 pixels"]);
     says(&set("/count", json!(-1)), &["`meta.json` is not understood"]);

@@ -92,9 +92,10 @@ impl Args {
         let limit = self.gaussians.map(|n| n as usize);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
+        let mut notes = Vec::new();
         let points = match &self.init {
             Some(file) if !file.is_dir() && is_point_cloud(file)? => {
-                let cloud = read_points(file)?;
+                let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
                     return Err(Error::input(file, "has no points to begin with"));
                 }
@@ -113,7 +114,6 @@ impl Args {
                 if base.is_empty() {
                     return Err(Error::input(file, "has no Gaussians to begin with"));
                 }
-                let mut notes = Vec::new();
                 if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
                     let left = left.gaussians.len();
                     notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
@@ -164,7 +164,8 @@ impl Args {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = matches!(self.strategy, StrategyArg::Fixed);
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
-        Ok(First { gaussians, origin, most, begins: 0.0, notes: [said, grey, far].into_iter().flatten().collect() })
+        notes.extend([said, grey, far].into_iter().flatten());
+        Ok(First { gaussians, origin, most, begins: 0.0, notes })
     }
 }
 

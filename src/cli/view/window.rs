@@ -18,7 +18,7 @@ use winit::{
 };
 
 use super::{
-    super::{DeviceArgs, Failure, Outcome, SceneArgs, print, progress::note},
+    super::{DeviceArgs, Failure, Outcome, SceneArgs, check::check, print, progress::note},
     flight::{Flight, Motion},
     scenery::{Fitted, Look, Mode, Scenery},
     screen::Screen,
@@ -257,6 +257,7 @@ pub(super) fn open_window(events: &ActiveEventLoop, desk: &Desk<'_>) -> Outcome<
     let options = desk.device.options();
     let screen = Screen::new(window.clone(), &options).map_err(|error| desk.device.explain(&options, error))?;
     tracing::info!("device: {}", screen.context().info().name);
+    check(screen.context(), &options, desk.device.unchecked)?;
     Ok((window, screen))
 }
 

@@ -4,6 +4,10 @@
 //! deviations; drafts before April 2026 had their logarithms), an opacity of 0 to 1, and the harmonics' coefficients, one attribute each.
 //! The frame is glTF's: x left, y up, z front, under the transformations of the nodes. What `GLINT_gaussian_lobes` adds is in
 //! docs/gltf.md.
+//!
+//! Drafts of Khronos put an SPZ scene into a buffer view, which then has all attributes: `KHR_gaussian_splatting_compression_spz_2` (or without
+//! its number) in the primitive's `KHR_gaussian_splatting`, and before that
+//! `KHR_spz_gaussian_splats_compression` or `KHR_spz_compression` in the primitive.
 
 mod document;
 mod write;
@@ -20,7 +24,7 @@ pub(in crate::data) use write::write;
 
 use super::axes::{self, Signs};
 use super::turn::Placing;
-use super::{inflate, quantise};
+use super::{inflate, quantise, spz};
 use crate::data::{SceneFile, ply::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
@@ -30,7 +34,15 @@ use document::Document;
 const SPLATTING: &str = "KHR_gaussian_splatting";
 const LOBES: &str = "GLINT_gaussian_lobes";
 /// Those that a file may require.
-const KNOWN: [&str; 3] = [SPLATTING, LOBES, "KHR_mesh_quantization"];
+const KNOWN: [&str; 7] = [
+    SPLATTING,
+    LOBES,
+    "KHR_mesh_quantization",
+    "KHR_gaussian_splatting_compression_spz_2",
+    "KHR_gaussian_splatting_compression_spz",
+    "KHR_spz_gaussian_splats_compression",
+    "KHR_spz_compression",
+];
 /// Between PLY (x right, y down, z front) and glTF (x left, y up, z front).
 const X_LEFT_Y_UP: Signs = [-1.0, -1.0, 1.0];
 /// Attributes beside POSITION.
@@ -57,7 +69,7 @@ struct Mesh<'a> {
 
 #[derive(Debug, Deserialize)]
 struct Primitive<'a> {
-    #[serde(borrow)]
+    #[serde(borrow, default)]
     attributes: Attributes<'a>,
     mode: Option<u32>,
     #[serde(borrow, default)]
@@ -68,9 +80,18 @@ struct Primitive<'a> {
 struct PrimitiveExtensions<'a> {
     #[serde(rename = "KHR_gaussian_splatting", borrow)]
     splatting: Option<Splatting<'a>>,
+    #[serde(rename = "KHR_spz_gaussian_splats_compression", alias = "KHR_spz_compression")]
+    spz: Option<Spz>,
 }
 
-#[derive(Debug, Deserialize)]
+/// Where an SPZ scene is.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Spz {
+    buffer_view: usize,
+}
+
+#[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Splatting<'a> {
     #[serde(borrow)]
@@ -85,6 +106,8 @@ struct Splatting<'a> {
 struct SplattingExtensions<'a> {
     #[serde(rename = "GLINT_gaussian_lobes", borrow)]
     lobes: Option<LobesExtension<'a>>,
+    #[serde(rename = "KHR_gaussian_splatting_compression_spz_2", alias = "KHR_gaussian_splatting_compression_spz")]
+    spz: Option<Spz>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -147,7 +170,9 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
             let place = || format!("primitive {i} of mesh {mesh}");
             let primitive: Primitive =
                 serde_json::from_str(text.get()).map_err(|error| format!("{} is not understood: {error}", place()))?;
-            if let Some(splatting) = primitive.extensions.splatting {
+            let PrimitiveExtensions { splatting, spz } = primitive.extensions;
+            if let Some(mut splatting) = splatting.or_else(|| spz.map(|_| Splatting::default())) {
+                splatting.extensions.spz = splatting.extensions.spz.or(spz);
                 let placing = Placing::of(matrix).ok_or_else(|| {
                     format!("places mesh {mesh} by a matrix that is no rotation, uniform scale and translation")
                 })?;
@@ -156,7 +181,7 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
             }
         }
     }
-    found.finish()
+    found.finish().map_err(|what| format!("{what} (it requires {:?})", document.root.extensions_required))
 }
 
 /// Every mesh of the scene, with where its nodes put it.
@@ -197,8 +222,10 @@ struct Splats<'a> {
 struct Found {
     /// Bytes that it was and will be made of.
     promised: u64,
-    /// What means count from, in the frame of PLY: known once there are any.
+    /// What means count from, in glTF's frame: known once there are any.
     origin: Option<DVec3>,
+    /// As an SPZ scene says.
+    antialiased: bool,
     shown: Option<Gaussians>,
     /// Where any primitive has such.
     learned: Option<Gaussians>,
@@ -208,7 +235,8 @@ struct Found {
 impl Found {
     fn add(&mut self, document: &Document, splats: Splats, placing: Placing) -> Result<(), String> {
         let Splats { attributes, mode, splatting } = splats;
-        if mode != Some(0) {
+        let spz = splatting.extensions.spz;
+        if spz.is_none() && mode != Some(0) {
             return Err(format!("has mode {}, expected 0 (points) of splats", mode.unwrap_or(4)));
         }
         if let Some(kernel) = splatting.kernel.as_deref().filter(|&kernel| kernel != "ellipse") {
@@ -218,7 +246,10 @@ impl Found {
         {
             return Err(format!("has colours in `{space}`, expected `srgb_rec709_display`"));
         }
-        let base = self.gaussians(document, &attributes, placing)?;
+        let base = match spz {
+            Some(Spz { buffer_view }) => self.inflated(document, buffer_view, placing)?,
+            None => self.gaussians(document, &attributes, placing)?,
+        };
         let lobes = splatting.extensions.lobes;
         let learned = lobes.as_ref().and_then(|lobes| lobes.learned.as_ref());
         let learned = learned.map(|attributes| self.gaussians(document, attributes, placing)).transpose()?;
@@ -277,6 +308,17 @@ impl Found {
         inflate::check_promise(document.bytes(), self.promised, what)
     }
 
+    /// The Gaussians of an SPZ scene, in the frame of PLY. The extension unpacks SPZ to glTF's frame, in which nodes place it.
+    fn inflated(&mut self, document: &Document, view: usize, placing: Placing) -> Result<Gaussians, String> {
+        let (bytes, _) = document.view(view)?;
+        let (mut out, antialiased) = spz::read(bytes).map_err(|what| format!("bufferView {view} {what}"))?;
+        let each = size_of::<[f32; 11]>() + size_of::<[f32; 3]>() * out.sh_coefficients();
+        self.promise(document, (each * out.len()) as u64, &format!("{} Gaussians", out.len()))?;
+        self.antialiased |= antialiased;
+        axes::flip(&mut out, X_LEFT_Y_UP);
+        Ok(self.placed(out, placing))
+    }
+
     /// The Gaussians of these attributes, in the frame of PLY.
     fn gaussians(
         &mut self,
@@ -314,15 +356,19 @@ impl Found {
             same(&name, values.len(), count)?;
             out.sh.iter_mut().skip(i).step_by(k).zip(values).for_each(|(slot, value)| *slot = value);
         }
-        // Where a node puts its Gaussians so far away that float32 does not hold them there, they count from that place.
-        let shift = placing.shift();
+        Ok(self.placed(out, placing))
+    }
+
+    /// Gaussians of glTF's frame where a node places them, in the frame of PLY. If that is so far away that float32 does not hold them
+    /// there, they count from that place.
+    fn placed(&mut self, mut gaussians: Gaussians, placing: Placing) -> Gaussians {
         let origin = self.origin.get_or_insert_with(|| {
             let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
-            far_origin(shift, out.means.iter().map(reach).collect())
+            far_origin(placing.shift(), gaussians.means.iter().map(reach).collect())
         });
-        placing.shifted(-*origin).apply(&mut out);
-        axes::flip(&mut out, X_LEFT_Y_UP);
-        Ok(out)
+        placing.shifted(-*origin).apply(&mut gaussians);
+        axes::flip(&mut gaussians, X_LEFT_Y_UP);
+        gaussians
     }
 
     fn finish(self) -> Result<SceneFile, String> {
@@ -339,7 +385,8 @@ impl Found {
         let flipped = DVec3::from_array(X_LEFT_Y_UP.map(f64::from)) * self.origin.unwrap_or_default();
         // Without −0.
         let origin = flipped + DVec3::ZERO;
-        Ok(SceneFile { shown, ..Scene { base, supplement: self.supplement, origin }.into() })
+        let scene = Scene { base, supplement: self.supplement, origin };
+        Ok(SceneFile { shown, antialiased: self.antialiased, ..scene.into() })
     }
 }
 

@@ -10,11 +10,15 @@
 //! - shN: an image of labels (low byte R, high byte G) and one of what they stand for, 64 entries a row and a pixel for each coefficient,
 //!   whose R, G, B are indices into a codebook
 //!
+//! Version 1, which SuperSplat wrote until August 2025, has no `version` and no codebooks: `mins` and `maxs` in their place, by channel of
+//! scales and sh0 (whose A is the logit of the opacity), one of each for shN. The first number of the means' `shape` is the count.
+//!
 //! The frame is that of PLY.
 
 mod cluster;
 mod codebook;
 mod files;
+mod first;
 mod palette;
 mod write;
 
@@ -74,8 +78,9 @@ struct Images {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Palette {
-    count: usize,
-    bands: u32,
+    /// Not said in version 1, as the bands.
+    count: Option<usize>,
+    bands: Option<u32>,
     codebook: Vec<f32>,
     files: Vec<String>,
 }
@@ -97,12 +102,18 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool),
     let text = files.read(META)?;
     let understand = |error: serde_json::Error| format!("`{META}` is not understood: {error}");
     let Version { version } = serde_json::from_slice(&text).map_err(understand)?;
-    match version {
-        None => return Err(format!("`{META}` has no version; SOG version 2 is read")),
-        Some(version) if version.as_u64() != Some(2) => return Err(format!("is SOG version {version}; 2 is read")),
-        _ => {}
-    }
-    let meta: Meta = serde_json::from_slice(&text).map_err(understand)?;
+    let (meta, tables) = match version.as_ref().map(serde_json::Number::as_u64) {
+        None => first::understand(&text).map_err(|error| {
+            format!("`{META}` has no version, so it is read as version 1, which is not understood: {error}")
+        })?,
+        Some(Some(1)) => first::understand(&text).map_err(understand)?,
+        Some(Some(2)) => {
+            let meta: Meta = serde_json::from_slice(&text).map_err(understand)?;
+            let tables = Tables::of_codebooks(&meta);
+            (meta, tables)
+        }
+        _ => return Err(format!("is SOG version {}; 1 and 2 are read", version.unwrap_or(0.into()))),
+    };
     let count = meta.count;
     let mut image = |images: &[String], which: usize, what: &str| {
         let name = images.get(which).ok_or_else(|| format!("`{META}` names {} images of {what}", images.len()))?;
@@ -118,10 +129,10 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool),
     let scales = image(&meta.scales.files, 0, "scales")?;
     let colours = image(&meta.sh0.files, 0, "sh0")?;
     let palette = match &meta.sh_n {
-        Some(palette) if palette.bands > 0 => {
+        Some(palette) if palette.bands != Some(0) => {
             let labels = image(&palette.files, 1, "shN labels")?;
             let name = palette.files.first().map_or("", |name| name);
-            let entries = files.image(name, palette.count.saturating_mul(15))?;
+            let entries = files.image(name, palette.count.unwrap_or(0).saturating_mul(15))?;
             Some(palette::Entries::new(palette, name, entries, labels)?)
         }
         _ => None,
@@ -145,10 +156,10 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool),
         let smaller = [a, b, c].map(|byte| (f64::from(byte) / 127.5 - 1.0) * 0.5f64.sqrt());
         out.quats.push(quantise::from_smallest_three(usize::from(largest), smaller));
         let [x, y, z, _] = scales.pixels[i];
-        out.log_scales.push(entries([x, y, z], &meta.scales.codebook, "scales")?);
+        out.log_scales.push(entries([x, y, z], tables.scales.each_ref().map(|table| &table[..]), "scales")?);
         let [r, g, b, opacity] = colours.pixels[i];
-        out.sh.push(entries([r, g, b], &meta.sh0.codebook, "sh0")?);
-        out.opacities.push(quantise::opacity_logit(opacity));
+        out.sh.push(entries([r, g, b], tables.colours.each_ref().map(|table| &table[..]), "sh0")?);
+        out.opacities.push(tables.opacities[usize::from(opacity)]);
         if let Some(palette) = &palette {
             palette.read(i, &mut out.sh)?;
         }
@@ -157,10 +168,25 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool),
     Ok((out, if origin.is_finite() { origin } else { DVec3::ZERO }, meta.antialias))
 }
 
-/// What three bytes stand for.
-fn entries(bytes: [u8; 3], codebook: &[f32], what: &str) -> Result<[f32; 3], String> {
+/// What bytes stand for, by channel.
+struct Tables {
+    scales: [Vec<f32>; 3],
+    colours: [Vec<f32>; 3],
+    opacities: [f32; 256],
+}
+
+impl Tables {
+    fn of_codebooks(meta: &Meta) -> Tables {
+        let same = |coded: &Coded| std::array::from_fn(|_| coded.codebook.clone());
+        let opacities = std::array::from_fn(|byte| quantise::opacity_logit(byte as u8));
+        Tables { scales: same(&meta.scales), colours: same(&meta.sh0), opacities }
+    }
+}
+
+/// What three bytes stand for in tables of their channels.
+fn entries(bytes: [u8; 3], tables: [&[f32]; 3], what: &str) -> Result<[f32; 3], String> {
     let mut out = [0.0; 3];
-    for (slot, byte) in out.iter_mut().zip(bytes) {
+    for ((slot, byte), codebook) in out.iter_mut().zip(bytes).zip(tables) {
         let entry = codebook.get(usize::from(byte));
         *slot = *entry.ok_or_else(|| format!("{what} have entry {byte} of a codebook of {}", codebook.len()))?;
     }

@@ -101,8 +101,12 @@ impl Header {
 
 /// The Gaussians, and whether they were trained with antialiasing. `path` is only named in errors.
 pub(in crate::data) fn parse(bytes: &[u8], path: &Path) -> Result<(Gaussians, bool)> {
-    let parsed = if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) };
-    parsed.map_err(|what| Error::input(path, what))
+    read(bytes).map_err(|what| Error::input(path, what))
+}
+
+/// The same where another file has the bytes.
+pub(super) fn read(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
+    if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) }
 }
 
 /// Versions 1 to 3.

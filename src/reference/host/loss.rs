@@ -6,7 +6,7 @@ use super::{Outcome, pixels, wide_rows};
 use crate::{
     reference as twin,
     stages::{
-        constants::ssim::{STRIP, TILE},
+        constants::ssim::TILE,
         kernels,
         ssim::{SSIM_WEIGHT, tiles_for},
         types::{Frame, Loss},
@@ -60,10 +60,17 @@ fn pixels_of(frame: &Frame, tile: u32) -> impl Iterator<Item = (u32, u32)> {
 }
 
 /// Where the partial derivatives of a pixel's channel lie; `partial_index` of `glsl/shared/runs.glsl`.
-fn partials_at(frame: &Frame, f: usize, tiles_per_frame: u32, run: u32, channel: usize, (x, y): (u32, u32)) -> usize {
-    let strip_pixels = (TILE * STRIP) as usize;
-    let strip = f as u32 * tiles_per_frame * (TILE / STRIP) + y / STRIP * frame.width.div_ceil(TILE) + x / TILE;
-    let within = x % run * (TILE / run * STRIP) + x % TILE / run * STRIP + y % STRIP;
+fn partials_at(
+    frame: &Frame,
+    f: usize,
+    tiles_per_frame: u32,
+    [run, rows]: [u32; 2],
+    channel: usize,
+    (x, y): (u32, u32),
+) -> usize {
+    let strip_pixels = (TILE * rows) as usize;
+    let strip = f as u32 * tiles_per_frame * (TILE / rows) + y / rows * frame.width.div_ceil(TILE) + x / TILE;
+    let within = x % run * (TILE / run * rows) + x % TILE / run * rows + y % rows;
     (3 * strip as usize + channel) * strip_pixels + within as usize
 }
 
@@ -76,7 +83,7 @@ fn read<'a>(frame: &Frame, image: &[[f32; 4]], targets: &'a [u32]) -> (Vec<[f64;
 
 pub(super) fn ssim_forward(h: kernels::ssim_forward::Host<'_>) -> Outcome {
     let kernels::ssim_forward::Push { frame_first, tiles_per_frame, tile_count, count_index } = h.push;
-    let kernels::ssim_forward::Spec { tile_list, ssim_weight, loss_map, run, .. } = h.spec;
+    let kernels::ssim_forward::Spec { tile_list, ssim_weight, loss_map, run, strip, .. } = h.spec;
     check(ssim_weight)?;
     let frames = &h.frames[frame_first as usize..];
     let list = tile_list.then(|| &h.tile_list[..h.count[count_index as usize] as usize]);
@@ -91,7 +98,7 @@ pub(super) fn ssim_forward(h: kernels::ssim_forward::Host<'_>) -> Outcome {
                 let pixel = (y * frame.width + x) as usize;
                 sums.iter_mut().zip(forward.pixel_sums[pixel]).for_each(|(sum, part)| *sum += part);
                 for (channel, partials) in forward.partials[pixel].iter().enumerate() {
-                    let at = partials_at(frame, f, tiles_per_frame, run, channel, (x, y));
+                    let at = partials_at(frame, f, tiles_per_frame, [run, strip], channel, (x, y));
                     h.partials[at] = partials.map(|p| p as f32);
                 }
                 if loss_map {
@@ -106,7 +113,7 @@ pub(super) fn ssim_forward(h: kernels::ssim_forward::Host<'_>) -> Outcome {
 
 pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
     let kernels::ssim_backward::Push { frame_first, tiles_per_frame, tile_count, count_index } = h.push;
-    let kernels::ssim_backward::Spec { tile_list, ssim_weight, run, .. } = h.spec;
+    let kernels::ssim_backward::Spec { tile_list, ssim_weight, run, strip, .. } = h.spec;
     check(ssim_weight)?;
     let frames = &h.frames[frame_first as usize..];
     let list = tile_list.then(|| &h.tile_list[..h.count[count_index as usize] as usize]);
@@ -118,7 +125,8 @@ pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
         let partials: Vec<[[f64; 3]; 3]> = (0..frame.height)
             .flat_map(|y| (0..frame.width).map(move |x| (x, y)))
             .map(|pixel| {
-                [0, 1, 2].map(|c| h.partials[partials_at(frame, f, tiles_per_frame, run, c, pixel)].map(f64::from))
+                [0, 1, 2]
+                    .map(|c| h.partials[partials_at(frame, f, tiles_per_frame, [run, strip], c, pixel)].map(f64::from))
             })
             .collect();
         let (width, height) = (frame.width as usize, frame.height as usize);

@@ -144,7 +144,7 @@ impl<'a> Document<'a> {
     }
 
     /// The bytes of a view, and the step between elements if it says one.
-    fn view(&self, index: usize) -> Result<(&[u8], Option<u64>), String> {
+    pub(super) fn view(&self, index: usize) -> Result<(&[u8], Option<u64>), String> {
         let view: BufferView = Self::object(&self.root.buffer_views, index, "bufferView")?;
         if let Some(extensions) = view.extensions {
             let text: String = extensions.get().chars().take(80).collect();

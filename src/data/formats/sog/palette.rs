@@ -6,6 +6,7 @@ use super::{PALETTE_ROW, Palette, entries};
 /// What labels stand for, and those of the Gaussians.
 pub(super) struct Entries<'a> {
     pub(super) bands: u32,
+    count: usize,
     palette: &'a Palette,
     entries: Pixels,
     labels: Pixels,
@@ -14,7 +15,9 @@ pub(super) struct Entries<'a> {
 impl<'a> Entries<'a> {
     /// `name` is that of the image with the entries.
     pub(super) fn new(palette: &'a Palette, name: &str, entries: Pixels, labels: Pixels) -> Result<Self, String> {
-        let bands = palette.bands;
+        // Version 1 says neither: the image does.
+        let by_width = (1..=3u32).find(|bands| entries.width == PALETTE_ROW * ((*bands as usize + 1).pow(2) - 1));
+        let bands = palette.bands.or(by_width).unwrap_or(1);
         if bands > 3 {
             return Err(format!("has harmonics of {bands} bands, expected 0 to 3"));
         }
@@ -24,11 +27,12 @@ impl<'a> Entries<'a> {
             return Err(format!("`{name}` is {width} pixels wide, expected {expected} of {bands} bands"));
         }
         // Rows are whole.
-        if entries.pixels.len() / higher < palette.count {
-            let there = entries.pixels.len() / higher;
-            return Err(format!("`{name}` has {there} entries, expected {} or more", palette.count));
+        let there = entries.pixels.len() / higher;
+        let count = palette.count.unwrap_or(there);
+        if there < count {
+            return Err(format!("`{name}` has {there} entries, expected {count} or more"));
         }
-        Ok(Entries { bands, palette, entries, labels })
+        Ok(Entries { bands, count, palette, entries, labels })
     }
 
     /// Appends the coefficients of Gaussian `i`.
@@ -36,11 +40,11 @@ impl<'a> Entries<'a> {
         let [low, high, _, _] = self.labels.pixels[i];
         let label = usize::from(u16::from_le_bytes([low, high]));
         let higher = self.entries.width / PALETTE_ROW;
-        if label >= self.palette.count {
-            return Err(format!("pixel {i} of the shN labels is {label}, expected less than {}", self.palette.count));
+        if label >= self.count {
+            return Err(format!("pixel {i} of the shN labels is {label}, expected less than {}", self.count));
         }
         for &[r, g, b, _] in &self.entries.pixels[label * higher..(label + 1) * higher] {
-            sh.push(entries([r, g, b], &self.palette.codebook, "shN")?);
+            sh.push(entries([r, g, b], [&self.palette.codebook[..]; 3], "shN")?);
         }
         Ok(())
     }

@@ -135,7 +135,7 @@ impl Archive {
         });
         let files =
             vec![self.image("shN_centroids.webp", size, entries.into_iter())?, self.pixels("shN_labels.webp", pixels)?];
-        Ok(Palette { count, bands, codebook: book.0, files })
+        Ok(Palette { count: Some(count), bands: Some(bands), codebook: book.0, files })
     }
 
     /// A pixel a Gaussian.

@@ -1,0 +1,147 @@
+//! Checks a device once before anything is computed on it, and remembers that it passed.
+
+use std::{
+    collections::BTreeSet,
+    env,
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use super::{Failure, Outcome, progress::note};
+use crate::{
+    data::write_text,
+    gpu::{Context, ContextOptions},
+    stages::kernels,
+    verify,
+};
+
+/// Compares the stages that everything rests on with their twins, unless this device, driver and glint passed before. With `unchecked` a
+/// failure is a warning.
+pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool) -> Outcome {
+    // Twins stand in for stages of this run alone.
+    let file = if options.twins.is_empty() { file_by(cfg!(windows), |name| env::var_os(name)) } else { None };
+    let (mut passed, line) = (file.as_deref().map(read).unwrap_or_default(), line_of(context));
+    if passed.contains(&line) {
+        return Ok(());
+    }
+    let broken = verify::check(context)?;
+    if broken.is_empty() {
+        passed.insert(line);
+        // Without the file the next run checks again, which takes less than a second.
+        file.into_iter().for_each(|file| write(&file, &passed));
+        return Ok(());
+    }
+    let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
+    let info = context.info();
+    let text = format!(
+        "{} ({}) computes wrongly: {} differ from float64 by more than they may",
+        info.name,
+        info.driver,
+        stages.into_iter().collect::<Vec<_>>().join(", ")
+    );
+    if unchecked {
+        note(format!("warning: {text}; results are likely wrong, and --unchecked goes on all the same"));
+        return Ok(());
+    }
+    Err(Failure::Device(text))
+}
+
+/// A line of the file: what must be the same for a check to count.
+fn line_of(context: &Context) -> String {
+    let info = context.info();
+    let mut kernels = crc32fast::Hasher::new();
+    kernels::ALL.iter().for_each(|kernel| kernels.update(kernel.spirv));
+    let line = format!(
+        "{} | {} | {} lanes{} | glint {} {:08x}",
+        info.name,
+        info.driver,
+        info.subgroup_size,
+        if info.software_subgroups { " by software" } else { "" },
+        env!("CARGO_PKG_VERSION"),
+        kernels.finalize()
+    );
+    line.replace(char::is_control, " ")
+}
+
+/// Where what passed is remembered, if the system names a place for such files.
+fn file_by(windows: bool, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    let named = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let folder = match windows {
+        true => named("LOCALAPPDATA"),
+        false => named("XDG_CACHE_HOME").or_else(|| Some(named("HOME")?.join(".cache"))),
+    };
+    Some(folder?.join("glint").join("checked"))
+}
+
+fn read(file: &Path) -> BTreeSet<String> {
+    fs::read_to_string(file).map(|text| text.lines().map(str::to_owned).collect()).unwrap_or_default()
+}
+
+fn write(file: &Path, passed: &BTreeSet<String>) {
+    let lines: String = passed.iter().map(|line| format!("{line}\n")).collect();
+    let written = file.parent().is_some_and(|folder| fs::create_dir_all(folder).is_ok());
+    if !written || write_text(file, &lines).is_err() {
+        tracing::info!("the device passed its check, which {} cannot remember", file.display());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::*;
+    use crate::{
+        gpu::{Twin, TwinCall},
+        reference,
+    };
+
+    /// What the twin gives, but for one bit of one buffer.
+    fn faulty<const AT: usize>(call: &mut TwinCall) -> Result<(), String> {
+        let (stage, buffer) = STAGES[AT];
+        (reference::twin(stage).unwrap().run)(call)?;
+        let kernel = kernels::ALL.iter().find(|kernel| kernel.name == stage).unwrap();
+        let written = kernel.bindings.iter().position(|binding| binding.name == buffer).unwrap();
+        call.bindings[written].elements::<u32>()[5] ^= 1 << 22;
+        Ok(())
+    }
+
+    const STAGES: [(&str, &CStr); 5] = [
+        ("scan_apply", c"offsets"),
+        ("radix_downsweep", c"values_out"),
+        ("tile_ranges", c"tile_ranges"),
+        ("blend", c"image"),
+        ("project_backward", c"geometry"),
+    ];
+    const FAULTY: [fn(&mut TwinCall) -> Result<(), String>; 5] =
+        [faulty::<0>, faulty::<1>, faulty::<2>, faulty::<3>, faulty::<4>];
+
+    #[test]
+    fn a_device_that_computes_wrongly_is_refused_by_the_stage_unless_it_is_to_be_used() {
+        for ((stage, _), run) in STAGES.into_iter().zip(FAULTY) {
+            let options = ContextOptions { twins: vec![Twin { stage, run }], ..ContextOptions::from_env() };
+            let context = Context::new(&options).unwrap();
+            let Err(Failure::Device(text)) = check(&context, &options, false) else { panic!("{stage} passes") };
+            assert!(text.contains("computes wrongly") && text.contains(context.info().name.as_str()), "{text}");
+            assert!(check(&context, &options, true).is_ok());
+            // Twins that are right are a way to go on.
+            let twins = vec![reference::twin(stage).unwrap()];
+            let context = context.again(&ContextOptions { twins, ..options.clone() }).unwrap();
+            assert!(check(&context, &options, false).is_ok(), "{stage}");
+        }
+    }
+
+    #[test]
+    fn the_file_is_in_the_systems_cache() {
+        let root = env::temp_dir();
+        let with = |windows, wanted: &'static str| {
+            let root = root.clone();
+            file_by(windows, move |name| (name == wanted).then(|| root.clone().into()))
+        };
+        assert_eq!(with(false, "XDG_CACHE_HOME"), Some(root.join("glint/checked")));
+        assert_eq!(with(false, "HOME"), Some(root.join(".cache/glint/checked")));
+        assert_eq!(with(true, "LOCALAPPDATA"), Some(root.join("glint/checked")));
+        assert_eq!(with(true, "HOME"), None);
+        assert_eq!(file_by(false, |_| Some("not/absolute".into())), None);
+    }
+}

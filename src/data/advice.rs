@@ -1,0 +1,113 @@
+//! Error messages for paths that are not a dataset, with the next step.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::kind::Kind;
+use super::left_out::count;
+use super::names;
+use super::scene_file::is_scene_folder;
+use super::{places, transforms};
+
+/// The page that explains how to make a dataset.
+const PAGE: &str = "see docs/datasets.md";
+const ORDER: &str = "where both are arguments, the scene comes before the dataset";
+/// How many folders a message names.
+const NAMED: usize = 3;
+
+/// The message for a file that is not a transforms.json.
+pub(super) fn of_file(kind: Kind) -> String {
+    let expected = "expected a folder with a COLMAP model or transforms.json, or such a JSON file";
+    match kind {
+        Kind::Video => {
+            format!("is a video; extract photos from it with ffmpeg and find their poses with COLMAP, {PAGE}")
+        }
+        kind if kind.may_be_scene() => format!("is {kind}, not a dataset; {expected} ({ORDER})"),
+        kind => format!("is {kind}; {expected}"),
+    }
+}
+
+/// The message for a folder without a dataset.
+pub(super) fn of_folder(path: &Path) -> String {
+    if is_scene_folder(path) {
+        return format!("holds an SOG scene, not a dataset ({ORDER})");
+    }
+    let mut folders: Vec<PathBuf> =
+        entries(path).into_iter().filter(|entry| entry.is_dir() && is_dataset(entry)).collect();
+    folders.sort();
+    if !folders.is_empty() {
+        let named: Vec<String> = folders.iter().take(NAMED).map(|folder| folder.display().to_string()).collect();
+        let more = folders.len().checked_sub(NAMED).filter(|&n| n > 0).map(|n| format!(" and {n} more"));
+        let (named, more) = (named.join(", "), more.unwrap_or_default());
+        return format!("no dataset here, but one folder deeper: give {named}{more}");
+    }
+    let above = path.canonicalize().ok().and_then(|path| Some(path.parent()?.to_owned()));
+    if let Some(above) = above.filter(|above| is_dataset(above)) {
+        return format!("no dataset here, but in the folder above: give {}", above.display());
+    }
+    let photos = names::count_photos(path);
+    if photos > 0 {
+        let found = count(photos, "photo");
+        return format!("found {found} but no camera poses; run COLMAP to find them, {PAGE}");
+    }
+    let video = entries(path).into_iter().find(|entry| Kind::of_file(entry).is_ok_and(|kind| kind == Kind::Video));
+    if let Some(video) = video {
+        return format!("no dataset here, but {}, which {}", video.display(), of_file(Kind::Video));
+    }
+    format!(
+        "no dataset here; expected a folder with a COLMAP model (sparse/0/cameras.bin or .txt, and images/), with \
+         transforms_train.json or transforms.json, or a path to such a JSON file ({PAGE})"
+    )
+}
+
+fn is_dataset(folder: &Path) -> bool {
+    transforms::find(folder).is_some() || places::is_dataset(folder)
+}
+
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_next_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str| {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, if name.ends_with("mp4") { &b"\0\0\0\x18ftypmp42"[..] } else { b"x" }).unwrap();
+        };
+        let of = |name: &str| of_folder(&folder.path().join(name));
+        put("empty/notes.txt");
+        assert!(of("empty").contains("expected a folder with a COLMAP model"), "{}", of("empty"));
+        put("clip/a.mp4");
+        assert!(of("clip").contains("a.mp4, which is a video; extract photos"), "{}", of("clip"));
+        put("photos/a.jpg");
+        assert_eq!(of("photos"), "found 1 photo but no camera poses; run COLMAP to find them, see docs/datasets.md");
+        put("photos/images/b.PNG");
+        put("photos/images/more/c.tif");
+        assert!(of("photos").starts_with("found 3 photos but no camera poses; run COLMAP"), "{}", of("photos"));
+        put("deep/garden/sparse/0/cameras.bin");
+        put("deep/garden/images/a.jpg");
+        let garden = folder.path().join("deep/garden");
+        assert_eq!(of("deep"), format!("no dataset here, but one folder deeper: give {}", garden.display()));
+        for name in ["b", "c", "d"] {
+            put(&format!("deep/{name}/transforms.json"));
+        }
+        let many = of("deep");
+        assert!(many.contains("deep/b, ") && many.ends_with("deep/d and 1 more"), "{many}");
+        let above = folder.path().canonicalize().unwrap().join("deep/garden");
+        assert_eq!(of("deep/garden/sparse"), of("deep/garden/images"), "a model alone is none");
+        assert_eq!(
+            of("deep/garden/images"),
+            format!("no dataset here, but in the folder above: give {}", above.display())
+        );
+        put("scene/meta.json");
+        assert!(of("scene").contains("SOG scene, not a dataset") && of("scene").contains("before the dataset"));
+        assert!(of_file(Kind::Ply).contains("before the dataset") && of_file(Kind::Ply).contains("transforms.json"));
+        assert!(!of_file(Kind::Image).contains("scene") && of_file(Kind::Video).contains("docs/datasets.md"));
+    }
+}

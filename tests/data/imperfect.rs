@@ -1,0 +1,354 @@
+//! Datasets with something missing, moved, turned or shared by mistake: what can be used is used, and what is not is told.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use glint::data::{Dataset, DatasetKind, DatasetOptions, Holdout, Split};
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, webp::WebPEncoder};
+use image::metadata::Orientation;
+use image::{DynamicImage, GrayImage, ImageEncoder, Luma, Rgb, RgbImage};
+use serde_json::{Value, json};
+
+use crate::variants::{KINDS, Plain, put};
+
+fn write(plain: &Plain, root: &Path, kind: &str) {
+    KINDS.iter().find(|(name, _)| *name == kind).unwrap().1(plain, root);
+}
+
+fn open(root: &Path) -> Dataset {
+    Dataset::open(root, &DatasetOptions::default()).unwrap()
+}
+
+fn error(root: &Path) -> String {
+    Dataset::open(root, &DatasetOptions::default()).unwrap_err().to_string()
+}
+
+fn plain() -> Plain {
+    Plain::new(10, [8, 6], [9.0, 9.0], "sub", 1)
+}
+
+/// transforms.json of the dataset in `root`, after this change.
+fn edit(root: &Path, change: impl FnOnce(&mut Value)) {
+    let path = root.join("transforms.json");
+    let mut file = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    change(&mut file);
+    put(&path, file.to_string());
+}
+
+#[test]
+fn photos_without_a_pose_are_left_out_and_move_no_other() {
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "nerfstudio");
+    let names = |data: &Dataset| data.split(Split::Test).map(|(_, photo)| photo.name.clone()).collect::<Vec<_>>();
+    let (whole, sector) = (open(folder.path()), DatasetOptions { holdout: Holdout::Sector, ..Default::default() });
+    assert_eq!(names(&whole), ["images/p01.png", "images/sub/p06.png"]);
+    let path = folder.path().join("transforms.json");
+    let lost = |frames: &[usize]| {
+        edit(folder.path(), |file| frames.iter().for_each(|&i| file["frames"][i]["transform_matrix"] = json!("lost")));
+        let text = fs::read_to_string(&path).unwrap().replace("\"lost\"", "[[NaN,-Infinity,0,0],[0,1,0,0],[0,0,1,0]]");
+        put(&path, text);
+    };
+    lost(&[2]);
+    let data = open(folder.path());
+    assert_eq!((data.photos.len(), names(&data)), (9, names(&whole)));
+    let note = "1 photo of 10 left out: `images/p04.png` has no usable pose: frame 2: `transform_matrix` holds a number that is not finite";
+    assert_eq!(data.notes, [note]);
+    assert_eq!(Dataset::open(folder.path(), &sector).unwrap().photos.len(), 9);
+    write(&plain, folder.path(), "nerfstudio");
+    lost(&[1, 2, 3, 4, 5, 6]);
+    let notes = open(folder.path()).notes.join("; ");
+    assert!(notes.contains("6 photos of 10 left out: `images/p02.png`"), "{notes}");
+    assert!(notes.contains("(and 5 more: `images/p04.png`, `images/p05.png`, `images/p07.png`, …)"), "{notes}");
+    write(&plain, folder.path(), "nerfstudio");
+    lost(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    let refused = error(folder.path());
+    assert!(refused.contains("no photo is left: `images/p01.png` has no usable pose"), "{refused}");
+    assert!(refused.contains("transforms.json") && refused.contains("(and 9 more: "), "{refused}");
+
+    // COLMAP's own.
+    let folder = tempfile::tempdir().unwrap();
+    write(&plain, folder.path(), "COLMAP text");
+    let images = folder.path().join("sparse/0/images.txt");
+    let text = fs::read_to_string(&images).unwrap();
+    let line = text.lines().find(|line| line.ends_with("p05.png")).unwrap();
+    put(&images, text.replace(line, "5 nan nan nan nan 0 0 0 1 p05.png"));
+    let data = open(folder.path());
+    assert_eq!((data.photos.len(), data.notes.len()), (9, 1));
+    assert!(data.notes[0].contains("1 photo of 10 left out: `p05.png` has no usable pose"), "{:?}", data.notes);
+}
+
+#[test]
+fn names_of_another_machine_find_the_files_of_this_one() {
+    for before in ["/home/x/d/images/", "C:\\Users\\x\\d\\images\\", "scene_01/images/", "\\\\server\\d\\images/"] {
+        let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+        write(&plain, folder.path(), "nerfstudio");
+        for name in &plain.names {
+            let path = folder.path().join("outlines").join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            GrayImage::from_fn(8, 6, |x, _| Luma([if x < 4 { 255 } else { 0 }])).save(path).unwrap();
+        }
+        edit(folder.path(), |file| {
+            for (frame, name) in file["frames"].as_array_mut().unwrap().iter_mut().zip(&plain.names) {
+                frame["file_path"] = json!(format!("{before}{name}"));
+                frame["mask_path"] = json!(format!("/home/x/d/outlines/{name}"));
+            }
+            file["ply_file_path"] = json!("/home/x/d/points.ply");
+        });
+        let data = open(folder.path());
+        assert_eq!((data.photos.len(), data.points.as_ref()), (10, Some(&plain.points)), "{before}");
+        assert!(data.notes.iter().any(|note| note.contains("10 photos found under another")), "{:?}", data.notes);
+        for ((photo, image), pixels) in data.photos.iter().zip(data.load_images().unwrap()).zip(&plain.photos) {
+            assert_eq!(image.rgb, *pixels.as_raw(), "{}", photo.name);
+            assert_eq!(image.mask.unwrap()[..8], [true, true, true, true, false, false, false, false]);
+        }
+        // Two folders may be meant.
+        for copy in ["one", "two"] {
+            plain.write_photos(&folder.path().join(copy).join("images"), str::to_owned);
+        }
+        assert_eq!(open(folder.path()).photos.len(), 10, "the dataset's own comes first");
+        fs::remove_dir_all(folder.path().join("images")).unwrap();
+        let both = error(folder.path());
+        assert!(["one/images", "two/images", "frame 0", "--images"].iter().all(|part| both.contains(part)), "{both}");
+        fs::remove_dir_all(folder.path().join("two")).unwrap();
+        assert_eq!(open(folder.path()).photos.len(), 10);
+    }
+    // In COLMAP's lists too; a missing photo is not looked for among others.
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "COLMAP text");
+    let lists = folder.path().join("sparse/0/images.txt");
+    put(&lists, plain.images_txt(|name| format!("D:\\scans\\images\\{}", name.replace('/', "\\")), "\n"));
+    assert_eq!(open(folder.path()).photos.len(), 10);
+    fs::remove_file(folder.path().join("images/p01.png")).unwrap();
+    let data = open(folder.path());
+    assert!(data.photos.len() == 9 && data.notes[0].contains("1 photo of 10 left out"), "{:?}", data.notes);
+}
+
+#[test]
+fn letters_with_accents_are_the_same_composed_or_apart() {
+    let [composed, apart] = ["S\u{e4}ule", "Sa\u{308}ule"];
+    for [disk, list] in [[composed, apart], [apart, composed]] {
+        for kind in ["COLMAP text", "nerfstudio"] {
+            let mut plain = plain();
+            plain.names.iter_mut().for_each(|name| *name = format!("{disk}/{name}"));
+            let folder = tempfile::tempdir().unwrap();
+            write(&plain, folder.path(), kind);
+            for file in ["sparse/0/images.txt", "transforms.json"].map(|name| folder.path().join(name)) {
+                if let Ok(text) = fs::read_to_string(&file) {
+                    put(&file, text.replace(disk, list));
+                }
+            }
+            let mask = folder.path().join("masks").join(&plain.names[3]);
+            fs::create_dir_all(mask.parent().unwrap()).unwrap();
+            GrayImage::from_pixel(8, 6, Luma([255])).save(mask).unwrap();
+            if kind == "COLMAP text" {
+                put(&folder.path().join("test.txt"), format!("{}\n{}\n", plain.names[2], plain.names[5]));
+            }
+            let data = open(folder.path());
+            assert_eq!(data.photos.len(), 10, "{kind}");
+            assert!(data.notes.iter().any(|note| note.contains("1 photo of 10 with a mask")), "{:?}", data.notes);
+            assert_eq!(data.split(Split::Test).count(), 2);
+            if kind == "COLMAP text" {
+                assert!(data.notes.iter().all(|note| !note.contains("no photo")), "{:?}", data.notes);
+            }
+        }
+    }
+}
+
+#[test]
+fn one_file_is_not_the_photo_of_two_cameras() {
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "nerfstudio");
+    edit(folder.path(), |file| {
+        for (i, frame) in file["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+            frame["file_path"] = json!(format!("images/camera{}/{:04}.png", i % 2, i / 2));
+        }
+    });
+    let flat = folder.path().join("flat");
+    fs::create_dir(&flat).unwrap();
+    (0..5).for_each(|i| plain.photos[i].save(flat.join(format!("{i:04}.png"))).unwrap());
+    let options = DatasetOptions { images: Some("flat".into()), ..Default::default() };
+    let refused = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+    let parts = ["`images/camera0/0000.png` and `images/camera1/0000.png`", "one file", "flat/0000.png"];
+    assert!(parts.iter().all(|part| refused.contains(part)), "{refused}");
+    // Under another spelling too.
+    fs::rename(flat.join("0000.png"), flat.join("0000.PNG")).unwrap();
+    let refused = Dataset::open(folder.path(), &options).unwrap_err().to_string();
+    assert!(refused.contains("are both the one file") && refused.contains("0000."), "{refused}");
+}
+
+/// Points of the model that nerfstudio leaves behind, whose world its `applied_transform` turns.
+#[test]
+fn points_of_a_model_beside_the_file_stand_in_the_frame_of_its_cameras() {
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "model in colmap/sparse/0");
+    write(&plain, folder.path(), "nerfstudio");
+    fs::remove_file(folder.path().join("points.ply")).unwrap();
+    let turned = |p: [f64; 3]| [p[0], p[2], -p[1]];
+    edit(folder.path(), |file| {
+        file.as_object_mut().unwrap().remove("ply_file_path");
+        file["applied_transform"] = json!([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]]);
+        for frame in file["frames"].as_array_mut().unwrap() {
+            let rows = &mut frame["transform_matrix"];
+            let minus =
+                |row: &Value| json!(row.as_array().unwrap().iter().map(|v| -v.as_f64().unwrap()).collect::<Vec<_>>());
+            let (y, z) = (rows[1].clone(), rows[2].clone());
+            (rows[1], rows[2]) = (z, minus(&y));
+        }
+    });
+    let data = open(folder.path());
+    assert_eq!(data.kind, DatasetKind::Transforms);
+    let points = data.points.unwrap();
+    assert_eq!(points.colors, plain.points.colors);
+    for (found, there) in points.positions.iter().zip(&plain.points.positions) {
+        let expected = turned(there.map(f64::from));
+        assert!((0..3).all(|k| (f64::from(found[k]) - expected[k]).abs() < 1e-4), "{found:?} {expected:?}");
+    }
+    assert_eq!(
+        data.notes,
+        ["the points of the COLMAP model in colmap/sparse/0 are taken, in the frame of these cameras"]
+    );
+    assert!(data.sources.iter().any(|source| source.ends_with("colmap/sparse/0/points3D.txt")));
+    // Of another reconstruction, whose cameras stand elsewhere to each other.
+    edit(folder.path(), |file| file["frames"][4]["transform_matrix"][0][3] = json!(40.0));
+    let data = open(folder.path());
+    assert!(data.points.is_none());
+    assert!(data.notes[0].contains("colmap/sparse/0 are left out: its cameras do not stand"), "{:?}", data.notes);
+}
+
+fn exif(orientation: u8) -> Vec<u8> {
+    // A directory of one entry: tag 0x112, a 16-bit number.
+    [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0], &[0; 4]].concat()
+}
+
+/// An uncompressed TIFF with the tag.
+fn tiff(picture: &RgbImage, orientation: u8) -> Vec<u8> {
+    let (width, height) = (picture.width() as u16, picture.height() as u16);
+    let entries: [(u16, u16, u32); 10] = [
+        (256, 3, width.into()),
+        (257, 3, height.into()),
+        (258, 3, 8),
+        (259, 3, 1),
+        (262, 3, 2),
+        (273, 4, 8 + 2 + 12 * 10 + 4),
+        (274, 3, orientation.into()),
+        (277, 3, 3),
+        (278, 3, height.into()),
+        (279, 4, picture.as_raw().len() as u32),
+    ];
+    let mut out = b"II*\0\x08\0\0\0".to_vec();
+    out.extend(10u16.to_le_bytes());
+    for (tag, kind, value) in entries {
+        out.extend([tag, kind].iter().flat_map(|v| v.to_le_bytes()));
+        out.extend([1, value].iter().flat_map(|v| v.to_le_bytes()));
+    }
+    out.extend([0; 4]);
+    out.extend(picture.as_raw());
+    out
+}
+
+fn tagged(picture: &RgbImage, orientation: u8, ending: &str) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let (width, height) = picture.dimensions();
+    let color = image::ExtendedColorType::Rgb8;
+    let bytes = picture.as_raw();
+    match ending {
+        "png" => {
+            let mut encoder = PngEncoder::new(&mut out);
+            encoder.set_exif_metadata(exif(orientation)).unwrap();
+            encoder.write_image(bytes, width, height, color).unwrap();
+        }
+        "webp" => {
+            let mut encoder = WebPEncoder::new_lossless(&mut out);
+            // Of both forms that writers use.
+            let marker = if orientation.is_multiple_of(4) { &b"Exif\0\0"[..] } else { b"" };
+            encoder.set_exif_metadata([marker, &exif(orientation)].concat()).unwrap();
+            encoder.write_image(bytes, width, height, color).unwrap();
+        }
+        "jpg" => {
+            let mut encoder = JpegEncoder::new_with_quality(&mut out, 100);
+            encoder.set_exif_metadata(exif(orientation)).unwrap();
+            encoder.write_image(bytes, width, height, color).unwrap();
+        }
+        _ => return tiff(picture, orientation),
+    }
+    out.into_inner()
+}
+
+/// What a file has to be turned by, so that the tag turns it back.
+fn stored(upright: &RgbImage, orientation: u8) -> RgbImage {
+    let back = match orientation {
+        6 => 8,
+        8 => 6,
+        same => same,
+    };
+    let mut picture = DynamicImage::from(upright.clone());
+    picture.apply_orientation(Orientation::from_exif(back).unwrap());
+    picture.into_rgb8()
+}
+
+/// Of cameras of the upright picture and of the stored one, each photo is what its camera saw.
+#[test]
+fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
+    // Smooth, so that JPEG keeps it; no two corners alike.
+    let upright = |[width, height]: [u32; 2]| {
+        RgbImage::from_fn(width, height, |x, y| Rgb([(200 * x / width) as u8, (200 * y / height) as u8, 60]))
+    };
+    let open = |size: [u32; 2], bytes: &[u8], ending: &str| {
+        let plain = Plain::new(1, size, [9.0, 9.0], "sub", 1);
+        let folder = tempfile::tempdir().unwrap();
+        write(&plain, folder.path(), "COLMAP text");
+        fs::remove_dir_all(folder.path().join("images")).unwrap();
+        put(&folder.path().join("images/sub/p00").with_extension(ending), bytes);
+        let options = DatasetOptions { holdout: Holdout::Nothing, ..Default::default() };
+        let data = Dataset::open(folder.path(), &options).map_err(|error| error.to_string())?;
+        Ok::<_, String>((data.load_images().map_err(|error| error.to_string())?.remove(0), data.notes.join("; ")))
+    };
+    let near = |found: &[u8], expected: &RgbImage| {
+        found.len() == expected.as_raw().len() && found.iter().zip(expected.as_raw()).all(|(a, b)| a.abs_diff(*b) < 12)
+    };
+    for ending in ["jpg", "png", "webp", "tif"] {
+        for orientation in 1..=8 {
+            let case = format!("{ending}, orientation {orientation}");
+            let picture = upright([24, 32]);
+            let file = stored(&picture, orientation);
+            let bytes = tagged(&file, orientation, ending);
+            // Of the upright picture: a quarter turn shows in the size.
+            let (found, notes) = open([24, 32], &bytes, ending).unwrap_or_else(|what| panic!("{case}: {what}"));
+            let expected = if orientation > 4 { &picture } else { &file };
+            assert!(near(&found.rgb, expected), "{case}: {notes}");
+            assert_eq!(notes.contains("1 photo turned by the EXIF orientation"), orientation > 4, "{case}: {notes}");
+            // Of what the file has, and of a square: nothing is turned.
+            let (found, notes) = open([file.width(), file.height()], &bytes, ending).unwrap();
+            assert!(near(&found.rgb, &file) && !notes.contains("EXIF"), "{case}: {notes}");
+            let square = stored(&upright([24, 24]), orientation);
+            let (found, _) = open([24, 24], &tagged(&square, orientation, ending), ending).unwrap();
+            assert!(near(&found.rgb, &square), "{case}");
+        }
+    }
+    // Reduced copies are turned, too.
+    let small = stored(&upright([12, 16]), 6);
+    let (found, _) = open([24, 32], &tagged(&small, 6, "png"), "png").unwrap();
+    assert!((found.width, found.height) == (12, 16) && near(&found.rgb, &upright([12, 16])));
+    // Where the tag does not help, it is named.
+    for (orientation, size, words) in
+        [(3, [24, 32], ["32 × 24", "orientation, 3,"]), (6, [20, 32], ["orientation, 6,", "makes it 24 × 32"])]
+    {
+        let refused = open(size, &tagged(&RgbImage::new(32, 24), orientation, "jpg"), "jpg").unwrap_err();
+        assert!(words.iter().all(|word| refused.contains(word)), "{refused}");
+    }
+}
+
+#[test]
+fn jpeg_photos_without_their_end_are_told() {
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "COLMAP text");
+    for name in &plain.names {
+        let path = folder.path().join("images").join(name);
+        let bytes = tagged(&RgbImage::from_pixel(8, 6, Rgb([90, 120, 40])), 1, "jpg");
+        put(&path, if name == "p04.png" { &bytes[..bytes.len() - 2] } else { &bytes });
+    }
+    let data = open(folder.path());
+    assert_eq!(data.notes, ["1 JPEG photo without an end, whose missing rows do not count: `p04.png`"]);
+    assert!(data.load_images().unwrap().iter().all(|image| image.mask.is_none()));
+}
