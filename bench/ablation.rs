@@ -204,8 +204,8 @@ fn by_view(evaluation: &Evaluation) -> Map<String, Value> {
 
 fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Result<Scene> {
     let first = first_points(dataset, Some(args.gaussians), 0);
-    let base = from_points(&first.cloud.positions, &first.cloud.colors, 3);
-    let scene = Scene { base, supplement: None };
+    let base = from_points(&first.cloud.around(glam::DVec3::ZERO), &first.cloud.colors, 3);
+    let scene = Scene { base, ..Default::default() };
     let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
     let options = BaseOptions { iterations: args.iterations, sh_degree: 3, ..Default::default() };
     train_base(session, &model, views, &options, false, |_| ())?;

@@ -37,7 +37,7 @@ fn setup(gpu: &Gpu, points: usize) -> Setup {
     let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
     let views = Views::upload(gpu, &cameras, &images).unwrap();
     let points = built.dataset().points.unwrap();
-    let start = from_points(&points.positions, &points.colors, 1);
+    let start = from_points(&points.around(glam::DVec3::ZERO), &points.colors, 1);
     let session = Session { background: built.background, extent: 2.0, seed: 5, ..session(gpu) };
     Setup { session, views, start }
 }
@@ -52,7 +52,7 @@ impl Setup {
         let mut base = self.start.clone();
         density.begin(&mut base);
         let room = Room { base: density.limit - base.len() as u32, page: Some(page), ..Default::default() };
-        let scene = Scene { base, supplement: None };
+        let scene = Scene { base, ..Default::default() };
         Model::upload_around(&self.session.context, self.views.origin, &scene, room).unwrap()
     }
 
@@ -193,7 +193,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
             let model = Model::upload_around(
                 &gpu,
                 setup.views.origin,
-                &Scene { base: start.clone(), supplement: None },
+                &Scene { base: start.clone(), ..Default::default() },
                 Room { base: all + 20 - start.len() as u32, page: Some(64), ..Default::default() },
             )
             .unwrap();

@@ -39,7 +39,7 @@ fn training_and_augmentation_give_the_same_bits_twice() {
     let photos: Vec<_> = built.photos.iter().filter(|p| !p.is_test).step_by(12).collect();
     let cameras: Vec<Camera> = photos.iter().map(|p| p.camera).collect();
     let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
-    let start = Scene { base: from_points(&built.point_positions, &built.point_colors, 2), supplement: None };
+    let start = Scene { base: from_points(&built.point_positions, &built.point_colors, 2), ..Default::default() };
     assert!(start.base.len() > 8 * WORKGROUP as usize && cameras.len() == 4);
     // A device of its own for each run: nothing may be left over from the first.
     let runs: Vec<_> = (0..2)

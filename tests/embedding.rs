@@ -437,7 +437,7 @@ fn training_neither_submits_nor_waits_for_every_step() {
     let photo = vec![120u8; 3 * 32 * 24];
     let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
     let base = random_scene(3, 200, 0, 1).base;
-    let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
+    let model = Model::upload(&gpu, &Scene { base, ..Default::default() }, 0).unwrap();
     let train = |iterations| {
         let before = gpu.counters();
         let options = BaseOptions { iterations, sh_degree: 1, ..Default::default() };
@@ -459,7 +459,7 @@ fn steps_are_timed_all_through_a_run() {
     let camera = random_camera(32, 24);
     let photo = vec![120u8; 3 * 32 * 24];
     let views = Views::upload(&gpu, &[camera], &[&photo]).unwrap();
-    let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
+    let scene = Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() };
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     // 17 submissions of 16 steps, of which the first, the ninth and the seventeenth are timed.
     let options = BaseOptions { iterations: 17 * 16, sh_degree: 1, ..Default::default() };
@@ -601,7 +601,7 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
     let camera = random_camera(32, 24);
     let photo = vec![120u8; 3 * 32 * 24];
     let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
-    let scene = Scene { base: random_scene(3, 200, 0, 1).base, supplement: None };
+    let scene = Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() };
     let session = Session::new(&gpu);
     let options = BaseOptions { iterations: 320, sh_degree: 1, ..Default::default() };
     let whole = Model::upload(&gpu, &scene, 0).unwrap();

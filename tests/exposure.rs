@@ -81,7 +81,7 @@ impl Setup {
             views,
             gains,
             test: test.collect(),
-            start: from_points(&points.positions, &points.colors, 1),
+            start: from_points(&points.around(glam::DVec3::ZERO), &points.colors, 1),
         }
     }
 
@@ -94,7 +94,7 @@ impl Setup {
         let mut base = self.start.clone();
         density.begin(&mut base);
         let room = Room { base: 200, ..Default::default() };
-        let scene = Scene { base, supplement: None };
+        let scene = Scene { base, ..Default::default() };
         let model = Model::upload_around(&self.session.context, self.views.origin, &scene, room).unwrap();
         let options = BaseOptions { iterations, sh_degree: 1, ..Default::default() };
         let mut trainer = dense_trainer(&self.session, &model, &self.views, &options, &density).unwrap();
@@ -229,7 +229,7 @@ fn a_photograph_alone_keeps_its_colours() {
 fn steps_of_several_views_have_no_exposure_correction() {
     let gpu = Gpu::new();
     let setup = Setup::new(&gpu);
-    let scene = Scene { base: setup.start.clone(), supplement: None };
+    let scene = Scene { base: setup.start.clone(), ..Default::default() };
     let model = Model::upload_around(&gpu, setup.views.origin, &scene, Room::default()).unwrap();
     let lesson = Lesson::new(Segment::Base);
     let plan = |_| StepPlan { rates: Rates::default(), active_degree: 0 };

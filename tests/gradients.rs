@@ -1,9 +1,18 @@
 //! The twins' gradients against central differences of the whole chain project → … → blend, and properties that
 //! any renderer of this method has. Runs on the CPU alone.
 
+use glam::{DMat3, DVec3};
 use glint::{
-    reference::{Background, Options, Params, Rendered, View, random_camera, random_scene, render},
-    scene::layout::{Array, BETAS, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
+    reference::{
+        Background, Options, Params, Rendered, View,
+        blend_backward::blend_backward,
+        project_backward::{probe_backward, sum_records},
+        random_camera, random_scene, render,
+    },
+    scene::{
+        Camera,
+        layout::{Array, BETAS, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
+    },
 };
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -13,6 +22,16 @@ use rayon::prelude::*;
 const WIDTH: u32 = 24;
 const HEIGHT: u32 = 20;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
+
+/// A colour's gradient as far as it is one: channels that are clamped at 0 have none, though descent passes what would raise them.
+fn derivative(problem: &Problem, base: &Rendered) -> Params {
+    let Rendered { projected, isects, blended } = base;
+    let Problem { params, view, options, weights, .. } = problem;
+    let records = blend_backward(&projected.splats, isects, &blended.image, weights);
+    let records = sum_records(&projected.tile_counts, isects, &records);
+    // A curvature that is known stops all that is clamped.
+    probe_backward(params, view, options, &projected.splats, records, &vec![[1.0; 3]; params.count]).params
+}
 
 /// One parameter: the array and the index into it, the Gaussian it belongs to and its group.
 #[derive(Debug, Clone, Copy)]
@@ -136,8 +155,7 @@ struct Seen {
 
 fn check(problem: &Problem, seen: &mut Seen) {
     let base = problem.render(&problem.params);
-    let gradients = base.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
-    let mut analytic = gradients.params.clone();
+    let mut analytic = derivative(problem, &base);
     let all = parameters(&problem.params);
     let differences: Vec<_> = all.par_iter().map(|&parameter| problem.difference(&base, parameter)).collect();
     for (parameter, difference) in all.into_iter().zip(differences) {
@@ -212,6 +230,43 @@ fn gradients_of_betas_are_central_differences() {
     assert_eq!(problem.render(&problem.params).blended, problem.render(&plain).blended);
 }
 
+/// By the rule itself: a channel that is not clamped has its derivative; one that is passes the loss's slope in the colour where it is below
+/// 0, so that a step raises it, and nothing else. A probe passes it while no curvature is known.
+#[test]
+fn a_clamped_colour_passes_what_raises_it() {
+    let (mut raised, mut held, mut free) = (0, 0, 0);
+    for degree in [3, BETAS] {
+        let options = Options { active_degree: degree, ..Default::default() };
+        let problem = Problem::of(44, 60, 30, degree, options).grown(1.0, 1.0);
+        let Problem { params, view, weights, .. } = &problem;
+        let base = problem.render(params);
+        let found = base.backward(params, view, &options, weights);
+        let splats = &base.projected.splats;
+        let unknown = vec![[0.0; 3]; params.count];
+        let probe = probe_backward(params, view, &options, splats, found.records.clone(), &unknown).params;
+        let stopped = derivative(&problem, &base);
+        for (i, record) in found.records.iter().enumerate().filter(|(i, _)| found.touched[*i]) {
+            for c in 0..3 {
+                let at = c * params.stride + i;
+                let [got, probed, none] = [&found.params, &probe, &stopped].map(|grads| grads.sh[at]);
+                // The constant's slope is that of the colour times Y_0.
+                let slope = record[6 + c] * 0.282_094_791_773_878_14;
+                let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * slope.abs();
+                assert!(near(probed, slope), "Gaussian {i}");
+                if splats[i].color()[c] > 0.0 {
+                    free += 1;
+                    assert!(near(got, slope) && near(none, slope), "Gaussian {i}");
+                } else {
+                    let wanted = slope.min(0.0);
+                    *(if wanted < 0.0 { &mut raised } else { &mut held }) += 1;
+                    assert!(near(got, wanted) && none == 0.0, "Gaussian {i}: {got} for {wanted}");
+                }
+            }
+        }
+    }
+    assert!(raised >= 10 && held >= 10 && free >= 50, "{raised}, {held}, {free}");
+}
+
 #[test]
 fn coefficients_beyond_the_active_degree_neither_shine_nor_learn() {
     for active_degree in 0..3 {
@@ -225,6 +280,45 @@ fn coefficients_beyond_the_active_degree_neither_shine_nor_learn() {
         let mut dark = problem.params.clone();
         dark.sh[first..].fill(0.0);
         assert_eq!(problem.render(&dark).blended, base.blended);
+    }
+}
+
+/// Needles along the axis of a camera whose numbers are all short: where they lie in the picture is exact, so a crop differs in no bit.
+/// Its principal point is 32 pixels to the left of it; a clamp about that would bend all of them.
+#[test]
+fn a_crop_is_the_crop_of_the_whole_picture_bit_for_bit() {
+    let (width, height, n) = (128, 96, 60);
+    let mut params = Params::zeros(n, n, 0);
+    for i in 0..n {
+        let z = [2.0, 4.0, 8.0][i % 3];
+        let (x, y) = (100.0 + (i * 7 % 97) as f64 / 4.0, 36.0 + (i * 5 % 89) as f64 / 4.0);
+        let mean = [(x - 64.0) / 64.0 * z, (y - 48.0) / 64.0 * z, z];
+        let values = [&mean[..], &[1.0, 0.0, 0.0, 0.0], &[-3.0, -3.5, -1.0], &[2.0]];
+        for (first, values) in [MEAN, QUAT, LOG_SCALE, OPACITY].into_iter().zip(values) {
+            values.iter().enumerate().for_each(|(c, &v)| params.geometry[(first + c) * n + i] = v);
+        }
+        (0..3).for_each(|c| params.sh[c * n + i] = (i * (c + 2) % 13) as f64 / 8.0 - 0.75);
+    }
+    let whole = Camera {
+        width,
+        height,
+        fx: 64.0,
+        fy: 64.0,
+        cx: 64.0,
+        cy: 48.0,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    };
+    let image = |camera: &Camera| {
+        let view = View::from_camera(camera);
+        render(&params, &view, &Options::default(), Background::Color([0.25; 3])).blended.image
+    };
+    let all = image(&whole);
+    for (x, y, w, h) in [(96, 32, 32, 32), (64, 0, 64, 96), (96, 16, 24, 72)] {
+        let crop = Camera { width: w, height: h, cx: 64.0 - f64::from(x), cy: 48.0 - f64::from(y), ..whole };
+        let want: Vec<_> = (0..h).flat_map(|r| (0..w).map(move |c| ((y + r) * width + x + c) as usize)).collect();
+        assert_eq!(image(&crop), want.iter().map(|&at| all[at]).collect::<Vec<_>>(), "{w} × {h} at {x}, {y}");
+        assert!(want.iter().filter(|&&at| all[at][3] < 0.9).count() > 100);
     }
 }
 

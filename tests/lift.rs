@@ -461,7 +461,7 @@ fn lifts_beyond_the_page_are_left_to_another_dispatch() {
     };
     let lifts: Vec<types::Lift> = (0..30).map(lift).collect();
     let wanted: Vec<[f32; 3]> = lifts.iter().filter(|l| l.cluster_size > 0).map(|l| l.mean).collect();
-    let scene = Scene { base: random_scene(5, 10, 0, 1).base, supplement: None };
+    let scene = Scene { base: random_scene(5, 10, 0, 1).base, ..Default::default() };
     let model = |supplement| {
         let room = Room { supplement, page: Some(8), ..Default::default() };
         Model::upload_around(&context, DVec3::ZERO, &scene, room).unwrap()

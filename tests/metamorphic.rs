@@ -45,7 +45,7 @@ fn pick(g: &Gaussians, from: &[usize]) -> Gaussians {
 }
 
 fn pick_scene(scene: &Scene, base: &[usize], extra: &[usize]) -> Scene {
-    let mut out = Scene { base: pick(&scene.base, base), supplement: scene.supplement.clone() };
+    let mut out = Scene { base: pick(&scene.base, base), ..scene.clone() };
     if let (Some(to), Some(from)) = (&mut out.supplement, &scene.supplement) {
         to.gaussians = pick(&from.gaussians, extra);
         to.lobes.directions = extra.iter().map(|&i| from.lobes.directions[i]).collect();
@@ -149,7 +149,7 @@ fn hidden_and_unseen_gaussians_change_nothing() {
             all.opacities.extend(&p.opacities);
             all.sh.extend(&p.sh);
         }
-        Scene { base: all, supplement: None }
+        Scene { base: all, ..Default::default() }
     };
     let mut probe = Probe::new(&gpu, 512, &camera, Setup::default());
     let bare = probe.shoot(&join(&[&scene.base, &walls]), &camera, &ripples(&camera));
@@ -166,45 +166,57 @@ fn hidden_and_unseen_gaussians_change_nothing() {
     }
 }
 
-/// Every pixel is its own, and the gradient of a sum the sum of gradients.
+/// Gaussians whose Jacobian is not clamped in the picture of `camera`: up to 0.15 of its sides beyond them.
+fn unclamped(g: &Gaussians, camera: &Camera) -> Vec<usize> {
+    let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+    let within = |&i: &usize| {
+        let (x, y, _) = camera.project(DVec3::from_array(g.means[i].map(f64::from)));
+        (-0.15 * w..1.15 * w).contains(&x) && (-0.15 * h..1.15 * h).contains(&y)
+    };
+    (0..g.len()).filter(within).collect()
+}
+
+/// A crop is a camera of its own: its principal point lies beside its middle, or outside. What it shows of Gaussians that neither picture
+/// clamps is what the whole picture shows, and so are their gradients.
 #[test]
-fn crops_are_the_image_and_their_gradients_add_up() {
+fn crops_are_the_image_and_have_its_gradients() {
     let gpu = Gpu::new();
     let camera = random_camera(WIDTH, HEIGHT);
-    let scene = random_scene(23, 600, 200, DEGREE);
-    let mut probe = Probe::new(&gpu, 800, &camera, setup());
-    let grad = ripples(&camera);
-    let whole = probe.shoot(&scene, &camera, &grad);
-    let mut sum = whole.gradients.zeros_like();
-    let (mut seen, mut beyond) = (0, 0);
-    for (x, y, w, h) in [(0, 0, 40, 32), (40, 0, 56, 32), (0, 32, 33, 40), (33, 32, 63, 40)] {
-        // The Jacobian is clamped at 1.3 times the field of view of the image that is rendered, here of the whole.
+    let all = random_scene(23, 1200, 400, DEGREE);
+    let mut probe = Probe::new(&gpu, 1600, &camera, setup());
+    let (mut seen, mut beyond, mut off_centre) = (0, 0, 0);
+    for (x, y, w, h) in [(0, 0, 40, 32), (40, 0, 56, 32), (0, 32, 33, 40), (33, 32, 63, 40), (72, 48, 24, 24)] {
         let crop = Camera { width: w, height: h, cx: camera.cx - f64::from(x), cy: camera.cy - f64::from(y), ..camera };
-        let part: Vec<[f64; 3]> = (0..h)
-            .flat_map(|r| (0..w).map(move |c| (r, c)))
-            .map(|(r, c)| grad[((y + r) * WIDTH + x + c) as usize])
-            .collect();
-        let shot = probe.shoot_within(&scene, &crop, &part, &camera);
-        for r in 0..h {
-            for c in 0..w {
-                let (a, b) = (shot.image[(r * w + c) as usize], whole.image[((y + r) * WIDTH + x + c) as usize]);
-                seen += 1;
-                // x − cx is rounded at another place: 1e-6 px of centre, 1e-5 of colour, or an α that meets its threshold.
-                beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
-            }
+        let lobed = &all.supplement.as_ref().unwrap().gaussians;
+        let scene = pick_scene(&all, &unclamped(&all.base, &crop), &unclamped(lobed, &crop));
+        let inside = |r: u32, c: u32| (y..y + h).contains(&r) && (x..x + w).contains(&c);
+        let all_pixels = || (0..HEIGHT).flat_map(|r| (0..WIDTH).map(move |c| (r, c)));
+        let ripple_of = |(r, c): (u32, u32)| ripple((r * WIDTH + c) as usize);
+        let grad =
+            all_pixels().map(|(r, c)| if inside(r, c) { ripple_of((r, c)) } else { [0.0; 3] }).collect::<Vec<_>>();
+        let part: Vec<_> = all_pixels().filter(|&(r, c)| inside(r, c)).map(ripple_of).collect();
+        let whole = probe.shoot(&scene, &camera, &grad);
+        let shot = probe.shoot(&scene, &crop, &part);
+        // Limits about the principal point would have clamped these.
+        let tangent = 1.3 * f64::from(w) / (2.0 * camera.fx);
+        let ahead = |mean: &[f32; 3]| camera.rotation * DVec3::from_array(mean.map(f64::from)) + camera.translation;
+        let clamped = |(i, mean)| shot.tile_counts[i] > 0 && (ahead(mean).x / ahead(mean).z).abs() > tangent;
+        off_centre += scene.base.means.iter().enumerate().filter(|&of| clamped(of)).count();
+        for (r, c) in all_pixels().filter(|&(r, c)| inside(r, c)) {
+            let (a, b) = (shot.image[((r - y) * w + c - x) as usize], whole.image[(r * WIDTH + c) as usize]);
+            seen += 1;
+            // x − cx is rounded at another place: 1e-6 px of centre, 1e-5 of colour, or an α that meets its threshold.
+            beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
         }
-        for (to, from) in [
-            (&mut sum.geometry, &shot.gradients.geometry),
-            (&mut sum.sh, &shot.gradients.sh),
-            (&mut sum.lobes, &shot.gradients.lobes),
-        ] {
-            to.iter_mut().zip(from).for_each(|(s, g)| *s += g);
-        }
+        let d = apart(&shot.gradients, &whole.gradients);
+        println!("{w} × {h} at {x}, {y}: gradients differ by {d:.1e}");
+        // A pixel in a hundred may meet a threshold; α = 1/255 given or not is 4e-3 of a pixel's gradients, hence 1e-3 of all.
+        assert!(d < 1e-3, "{w} × {h} at {x}, {y}: {d}");
     }
-    let d = apart(&sum, &whole.gradients);
-    println!("crops: {beyond} of {seen} pixels differ, gradients by {d:.1e}");
-    // A pixel in a hundred may meet a threshold; α = 1/255 given or not is 4e-3 of a pixel's gradients, hence 1e-3 of all.
-    assert!(seen == WIDTH * HEIGHT && beyond < seen / 100 && d < 1e-3);
+    println!(
+        "crops: {beyond} of {seen} pixels differ, {off_centre} Gaussians lie beyond limits about the principal point"
+    );
+    assert!(seen == WIDTH * HEIGHT + 24 * 24 && beyond < seen / 100 && off_centre > 50);
 }
 
 /// The image to the last bit; gradients up to the order in which tiles are summed.
@@ -283,7 +295,7 @@ fn assert_tiles_hold_every_pixel(blobs: &[Blob]) {
     let gpu = Gpu::new();
     let lanes = gpu.info().subgroup_size;
     let camera = random_camera(WIDTH, HEIGHT);
-    let scene = Scene { base: base(blobs), supplement: None };
+    let scene = Scene { base: base(blobs), ..Default::default() };
     let shots: Vec<Shot> = [(8, 8), (8, 16), (4, 16), (2, 32), (1, 64), (8, 1)]
         .into_iter()
         .filter_map(|(w, h)| TileShape::new(w, h, lanes))
@@ -416,7 +428,7 @@ fn doubling_the_resolution_shows_the_same_picture() {
             }
         })
         .collect();
-    let scene = Scene { base: base(&blobs), supplement: None };
+    let scene = Scene { base: base(&blobs), ..Default::default() };
     let mut small = Probe::new(&gpu, 64, &camera, Setup::default());
     let mut large = Probe::new(&gpu, 64, &double, Setup::default());
     let grad = ripples(&camera);

@@ -198,8 +198,8 @@ fn the_first_step_of_a_base_is_three_rates_at_most() {
     let photo = &built.photos[0];
     let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
     let before = built.dataset().points.unwrap();
-    let before = from_points(&before.positions, &before.colors, 0);
-    let scene = Scene { base: before.clone(), supplement: None };
+    let before = from_points(&before.around(glam::DVec3::ZERO), &before.colors, 0);
+    let scene = Scene { base: before.clone(), ..Default::default() };
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
     let options = BaseOptions { iterations: 1, sh_degree: 0, ..Default::default() };
@@ -318,7 +318,7 @@ fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {
     assert_eq!(model.count_of(Segment::Supplement), 300);
 
     let bits = |values: &[[f32; 3]]| values.as_flattened().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-    let Scene { base, supplement } = &after;
+    let Scene { base, supplement, .. } = &after;
     for (new, old) in
         [(&base.means, &before.base.means), (&base.log_scales, &before.base.log_scales), (&base.sh, &before.base.sh)]
     {

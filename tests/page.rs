@@ -127,6 +127,12 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
     write_page(&path, &whole, &camera, false);
     let hash = format!("size=160x120&renderer={renderer}&pixels");
     compare(&pixels(&loaded(browser, &path, &hash, more)), &whole, "both", &camera, false);
+    // A camera whose principal point is at the picture's left side.
+    let half = Camera { width: 80, cx: camera.cx - 80.0, ..camera };
+    let scene = random_scene(42, 1500, 0, 0);
+    write_page(&path, &scene, &half, false);
+    let hash = format!("camera=a%20%26%20b.png&size=80x120&renderer={renderer}&pixels");
+    compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, "both", &half, false);
 }
 
 /// 8-bit values against the twin's, not rounded.

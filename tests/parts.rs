@@ -62,7 +62,7 @@ fn the_score_of_the_parts_is_that_of_float64() {
             image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect::<Vec<f64>>()
         };
         let whole = render(&scene, 2);
-        let constant = render(&Scene { base: scene.base.clone(), supplement: None }, 0);
+        let constant = render(&Scene { base: scene.base.clone(), ..Default::default() }, 0);
         let (mut errors, n) = ([0.0; 2], whole.len());
         for i in 0..n {
             let (all, least) = (linear(whole[i]), linear(whole[i].min(constant[i])));

@@ -36,7 +36,7 @@ fn wall_of(across: i32) -> Scene {
         base.opacities.push(5.0);
         base.sh.push([0.3, -0.2, 0.5]);
     }
-    Scene { base, supplement: None }
+    Scene { base, ..Default::default() }
 }
 
 fn camera(v: usize) -> Camera {
@@ -305,7 +305,7 @@ fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
         (0..4).map(|v| (0..SIZE.0 * SIZE.1).flat_map(|p| lit(true, true)(v, p)).collect()).collect();
     let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
     let views = Views::upload(&gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
-    let scene = Scene { base: wall_of(15).base.with_degree(2), supplement: None };
+    let scene = Scene { base: wall_of(15).base.with_degree(2), ..Default::default() };
     let run = |bytes, lobe_degree| {
         let mut options = EnhanceOptions { bytes, ratio: 1.0, ..short(Weigh::Not) };
         (options.pursuit.lobe_degree, options.pursuit.kinds) = (lobe_degree, Kinds::Lobes);

@@ -103,7 +103,7 @@ fn pursue_with(
     let cameras: Vec<Camera> = seen.iter().map(|(camera, _)| *camera).collect();
     let views = Views::without_photographs(gpu, DVec3::ZERO, &cameras, true).unwrap();
     seen.iter().enumerate().for_each(|(v, (_, photo))| views.upload_photograph(v, photo).unwrap());
-    let scene = Scene { base: base.clone(), supplement: None };
+    let scene = Scene { base: base.clone(), ..Default::default() };
     let room = Room { supplement: made_for, base: made_for, ..Room::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let shown = RenderOptions { depth: true, ..Default::default() };
@@ -268,7 +268,7 @@ fn gains_are_what_the_error_falls_by_on_a_texture() {
     let cameras: Vec<Camera> = (0..5).map(|v| camera(0.2 * f64::from(v))).collect();
     let session = session(&gpu);
     let views = Views::without_photographs(&gpu, DVec3::ZERO, &cameras, true).unwrap();
-    let scene = Scene { base: base.clone(), supplement: None };
+    let scene = Scene { base: base.clone(), ..Default::default() };
     let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, Room::default()).unwrap();
     let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
     let mut seen = Vec::new();

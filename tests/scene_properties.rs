@@ -60,6 +60,7 @@ fn scene() -> impl Strategy<Value = Scene> {
         let size = m.unwrap_or(0);
         let parts = (gaussians(n, degree), gaussians(size, lobe_degree), lobes(size));
         parts.prop_map(move |(base, gaussians, lobes)| Scene {
+            origin: glam::DVec3::ZERO,
             base,
             supplement: m.map(|_| Supplement { gaussians, lobes }),
         })
@@ -113,11 +114,11 @@ fn planes_keep_every_scene_exactly() {
     for_scenes(256, |scene| {
         let params = Params::from_scene(&scene).map_err(|error| TestCaseError::fail(error.to_string()))?;
         // Planes are as many for all: what one part lacks is 0.
-        let Scene { base, supplement } = without_empty_supplement(scene);
+        let Scene { base, supplement, .. } = without_empty_supplement(scene);
         let degree = params.sh_degree;
         let supplement = supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(degree), ..s });
         prop_assert!(degree <= 3 && (supplement.is_some() || base.sh_degree == degree));
-        assert_same(&params.to_scene(), &Scene { base: base.with_degree(degree), supplement })
+        assert_same(&params.to_scene(), &Scene { base: base.with_degree(degree), supplement, ..Default::default() })
     });
 }
 

@@ -209,7 +209,11 @@ fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Ve
             })
             .collect()
     };
-    (Scene { base: wall(), supplement: None }, (0..views).map(camera).collect(), (0..views).map(photograph).collect())
+    (
+        Scene { base: wall(), ..Default::default() },
+        (0..views).map(camera).collect(),
+        (0..views).map(photograph).collect(),
+    )
 }
 
 const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3, shared_steps: false };

@@ -404,7 +404,7 @@ fn augment(gpu: &Gpu) -> Outcome {
         (0..width * height).flat_map(|p| if stripe(p) { [220, 200, 60] } else { [150, 115, 165] }).collect()
     };
     let views = Views::upload(gpu, &[camera(0), camera(1)], &[&photo(0), &photo(1)]).unwrap();
-    let scene = Scene { base: wall(), supplement: None };
+    let scene = Scene { base: wall(), ..Default::default() };
     let room = Room { supplement: 60, page: Some(25), ..Default::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
@@ -458,7 +458,7 @@ fn pursue(gpu: &Gpu) -> Outcome {
         (0..width * height).flat_map(colour).collect()
     };
     let views = Views::upload(gpu, &[0, 1, 2].map(camera), &[&photo(0)[..], &photo(1), &photo(2)]).unwrap();
-    let scene = Scene { base: wall(), supplement: None };
+    let scene = Scene { base: wall(), ..Default::default() };
     let room = Room { supplement: 20, base: 20, page: Some(25), ..Room::default() };
     let mut model = Model::upload_around(gpu, DVec3::ZERO, &scene, room).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };

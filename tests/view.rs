@@ -333,8 +333,8 @@ fn work() -> (TempDir, Scene) {
     let write = |name: &str, scene: &Scene| write_scene(folder.path().join(name), scene).unwrap();
     write("scene.ply", &scene);
     let none = Gaussians { sh_degree: 2, ..Default::default() };
-    write("lobes.ply", &Scene { base: none, supplement: scene.supplement.clone() });
-    write("other.ply", &Scene { base: sample(9).base, supplement: None });
+    write("lobes.ply", &Scene { base: none, ..scene.clone() });
+    write("other.ply", &Scene { base: sample(9).base, ..Default::default() });
     fs::write(folder.path().join("bad.ply"), "ply\nformat ascii 1.0\nelement vertex 1\nend_header\n").unwrap();
     (folder, scene)
 }

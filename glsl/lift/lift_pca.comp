@@ -179,7 +179,7 @@ Lift make_lift(uint item, View view, uint source) {
     if (dot(cross(axis_1, axis_2), axis_3) < 0.0) axis_2 = -axis_2;
 
     // Calibration: the k^2 that brings k^2*Q closest to S in the Frobenius norm. Q = MM^T, M = J R diag(sqrt(lambda)), rows m1 and m2.
-    vec2 slope = clamp(ray, -vec2(view.limit_x, view.limit_y), vec2(view.limit_x, view.limit_y));
+    vec2 slope = clamp(ray, view.slope_low, view.slope_high);
     vec3 deviation = sqrt(value);
     vec3 m1 = view.fx / depth * deviation * vec3(axis_1.x - slope.x * axis_1.z, axis_2.x - slope.x * axis_2.z, axis_3.x - slope.x * axis_3.z);
     vec3 m2 = view.fy / depth * deviation * vec3(axis_1.y - slope.y * axis_1.z, axis_2.y - slope.y * axis_2.z, axis_3.y - slope.y * axis_3.z);

@@ -125,7 +125,10 @@ void main() {
         g.opacity = d_opacity * factor * compensation * opacity * sigmoid(-logit); // guard: slope of a high opacity
 
         if (!OPACITY_ONLY) {
-            d_colour = d_rgb * vec3(greaterThan(splat_colours[i], vec3(0.0))); // clamped at 0 in the forward pass
+            // A channel clamped at 0 lets through what raises it, or a Gaussian that is black from every camera would stay black. A
+            // probe has no direction: it passes only while nothing is known of the channel's curvature.
+            bvec3 passes = probes() ? equal(known_curvature(place), vec3(0.0)) : lessThan(d_rgb, vec3(0.0));
+            d_colour = d_rgb * max(vec3(greaterThan(splat_colours[i], vec3(0.0))), vec3(passes)); // guard: dead colours
 
             // Centre and covariance: d/dSigma2D = L^T W L / 2 with W = sum g w w^T, d/dcentre = L^T sum g w. With N = L M (rows n1,
             // n2, of order 1) d/dM = L^T W N, and all that follows is written in N and L J W (rows j1, j2), not in M: a
@@ -175,10 +178,10 @@ void main() {
             float du = l11 * w_u, dv = l12 * w_u + l22 * w_v;
             vec2 d_xy = vec2(du * view.fx, dv * view.fy);
             vec3 d_p = vec3(d_xy, -dot(d_xy, p.xy) * e.inv_z - (g.log_scale.x + g.log_scale.y + g.log_scale.z));
-            vec2 seen = abs(p.xy * e.inv_z);
+            vec2 slope = p.xy * e.inv_z;
             // guard: gradient where the Jacobian is clamped (2 lines)
-            if (seen.x < view.limit_x) d_p += d_t.x * vec3(1.0, 0.0, -e.t.x);
-            if (seen.y < view.limit_y) d_p += d_t.y * vec3(0.0, 1.0, -e.t.y);
+            if (slope.x > view.slope_low.x && slope.x < view.slope_high.x) d_p += d_t.x * vec3(1.0, 0.0, -e.t.x);
+            if (slope.y > view.slope_low.y && slope.y < view.slope_high.y) d_p += d_t.y * vec3(0.0, 1.0, -e.t.y);
             d_p *= e.inv_z;
             g.mean += d_p.x * view.row_x.xyz + d_p.y * view.row_y.xyz + d_p.z * view.row_z.xyz;
         }

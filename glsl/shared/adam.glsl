@@ -75,6 +75,13 @@ void step_opacity(uint place, float g) {
 // constant, and plane 2 + k the three first moments of coefficient k.
 vec3 constant_curvature;
 
+// That of a place, before a step has read it.
+vec3 known_curvature(uint place) {
+    vec3 known = sh_moments[place].xyz;
+    if (PACKED) [[unroll]] for (uint c = 0; c < 3; ++c) known[c] = unpack_moments(floatBitsToUint(known[c])).second;
+    return known;
+}
+
 // The change of coefficient `k` and its packed words.
 vec3 step_packed(uint k, uint place, vec3 g) {
     vec3 change;

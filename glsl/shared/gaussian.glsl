@@ -32,8 +32,7 @@ Projection project_covariance(View view, vec3 p, vec4 unit_quat, vec3 scale) {
     Projection e;
     e.p = p;
     e.inv_z = 1.0 / p.z;
-    vec2 limit = vec2(view.limit_x, view.limit_y);
-    e.t = clamp(p.xy * e.inv_z, -limit, limit); // guard: clamp of the Jacobian
+    e.t = clamp(p.xy * e.inv_z, view.slope_low, view.slope_high); // guard: clamp of the Jacobian
     e.jw1 = view.fx * e.inv_z * (view.row_x.xyz - e.t.x * view.row_z.xyz);
     e.jw2 = view.fy * e.inv_z * (view.row_y.xyz - e.t.y * view.row_z.xyz);
     e.axes = rotation(unit_quat);

@@ -4,7 +4,7 @@ struct View {
     vec4 row_x, row_y, row_z;
     vec3 eye;              // camera centre, world
     float fx, fy, cx, cy;  // px
-    float limit_x, limit_y; // 1.3 tan(fov/2): where the Jacobian's x/z and y/z are clamped
+    vec2 slope_low, slope_high; // between which the Jacobian's x/z and y/z are clamped: the image's sides and 0.15 of it beyond
     uint width, height;    // px
     uint pixel_first;      // first pixel of this view in buffers that pack all views
     float near;            // camera z; what is not beyond is culled

@@ -184,7 +184,7 @@ int32_t glint_scene_from_arrays(const glint_gaussians *base, const glint_gaussia
 int32_t glint_scene_info(const glint_scene *scene, glint_scene_counts *counts);
 void glint_scene_destroy(glint_scene *scene);
 
-/* `origin` (3 doubles, or NULL for 0) is where the device's coordinates begin: for scenes far from the world's. `half` is 1 for half
+/* `origin` (3 doubles, or NULL for the scene's own) is where the device's coordinates begin: for scenes far from the world's. `half` is 1 for half
  * width, 128 bytes a Gaussian of degree 3 instead of 240, and 32 instead of 40 of the frames'. */
 uint64_t glint_upload_bytes(const glint_physical *physical, const glint_scene *scene, uint32_t half); /* that the model will take */
 /* That it takes of the host until it is loaded; on a device whose memory is the host's they are of the budget too. */

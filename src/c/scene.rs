@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dropped, check_scene, parse_scene, read_scene, read_scene_leniently},
+    data::{Dropped, check_scene, make_finite, parse_scene, read_scene, read_scene_leniently},
     gpu::{Kept, Recorder},
     pipelines::model::{Model, Room, Segment, Upload},
     scene::{Scene, Supplement},
@@ -80,7 +80,8 @@ pub unsafe extern "C" fn glint_scene_from_arrays(
                     Some(Supplement { gaussians: arrays.gaussians()?, lobes: arrays.lobes()? })
                 }
             };
-            let scene = Scene { base, supplement };
+            let mut scene = Scene { base, supplement, ..Default::default() };
+            make_finite(&mut scene);
             check_scene(&scene)?;
             put(out, glint_scene(scene))
         }
@@ -122,7 +123,7 @@ unsafe fn path_of<'a>(path: *const c_char) -> Result<&'a Path> {
 pub unsafe extern "C" fn glint_scene_info(scene: *const glint_scene, out: *mut glint_scene_counts) -> i32 {
     guarded(|| {
         // SAFETY: by the contract above.
-        let Scene { base, supplement } = unsafe { &of(scene, "scene")?.0 };
+        let Scene { base, supplement, .. } = unsafe { &of(scene, "scene")?.0 };
         let counts = glint_scene_counts {
             size: size::<glint_scene_counts>(),
             base: base.len() as u32,
@@ -185,12 +186,12 @@ pub unsafe extern "C" fn glint_upload_create(
     out: *mut *mut glint_upload,
 ) -> i32 {
     guarded(|| {
-        // SAFETY: by the contract above; null is the world's origin.
+        // SAFETY: by the contract above; null is the scene's origin.
         unsafe {
-            let origin = if origin.is_null() { &[0.0; 3] } else { &*origin.cast::<[f64; 3]>() };
             let room = room(half);
             let (context, scene) = (&of(context, "context")?.0, &of(scene, "scene")?.0);
-            let upload = Upload::prepare(context, DVec3::from_array(*origin), scene, room)?;
+            let origin = origin.cast::<[f64; 3]>().as_ref().map_or(scene.origin, |&origin| DVec3::from_array(origin));
+            let upload = Upload::prepare(context, origin, scene, room)?;
             put(out, glint_upload { upload, context: context.clone(), kept: Kept::default() })
         }
     })

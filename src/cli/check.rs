@@ -113,8 +113,8 @@ mod tests {
         ("blend", c"image"),
         ("project_backward", c"geometry"),
     ];
-    const FAULTY: [fn(&mut TwinCall) -> Result<(), String>; 5] =
-        [faulty::<0>, faulty::<1>, faulty::<2>, faulty::<3>, faulty::<4>];
+    type Run = fn(&mut TwinCall) -> Result<(), String>;
+    const FAULTY: [Run; 5] = [faulty::<0>, faulty::<1>, faulty::<2>, faulty::<3>, faulty::<4>];
 
     #[test]
     fn a_device_that_computes_wrongly_is_refused_by_the_stage_unless_it_is_to_be_used() {

@@ -129,7 +129,9 @@ impl Args {
         }
         // What cannot be compared is told before anything is written.
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
-        write_scene_as(output, format, &file)?;
+        for text in write_scene_as(output, format, &file)? {
+            note(format!("{}: {text}", output.display()));
+        }
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),

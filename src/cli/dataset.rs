@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 
 use super::progress::note;
 use crate::{
@@ -83,8 +84,8 @@ pub(super) fn note_uncounted(photos: usize) {
 
 /// Fails where no training photo sees any of these Gaussians, upon which nothing would be learned in hours; tells where some
 /// photos see none.
-pub(super) fn check_sight(dataset: &Dataset, gaussians: &[[f32; 3]]) -> Result<()> {
-    let (seeing, all) = (dataset.seeing(gaussians), dataset.split(Split::Train).count());
+pub(super) fn check_sight(dataset: &Dataset, origin: DVec3, gaussians: &[[f32; 3]]) -> Result<()> {
+    let (seeing, all) = (dataset.seeing(origin, gaussians), dataset.split(Split::Train).count());
     if seeing == 0 && !gaussians.is_empty() {
         return Err(Error::Usage(format!(
             "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \

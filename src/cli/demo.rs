@@ -238,13 +238,10 @@ impl Args {
     ) -> Result<Made> {
         session.context.count_most_anew();
         let started = Instant::now();
-        let (positions, colors) = match &dataset.points {
-            Some(cloud) => (&cloud.positions[..], &cloud.colors[..]),
-            None => (&[][..], &[][..]),
-        };
-        let points = points.min(positions.len());
-        let base = from_points(&positions[..points], &colors[..points], SH_DEGREE);
-        let scene = Scene { base, supplement: None };
+        let cloud = dataset.points.clone().unwrap_or_default();
+        let (positions, points) = (cloud.around(views.origin), points.min(cloud.positions.len()));
+        let base = from_points(&positions[..points], &cloud.colors[..points], SH_DEGREE);
+        let scene = Scene { base, supplement: None, origin: views.origin };
         let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
         let options = BaseOptions { iterations, sh_degree: SH_DEGREE, ..Default::default() };
         let bar = Progress::new("training", "steps", iterations.into());

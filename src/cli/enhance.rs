@@ -6,6 +6,7 @@ use std::{
 
 use bars::{Beside, run_with_progress};
 use clap::ValueEnum;
+use glam::DVec3;
 use report::{Placement, Report, Seconds, gain, joint_stages, pass_loss};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -33,9 +34,13 @@ use crate::{
         session::{Policy, Reduction, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
         start::{photos_of, upload_photos},
+        views::scene_origin_for,
         work::WorkDir,
     },
-    scene::layout::{self, BETAS, colour_name},
+    scene::{
+        Camera,
+        layout::{self, BETAS, colour_name},
+    },
 };
 
 pub(super) mod bars;
@@ -278,6 +283,10 @@ impl Args {
             return Err(Error::input(&self.base, what).into());
         }
         let dataset = self.photos.open(&self.dataset)?;
+        let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
+        let origin = scene_origin_for(&cameras);
+        // What is learned far away is rounded by no file; what counts from elsewhere stays bit for bit.
+        let scene = if origin == DVec3::ZERO { scene } else { scene.around(origin) };
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
         if self.keep.resume {
             let Some(folder) = &self.work else {
@@ -297,7 +306,7 @@ impl Args {
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
         check_room(&self.output, base + added, 0)?;
-        check_sight(&dataset, &scene.base.means)?;
+        check_sight(&dataset, scene.origin, &scene.base.means)?;
         let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(

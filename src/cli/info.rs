@@ -147,6 +147,9 @@ fn scene_text(scene: &SceneSummary) -> String {
             lines.add("scene", format_args!("{}, {colour}, no supplement", counted(scene.base.count, "Gaussian")))
         }
     }
+    if let Some([x, y, z]) = scene.origin {
+        lines.add("origin", format_args!("{x}, {y}, {z}: positions count from there"));
+    }
     gaussians_text(&mut lines, &scene.base);
     if let Some(supplement) = &scene.supplement {
         lines.add("supplement", format_args!("{} with lobes", counted(supplement.gaussians.count, "Gaussian")));

@@ -449,8 +449,9 @@ impl SceneArgs {
                 "is a folder, expected a scene's file (where both are arguments, the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
+        let tell = |file: &SceneFile| file.notes.iter().for_each(|text| note(format!("{}: {text}", path.display())));
         if !self.lenient {
-            return data::read_scene_file(path).map_err(|error| match error {
+            return data::read_scene_file(path).inspect(tell).map_err(|error| match error {
                 Error::Input { path, what } if what.starts_with("row ") => {
                     Error::input(path, format!("{what} (--lenient drops such Gaussians)"))
                 }
@@ -458,6 +459,7 @@ impl SceneArgs {
             });
         }
         let (file, Dropped { base, supplementary, first }) = data::read_scene_file_leniently(path)?;
+        tell(&file);
         if let Some(first) = first {
             let all = file.scene.base.len() + file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
             let dropped = base + supplementary;

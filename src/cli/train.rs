@@ -270,7 +270,7 @@ impl Args {
         let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
-        check_sight(&dataset, &first.gaussians.means)?;
+        check_sight(&dataset, first.origin, &first.gaussians.means)?;
         first.notes.drain(..).for_each(note);
         if sh_degree < 3 {
             let bands: Vec<String> = (sh_degree + 1..=3).map(|band| band.to_string()).collect();
@@ -328,7 +328,7 @@ impl Args {
             if begins == 0.0 {
                 control.begin(&mut base);
             }
-            let scene = Scene { base, supplement: None };
+            let scene = Scene { base, supplement: None, origin: first.origin };
             let room = Room { base: control.limit.saturating_sub(count as u32), ..Default::default() };
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             // For --json and -v.

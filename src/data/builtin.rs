@@ -105,7 +105,10 @@ impl BuiltinScene {
         Dataset {
             kind: DatasetKind::Memory,
             photos: self.photos.iter().map(photo).collect(),
-            points: Some(PointCloud { positions: self.point_positions.clone(), colors: self.point_colors.clone() }),
+            points: Some(PointCloud {
+                positions: self.point_positions.iter().map(|at| at.map(f64::from)).collect(),
+                colors: self.point_colors.clone(),
+            }),
             background: self.background,
             undistorted: false,
             outside: 0.0,

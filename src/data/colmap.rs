@@ -144,7 +144,7 @@ pub(super) fn points_for(
         return Err("its cameras do not stand to each other as these do".into());
     }
     for p in &mut points.positions {
-        *p = there(DVec3::from_array(p.map(f64::from))).as_vec3().to_array();
+        *p = there(DVec3::from_array(*p)).to_array();
     }
     notes.extend(found);
     Ok(Some((points, source)))
@@ -478,11 +478,10 @@ fn usable(points: Vec<(usize, [f64; 3], [u8; 3])>, what: &str, path: &Path, note
     cloud
 }
 
-fn point(position: [f64; 3]) -> Result<[f32; 3], String> {
-    let narrow = position.map(|v| v as f32);
+fn point(position: [f64; 3]) -> Result<[f64; 3], String> {
     // guard: COLMAP: points
-    match narrow.iter().all(|v| v.is_finite()) {
-        true => Ok(narrow),
+    match position.iter().all(|&v| (v as f32).is_finite()) {
+        true => Ok(position),
         false => Err(format!("the position {position:?} is not finite")),
     }
 }

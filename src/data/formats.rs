@@ -5,6 +5,7 @@
 //! believed only as far as the file's own size allows.
 
 mod axes;
+mod floaters;
 mod gltf;
 mod inflate;
 mod order;

@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::tensors::{Tensor, Values, parse_tensors_about};
-use crate::scene::layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, MEAN, sh_planes};
+use crate::scene::layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, sh_planes};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -75,21 +75,20 @@ pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<Scene> {
             ));
         }
     };
-    let kept = Kept { tensors: &tensors, path, origin };
+    let kept = Kept { tensors: &tensors, path };
     let (base, _) = kept.segment(BASE, false)?;
     let supplement = match tensors.contains_key(&format!("{SUPPLEMENT}.{GEOMETRY}")) {
         true => Some(kept.segment(SUPPLEMENT, true)?),
         false => None,
     };
     let supplement = supplement.map(|(gaussians, lobes)| Supplement { gaussians, lobes });
-    Ok(Scene { base, supplement: supplement.filter(|supplement| !supplement.gaussians.is_empty()) })
+    Ok(Scene { base, supplement: supplement.filter(|supplement| !supplement.gaussians.is_empty()), origin })
 }
 
 /// The tensors of a checkpoint.
 struct Kept<'a> {
     tensors: &'a BTreeMap<String, Tensor>,
     path: &'a Path,
-    origin: DVec3,
 }
 
 impl Kept<'_> {
@@ -117,12 +116,7 @@ impl Kept<'_> {
         };
         let (mut gaussians, mut lobes) = (Gaussians { sh_degree, ..Default::default() }, Lobes::default());
         for i in 0..count {
-            let value = |p: usize| match (geometry[p * count + i], p.checked_sub(MEAN)) {
-                // From the same place it keeps its bits, −0 too.
-                (value, Some(axis @ 0..3)) if self.origin[axis] != 0.0 => (f64::from(value) + self.origin[axis]) as f32,
-                (value, _) => value,
-            };
-            layout::push(&mut gaussians, value, |p| sh[p * count + i]);
+            layout::push(&mut gaussians, |p| geometry[p * count + i], |p| sh[p * count + i]);
         }
         if with_lobes {
             let (values, planes, same) = self.planes(segment, LOBES)?;
@@ -193,13 +187,9 @@ mod tests {
         for (degree, supplement) in [(0, 0), (3, 4), (BETAS, 0)] {
             let scene = random_scene(1, 7, supplement, degree);
             assert_eq!(read(&tensors_of(&scene, DVec3::ZERO)), scene);
-            // From elsewhere the means alone are others.
+            // From elsewhere the origin alone is another.
             let origin = DVec3::new(1e5, 0.0, -0.3);
-            let mut there = scene.clone();
-            let all =
-                there.base.means.iter_mut().chain(there.supplement.iter_mut().flat_map(|s| &mut s.gaussians.means));
-            all.for_each(|mean| *mean = [0, 1, 2].map(|axis| (f64::from(mean[axis]) + origin[axis]) as f32));
-            assert_eq!(read(&tensors_of(&scene, origin)), there);
+            assert_eq!(read(&tensors_of(&scene, origin)), Scene { origin, ..scene });
         }
         // Of no supplementary Gaussians there is no supplement.
         let none = Scene { supplement: Some(Supplement::default()), ..random_scene(1, 2, 0, 1) };

@@ -86,6 +86,8 @@ pub use scene_file::{
 #[cfg(feature = "train")]
 pub use scene_file::{write_scene_as, write_scene_file};
 pub(crate) use sound::lengths;
+#[cfg(feature = "c")]
+pub(crate) use sound::make_finite;
 pub use sound::{Dropped, check_scene};
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};

@@ -16,8 +16,10 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::left_out::LeftOut;
-use super::ply_format::{Element, Ply};
+use super::ply_format::{Element, Number, Ply};
 use super::scene_file::SceneFile;
 use crate::scene::{
     Gaussians, Lobes, Scene, Supplement,
@@ -29,8 +31,8 @@ use crate::{Error, Result};
 /// A sparse point cloud, scene units and 8-bit sRGB.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
-    /// Scene units.
-    pub positions: Vec<[f32; 3]>,
+    /// Scene units, in the world.
+    pub positions: Vec<[f64; 3]>,
     /// 8-bit sRGB; as many as positions, grey where the file has none.
     pub colors: Vec<[u8; 3]>,
 }
@@ -112,9 +114,9 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
         if element.name != BASE {
             return Ok(());
         }
-        let position = xyz.map(|p| values[p] as f32);
+        let position = xyz.map(|p| values[p]);
         // guard: PLY: points
-        if let Some(axis) = position.iter().position(|v| !v.is_finite()) {
+        if let Some(axis) = position.iter().position(|v| !(*v as f32).is_finite()) {
             let name = ["x", "y", "z"][axis];
             left_out.add(|| format!("row {row}"), || format!("row {row}: `{name}` is not a finite number"));
             return Ok(());
@@ -136,12 +138,95 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
     Ok(cloud)
 }
 
+/// Where coordinates should begin that lie around `middle`, nine of ten within the 0.9 quantile of `distances` from it: there, if float32
+/// keeps less than 16 bits of that at the world's origin.
+pub(super) fn far_origin(middle: DVec3, mut distances: Vec<f64>) -> DVec3 {
+    let Some(last) = distances.len().checked_sub(1) else { return DVec3::ZERO };
+    let (_, &mut radius, _) = distances.select_nth_unstable_by(last * 9 / 10, f64::total_cmp);
+    if middle.is_finite() && middle.length() > 256.0 * radius { middle } else { DVec3::ZERO }
+}
+
+/// What the means of a file should count from whose positions are `double`.
+fn origin_of_doubles(ply: &Ply, element: &Element) -> Result<DVec3> {
+    let xyz = ["x", "y", "z"].map(|name| element.scalar(name).filter(|&p| element.properties[p].number == Number::F64));
+    let [Some(x), Some(y), Some(z)] = xyz else { return Ok(DVec3::ZERO) };
+    let mut places: Vec<DVec3> = Vec::new();
+    ply.for_each_row(|element, _, values| {
+        if element.name == BASE {
+            places.push(DVec3::new(values[x], values[y], values[z]));
+        }
+        Ok(())
+    })?;
+    let Some(last) = places.len().checked_sub(1) else { return Ok(DVec3::ZERO) };
+    let middle = [0, 1, 2].map(|axis| {
+        let mut values: Vec<f64> = places.iter().map(|place| place[axis]).collect();
+        *values.select_nth_unstable_by(last / 2, f64::total_cmp).1
+    });
+    let middle = DVec3::from_array(middle);
+    Ok(far_origin(middle, places.into_iter().map(|place| place.distance(middle)).collect()))
+}
+
+/// Mip-Splatting's size that is to be added to each Gaussian.
+const FILTER: &str = "filter_3D";
+
+/// Properties of layouts that are not read although they change the picture: how their names begin, and what that means.
+const NOT_READ: [(&[&str], &str); 3] = [
+    (&["sg_"], "colours that spherical Gaussians make depend on the view: what is read is the colour without them"),
+    (
+        &["motion_", "trbf_", "omega_"],
+        "a scene that moves: what is read stands still; export one moment of it as a 3DGS PLY",
+    ),
+    (
+        &["scaling_t", "scale_t", "rot_r_", "rotation_r_"],
+        "a scene in space and time: what is read is no moment of it; export one as a 3DGS PLY",
+    ),
+];
+
+/// What is said of an element's properties that have another effect than a 3DGS PLY's, or should have one.
+fn remarks(element: &Element) -> Vec<String> {
+    let names = || element.properties.iter().map(|property| &property.name[..]);
+    let mut notes: Vec<String> = NOT_READ
+        .iter()
+        .filter_map(|(prefixes, meaning)| {
+            let mut found = names().filter(|name| prefixes.iter().any(|prefix| name.starts_with(prefix)));
+            let first = found.next()?;
+            let are = match found.count() {
+                0 => "is".into(),
+                1 => "and 1 more property are".into(),
+                more => format!("and {more} more properties are"),
+            };
+            Some(format!("`{first}` {are} not read: {meaning}"))
+        })
+        .collect();
+    if element.scalar(FILTER).is_some() {
+        notes.push(format!("`{FILTER}` (Mip-Splatting) is taken into the sizes and opacities of the Gaussians"));
+    }
+    notes
+}
+
+/// A Gaussian with log scales and logit whose variances grow by that of a filter while its volume times opacity stays (Mip-Splatting,
+/// Yu 2024).
+fn filtered(log_scales: [f32; 3], logit: f32, filter: f64) -> ([f32; 3], f32) {
+    let own = log_scales.map(|v| (2.0 * f64::from(v)).exp());
+    let grown = own.map(|variance| variance + filter * filter);
+    let ratio: f64 = (0..3).map(|axis| if grown[axis] > 0.0 { own[axis] / grown[axis] } else { 1.0 }).product();
+    let opacity = ratio.sqrt() / (1.0 + (-f64::from(logit)).exp());
+    // Without a filter every bit stays.
+    if filter == 0.0 {
+        (log_scales, logit)
+    } else {
+        (grown.map(|v| (0.5 * v.ln()) as f32), (opacity / (1.0 - opacity)).ln() as f32)
+    }
+}
+
 /// Colours that some writers have in place of f_dc_*: 0 to 255, or as floats 0 to 1 if none is larger.
 const PLAIN: [&str; 3] = ["red", "green", "blue"];
 
 /// Property indices of one element.
 struct Columns {
     fixed: [usize; FIXED.len()],
+    /// That of [`FILTER`].
+    filter: Option<usize>,
     /// Set if the element has colours in place of their coefficients: whether they are integers.
     plain: Option<bool>,
     sh_degree: u32,
@@ -188,12 +273,17 @@ impl Columns {
                 Some(lobe)
             }
         };
-        Ok(Columns { fixed, plain, sh_degree, rest, lobe })
+        Ok(Columns { fixed, filter: element.scalar(FILTER), plain, sh_degree, rest, lobe })
     }
 
-    fn push(&self, values: &[f64], gaussians: &mut Gaussians, lobes: &mut Lobes) {
-        let [x, y, z, r, g, b, opacity, sx, sy, sz, qw, qx, qy, qz] = self.fixed.map(|p| values[p] as f32);
-        gaussians.means.push([x, y, z]);
+    /// Means count from `origin`.
+    fn push(&self, values: &[f64], origin: DVec3, gaussians: &mut Gaussians, lobes: &mut Lobes) {
+        let [_, _, _, r, g, b, opacity, sx, sy, sz, qw, qx, qy, qz] = self.fixed.map(|p| values[p] as f32);
+        let ([sx, sy, sz], opacity) = match self.filter {
+            Some(filter) => filtered([sx, sy, sz], opacity, values[filter]),
+            None => ([sx, sy, sz], opacity),
+        };
+        gaussians.means.push([0, 1, 2].map(|axis| (values[self.fixed[axis]] - origin[axis]) as f32));
         gaussians.sh.push([r, g, b]);
         gaussians.sh.extend(self.rest.iter().map(|rgb| rgb.map(|p| values[p] as f32)));
         gaussians.opacities.push(opacity);
@@ -205,6 +295,13 @@ impl Columns {
             lobes.widths.push(width);
             lobes.sharpness.push(sharpness);
         }
+    }
+}
+
+impl PointCloud {
+    /// The positions as they count from `origin` (world).
+    pub fn around(&self, origin: DVec3) -> Vec<[f32; 3]> {
+        self.positions.iter().map(|&at| (DVec3::from_array(at) - origin).as_vec3().to_array()).collect()
     }
 }
 
@@ -251,7 +348,7 @@ impl LearnedColumns {
     }
 
     /// What became of the Gaussians of `base`, and those after them.
-    fn apply(&self, rows: &[Vec<f64>], base: &mut Gaussians) -> Result<(), String> {
+    fn apply(&self, rows: &[Vec<f64>], origin: DVec3, base: &mut Gaussians) -> Result<(), String> {
         let (count, k) = (base.len(), base.sh_coefficients());
         if rows.len() < count || (rows.len() > count && self.fixed.contains(&None)) {
             return Err(format!(
@@ -265,9 +362,10 @@ impl LearnedColumns {
         base.opacities.resize(rows.len(), 0.0);
         base.sh.resize(rows.len() * k, [0.0; 3]);
         for (i, row) in rows.iter().enumerate() {
-            for (p, value) in self.fixed.iter().enumerate().filter_map(|(p, &at)| Some((p, row[at?] as f32))) {
+            for (p, value) in self.fixed.iter().enumerate().filter_map(|(p, &at)| Some((p, row[at?]))) {
+                let (place, value) = (value, value as f32);
                 match p {
-                    0..DC => base.means[i][p] = value,
+                    0..DC => base.means[i][p] = (place - origin[p]) as f32,
                     DC..SHAPE => base.sh[i * k][p - DC] = value,
                     SHAPE => base.opacities[i] = value,
                     7..10 => base.log_scales[i][p - 7] = value,
@@ -290,13 +388,15 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     #[cfg(feature = "formats")]
     if super::formats::is_packed(&ply) {
         let base = super::formats::unpack(&ply, path)?;
-        return Ok(Scene { base, supplement: None }.into());
+        return Ok(Scene { base, supplement: None, origin: ply.origin }.into());
     }
     if let Some(kind) = describe_non_splats(&ply) {
         return Err(fail(format!("is {kind}, not a 3DGS PLY")));
     }
     let no_base = || fail(format!("has no element `{BASE}`, so it is not a 3DGS PLY"));
-    let base_columns = Columns::find(ply.element(BASE).ok_or_else(no_base)?, false).map_err(fail)?;
+    let vertex = ply.element(BASE).ok_or_else(no_base)?;
+    let base_columns = Columns::find(vertex, false).map_err(fail)?;
+    let origin = origin_of_doubles(&ply, vertex)?;
     let extra_columns =
         ply.element(SUPPLEMENT).map(|element| Columns::find(element, true)).transpose().map_err(fail)?;
     let sh_degree = base_columns.sh_degree;
@@ -310,8 +410,8 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let mut learned = Vec::new();
     ply.for_each_row(|element, _, values| {
         match (&element.name[..], &extra_columns) {
-            (BASE, _) => base_columns.push(values, &mut base, &mut Lobes::default()),
-            (SUPPLEMENT, Some(columns)) => columns.push(values, &mut extra, &mut lobes),
+            (BASE, _) => base_columns.push(values, origin, &mut base, &mut Lobes::default()),
+            (SUPPLEMENT, Some(columns)) => columns.push(values, origin, &mut extra, &mut lobes),
             // It may come before `vertex`.
             (LEARNED, _) => learned.push(values.to_vec()),
             _ => {}
@@ -330,10 +430,18 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let mut shown = None;
     if let Some(columns) = learned_columns {
         shown = Some(base.clone());
-        columns.apply(&learned, &mut base).map_err(fail)?;
+        columns.apply(&learned, origin, &mut base).map_err(fail)?;
     }
-    let scene = Scene { base, supplement: extra_columns.map(|_| Supplement { gaussians: extra, lobes }) };
-    Ok(SceneFile { shown, ..scene.into() })
+    let supplement = extra_columns.map(|_| Supplement { gaussians: extra, lobes });
+    let scene = Scene { base, supplement, origin: ply.origin + origin };
+    let mut notes = remarks(vertex);
+    if origin != DVec3::ZERO {
+        let [x, y, z] = scene.origin.to_array();
+        notes.push(format!(
+            "positions are `double` and lie far from the world's origin: they are read to count from ({x}, {y}, {z})"
+        ));
+    }
+    Ok(SceneFile { shown, notes, ..scene.into() })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -391,7 +499,7 @@ mod tests {
             sharpness: vec![-0.0, 3.0],
         };
         let supplement = supplement.then(|| Supplement { gaussians: gaussians(2, sh_degree, 100.0), lobes });
-        Scene { base: gaussians(3, sh_degree, 0.5), supplement }
+        Scene { base: gaussians(3, sh_degree, 0.5), supplement, ..Default::default() }
     }
 
     fn written(scene: &Scene) -> Vec<u8> {
@@ -474,7 +582,7 @@ mod tests {
             base.sh.push([-70000.0, -2.0, 200.0]);
             base.sh.extend((0..3).map(|k| [f(20 + k), f(23 + k), f(26 + k)]));
         }
-        (out, Scene { base, supplement: None })
+        (out, Scene { base, ..Default::default() })
     }
 
     #[test]
@@ -488,6 +596,7 @@ mod tests {
         written(&Scene {
             base: gaussians(1, 2, 0.0),
             supplement: Some(Supplement { gaussians: gaussians(0, 2, 0.0), lobes: Lobes::default() }),
+            ..Default::default()
         });
     }
 
@@ -560,7 +669,7 @@ mod tests {
             whole - bytes(&lean),
             4 * 4 * 3 * 8 + "comment glint property float f_rest_0\n".len() * 10 + 14 * 39
         );
-        let fewer = Scene { base: gaussians(2, 2, 0.5), supplement: None };
+        let fewer = Scene { base: gaussians(2, 2, 0.5), ..Default::default() };
         assert!(write_augmented(&path, &original.base, &fewer).unwrap_err().to_string().contains("begin with"));
     }
 
@@ -583,7 +692,7 @@ mod tests {
         let path = folder.path().join("scene.ply");
         for degree in 0..=BETAS {
             let augmented = scene(degree, true);
-            let plain = Scene { base: augmented.base.clone(), supplement: None };
+            let plain = Scene { base: augmented.base.clone(), ..Default::default() };
             let mut learned = augmented.clone();
             learned.base.opacities[0] += 1.0;
             for scene in [&augmented, &learned] {
@@ -600,7 +709,7 @@ mod tests {
         let declared = header_with(&bytes, "comment glint ", "");
         assert_eq!(parse_ply(&declared, path).unwrap(), whole);
         let gone = &bytes[..bytes.len() - 2 * gaussian_bytes(1, true) as usize];
-        assert_eq!(parse_ply(gone, path).unwrap(), Scene { base: whole.base.clone(), supplement: None });
+        assert_eq!(parse_ply(gone, path).unwrap(), Scene { base: whole.base.clone(), ..Default::default() });
         // A tool has put the comments first.
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
@@ -747,7 +856,7 @@ mod tests {
     #[test]
     fn base_and_supplement_have_degrees_of_their_own() {
         for (base, supplement) in [(3, 0), (0, 2), (1, 1)] {
-            let mixed = Scene { base: gaussians(3, base, 0.5), supplement: scene(supplement, true).supplement };
+            let mixed = Scene { base: gaussians(3, base, 0.5), ..scene(supplement, true) };
             assert_eq!(parse_ply(&written(&mixed), Path::new("a.ply")).unwrap(), mixed);
         }
     }
@@ -825,7 +934,7 @@ mod tests {
         expect(text.replacen("-70000", "ten", 1).as_bytes(), &["row 0", "`ten` is not a number"]);
     }
 
-    /// Real exports have infinite opacities here and there.
+    /// Real exports have opacities that are no numbers here and there.
     #[test]
     fn a_lenient_reader_drops_and_counts_what_is_not_sound() {
         let folder = tempfile::tempdir().unwrap();
@@ -851,12 +960,20 @@ mod tests {
         let (means, widths) = (all.base.means.clone(), all.supplement.unwrap().lobes.widths);
         let (left, dropped) = read(&|_| ());
         assert_eq!((left, dropped), ((means.clone(), widths.clone()), Dropped::default()));
-        let (left, dropped) = read(&|s| s.base.opacities[1] = f32::INFINITY);
+        // Infinities with a meaning are kept, by the strict reader too.
+        let (left, dropped) = read(&|s| {
+            s.base.opacities[0] = f32::INFINITY;
+            s.base.opacities[2] = f32::NEG_INFINITY;
+            s.base.log_scales[1][0] = f32::NEG_INFINITY;
+            s.supplement.as_mut().unwrap().gaussians.opacities[1] = f32::INFINITY;
+        });
+        assert_eq!((left, dropped), ((means.clone(), widths.clone()), Dropped::default()));
+        let (left, dropped) = read(&|s| s.base.opacities[1] = f32::NAN);
         assert_eq!(left, (vec![means[0], means[2]], widths.clone()));
         assert_eq!((dropped.base, dropped.supplementary), (1, 0));
         assert!(dropped.first.unwrap().contains("row 1 of element `vertex`: `opacity`"));
         let (left, dropped) = read(&|s| {
-            s.base.log_scales[0][2] = f32::NEG_INFINITY;
+            s.base.log_scales[0][2] = f32::INFINITY;
             s.base.quats[2] = [0.0; 4];
             s.supplement.as_mut().unwrap().lobes.widths[1] = 2.0;
         });
@@ -869,6 +986,91 @@ mod tests {
         // A file that is no scene is none for this reader either.
         fs::write(&path, "solid cube").unwrap();
         assert!(read_scene_leniently(&path).is_err());
+    }
+
+    /// Rows of a 3DGS PLY in ASCII, with properties of these types and names behind the usual ones.
+    fn with_more(xyz: &str, more: &[&str], rows: &[&str], comment: &str) -> SceneFile {
+        let mut text = format!("ply\nformat ascii 1.0\n{comment}element vertex {}\n", rows.len());
+        for (i, name) in FIXED.iter().enumerate() {
+            text += &format!("property {} {name}\n", if i < DC { xyz } else { "float" });
+        }
+        more.iter().for_each(|name| text += &format!("property float {name}\n"));
+        text += "end_header\n";
+        rows.iter().for_each(|row| text += &format!("{row}\n"));
+        let mut file = parse_rows(text.as_bytes(), Path::new("a.ply")).unwrap();
+        sound::make_finite(&mut file.scene);
+        file
+    }
+
+    #[test]
+    fn a_filter_is_taken_into_sizes_and_opacities() {
+        // Standard deviations 0.3, 0.4 and 0; a logit of 0 and one of infinity.
+        let rows = ["0 0 0 0 0 0 0 -1.2039728 -0.9162907 -1 1 0 0 0 0.4", "0 0 0 0 0 0 inf 0 -1 -2 1 0 0 0 0"];
+        let file = with_more("float", &["filter_3D"], &rows, "");
+        let [x, y, z] = file.scene.base.log_scales[0].map(|v| f64::from(v).exp());
+        let deep = (-2f64).exp() + 0.16;
+        assert!((x - 0.5).abs() < 1e-6 && (y - 0.32f64.sqrt()).abs() < 1e-6 && (z - deep.sqrt()).abs() < 1e-6);
+        // Half, times 0.3/0.5 · 0.4/0.5657 · e⁻¹/z.
+        let opacity = 0.5 * 0.6 * 0.5f64.sqrt() * (-1f64).exp() / deep.sqrt();
+        let found = 1.0 / (1.0 + (-f64::from(file.scene.base.opacities[0])).exp());
+        assert!((found - opacity).abs() < 1e-6, "{found}, expected {opacity}");
+        // Of 0 it changes nothing.
+        assert_eq!(file.scene.base.log_scales[1], [0.0, -1.0, -2.0]);
+        assert!((file.scene.base.opacities[1] - 17.328_68).abs() < 1e-5);
+        assert!(
+            file.notes.len() == 1 && file.notes[0].contains("`filter_3D` (Mip-Splatting) is taken"),
+            "{:?}",
+            file.notes
+        );
+    }
+
+    #[test]
+    fn properties_that_change_the_picture_and_are_not_read_are_named() {
+        let row = "0 0 0 0 0 0 0 0 0 0 1 0 0 0 1 1 1";
+        let said = |more: &[&str]| with_more("float", more, &[row], "").notes.join("; ");
+        let sg = said(&["sg_axis_0", "sg_sharpness_0", "sg_color_0"]);
+        assert!(
+            sg.contains("`sg_axis_0` and 2 more properties are not read") && sg.contains("depend on the view"),
+            "{sg}"
+        );
+        let moving = said(&["trbf_center", "motion_0", "omega_3"]);
+        assert!(moving.contains("`trbf_center` and 2 more") && moving.contains("moves"), "{moving}");
+        assert!(said(&["scaling_t", "rot_r_0", "label"]).contains("`scaling_t` and 1 more"));
+        assert_eq!(said(&["label", "nx", "semantic_2"]), "");
+    }
+
+    #[test]
+    fn positions_of_doubles_count_from_their_middle() {
+        let at = |x: f64, y: f64| format!("{x} {y} 120.5 0 0 0 0 0 0 0 1 0 0 0");
+        let rows = [at(5e5, 4.5e6), at(5e5 + 0.001, 4.5e6 - 0.002), at(5e5 + 1.0, 4.5e6)];
+        let rows: Vec<&str> = rows.iter().map(|row| &row[..]).collect();
+        let SceneFile { scene: Scene { base, origin, .. }, notes, .. } = with_more("double", &[], &rows, "");
+        assert!(notes.len() == 1 && notes[0].contains("far from the world's origin"), "{notes:?}");
+        let world = |i: usize| origin + DVec3::from_array(base.means[i].map(f64::from));
+        assert!(
+            world(1).distance(DVec3::new(500000.001, 4499999.998, 120.5)) < 1e-8 && origin.length() > 4e6,
+            "{origin}"
+        );
+        // Near the world's origin nothing moves, and an origin of the file's own is added.
+        let near =
+            with_more("double", &[], &["1 2 3.1 0 0 0 0 0 0 0 1 0 0 0", "9 -2 3 0 0 0 0 0 0 0 1 0 0 0"], "").scene;
+        assert_eq!((near.base.means[0], near.origin), ([1.0, 2.0, 3.1], DVec3::ZERO));
+        let both = with_more("double", &[], &rows, "comment origin 7 -0.25 1e3\n").scene;
+        assert_eq!(
+            both,
+            Scene { origin: origin + DVec3::new(7.0, -0.25, 1000.0), ..Scene { base, ..Default::default() } }
+        );
+        // What is no origin is a comment.
+        for comment in ["comment origin of the scene\n", "comment origin 1 2 nan\n", "comment origin 1 2\n"] {
+            assert_eq!(with_more("float", &[], &rows, comment).scene.origin, DVec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn an_origin_comes_back_bit_for_bit() {
+        let origin = DVec3::new(500_000.1, -4.5e6 - 1.0 / 3.0, 1e-3);
+        let scene = Scene { origin, ..scene(1, true) };
+        assert_eq!(parse_ply(&written(&scene), Path::new("a.ply")).unwrap(), scene);
     }
 
     #[test]

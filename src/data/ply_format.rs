@@ -6,9 +6,13 @@
 //! Many readers take a file of one element only. What they need not know is a block behind the rows of the declared elements, announced
 //! in comments: `comment glint element NAME ROWS` and `comment glint property TYPE NAME` say what they would say without the first two
 //! words. A tool that keeps comments and drops the block leaves a sound file.
+//!
+//! `comment origin X Y Z` says where in the world the positions begin, in decimal numbers.
 
 use std::collections::HashSet;
 use std::path::Path;
+
+use glam::DVec3;
 
 use super::kind::Kind;
 use crate::{Error, Result};
@@ -137,11 +141,20 @@ impl Element {
     }
 }
 
+/// The comment that [`Ply::origin`] comes from; none for the world's origin.
+#[cfg(feature = "train")]
+pub(super) fn write_origin(out: &mut impl std::io::Write, origin: DVec3) -> std::io::Result<()> {
+    let [x, y, z] = origin.to_array();
+    if origin == DVec3::ZERO { Ok(()) } else { writeln!(out, "comment origin {x} {y} {z}") }
+}
+
 /// A parsed header and the bytes after it.
 pub(super) struct Ply<'a> {
     path: &'a Path,
     encoding: Encoding,
     pub(super) elements: Vec<Element>,
+    /// What positions count from: `comment origin X Y Z`.
+    pub(super) origin: DVec3,
     body: &'a [u8],
 }
 
@@ -152,7 +165,7 @@ impl<'a> Ply<'a> {
         if Kind::of(bytes, path) != Kind::Ply {
             return Err(fail(format!("is {}, not a PLY", Kind::of(bytes, path))));
         }
-        let mut encoding = None;
+        let (mut encoding, mut origin) = (None, DVec3::ZERO);
         let mut elements: Vec<Element> = Vec::new();
         // Of the elements, and of the properties of the last one: a megabyte of header has a hundred thousand.
         let (mut names, mut property_names) = (HashSet::new(), HashSet::new());
@@ -173,6 +186,13 @@ impl<'a> Ply<'a> {
             };
             match words[..] {
                 ["ply"] | [] => {}
+                ["comment", "origin", x, y, z] => {
+                    // Of a comment nothing else is demanded.
+                    let number = |text: &str| text.parse().ok().filter(|v: &f64| v.is_finite());
+                    if let (Some(x), Some(y), Some(z)) = (number(x), number(y), number(z)) {
+                        origin = DVec3::new(x, y, z);
+                    }
+                }
                 ["comment" | "obj_info", ..] => {}
                 ["format", kind, "1.0"] => {
                     encoding = Some(match kind {
@@ -227,7 +247,7 @@ impl<'a> Ply<'a> {
         }
         // Wherever a tool has put the comments, the block is the last.
         elements.sort_by_key(|element| element.announced);
-        let mut ply = Ply { path, encoding, elements, body: &bytes[at..] };
+        let mut ply = Ply { path, encoding, elements, origin, body: &bytes[at..] };
         // guard: PLY: a block that is gone
         if ply.elements.iter().any(|element| element.announced) && ply.has_no_block() {
             ply.elements.retain(|element| !element.announced || element.rows == 0);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::atomic::write_whole;
 use super::ply::{ANNOUNCED, BASE, DC, FIXED, LEARNED, LOBE, SHAPE, SUPPLEMENT, beyond};
+use super::ply_format::write_origin;
 use super::sound;
 use crate::scene::{Gaussians, Lobes, Scene, layout};
 use crate::{Error, Result};
@@ -15,7 +16,7 @@ pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     write_augmented(path, &scene.base, scene)
 }
 
-/// Writes `scene`, whose base begins with what became of `original`: other viewers show `original`, [`super::read_scene`] gives `scene`.
+/// Writes `scene`, whose base begins with what became of `original`, both with the scene's origin: other viewers show `original`, [`super::read_scene`] gives `scene`.
 ///
 /// # Errors
 /// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.
@@ -32,6 +33,7 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
     let elements = [(BASE, Some(vertex)), (SUPPLEMENT, supplement), (LEARNED, learned)];
     write_whole(path, |file| {
         writeln!(file, "ply\nformat binary_little_endian 1.0")?;
+        write_origin(file, scene.origin)?;
         for (name, rows) in &elements {
             let prefix = if *name == BASE { "" } else { ANNOUNCED };
             rows.iter().try_for_each(|rows| rows.write_header(file, prefix, name))?;

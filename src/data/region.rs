@@ -89,9 +89,11 @@ impl Dataset {
         })
     }
 
-    /// How many of the training photos see at least one of `points`: before the near plane and within the picture.
-    pub fn seeing(&self, points: &[[f32; 3]]) -> usize {
-        let sees_one = |photo: &Photo| points.iter().any(|&p| sees(&photo.camera, DVec3::from_array(p.map(f64::from))));
+    /// How many of the training photos see at least one of `points`, which count from `origin`: before the near plane and within the
+    /// picture.
+    pub fn seeing(&self, origin: DVec3, points: &[[f32; 3]]) -> usize {
+        let world = |p: [f32; 3]| origin + DVec3::from_array(p.map(f64::from));
+        let sees_one = |photo: &Photo| points.iter().any(|&p| sees(&photo.camera, world(p)));
         let photos: Vec<&Photo> = self.split(Split::Train).map(|(_, photo)| photo).collect();
         photos.par_iter().filter(|photo| sees_one(photo)).count()
     }
@@ -131,15 +133,14 @@ impl Dataset {
         Ok((cloud.positions.len() == n).then_some(cloud))
     }
 
-    /// `n` random points that `judge` gives colours; fewer where it refuses nearly all. It is asked of a world position as it will be,
-    /// after rounding, and of how many cameras at least should see it, which may be none.
+    /// `n` random points that `judge` gives colours; fewer where it refuses nearly all. It is asked of a world position, and of how
+    /// many cameras at least should see it, which may be none.
     fn draw(&self, n: usize, seed: u64, judge: impl Fn(DVec3, usize) -> Option<[u8; 3]>) -> PointCloud {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
         let mut cloud = PointCloud { positions: Vec::with_capacity(n), colors: Vec::with_capacity(n) };
         let take = |p: DVec3, by: usize, cloud: &mut PointCloud| {
-            let p = p.as_vec3();
-            if let Some(color) = judge(p.as_dvec3(), by) {
+            if let Some(color) = judge(p, by) {
                 cloud.positions.push(p.to_array());
                 cloud.colors.push(color);
             }
@@ -310,8 +311,8 @@ mod tests {
         }
     }
 
-    fn witnesses(data: &Dataset, p: [f32; 3]) -> usize {
-        data.photos.iter().filter(|photo| sees(&photo.camera, DVec3::from_array(p.map(f64::from)))).count()
+    fn witnesses(data: &Dataset, p: [f64; 3]) -> usize {
+        data.photos.iter().filter(|photo| sees(&photo.camera, DVec3::from_array(p))).count()
     }
 
     fn ring(center: DVec3, radius: f64) -> Vec<DVec3> {
@@ -344,7 +345,7 @@ mod tests {
         let data = dataset(axes.into_iter().map(|axis| look(5.0 * axis, 9.0 * axis)).collect());
         let cloud = data.random_points(400, 3);
         for photo in &data.photos {
-            let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p.map(f64::from))));
+            let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p)));
             let seen: Vec<f64> =
                 seen.filter(|&(x, y, z)| z > NEAR && x.min(y) > 0.0 && x < 40.0 && y < 30.0).map(|at| at.0).collect();
             // A quarter of 400 each, and of those a quarter in the outer eighths of the picture: 100 ± 8.7 and 25 ± 4.3.
@@ -368,16 +369,16 @@ mod tests {
     #[test]
     fn photos_that_see_nothing_are_counted() {
         let data = dataset(ring(DVec3::ZERO, 4.0).into_iter().map(|eye| look(eye, DVec3::ZERO)).collect());
-        assert_eq!(data.seeing(&[[0.0; 3]]), 24);
-        assert_eq!(data.seeing(&[[0.0, 90.0, 0.0], [0.0; 3]]), 24);
-        assert_eq!(data.seeing(&[[0.0, 90.0, 0.0]]), 0);
-        assert_eq!(data.seeing(&[]), 0);
+        assert_eq!(data.seeing(DVec3::ZERO, &[[0.0; 3]]), 24);
+        assert_eq!(data.seeing(DVec3::ZERO, &[[0.0, 90.0, 0.0], [0.0; 3]]), 24);
+        assert_eq!(data.seeing(DVec3::ZERO, &[[0.0, 90.0, 0.0]]), 0);
+        assert_eq!(data.seeing(DVec3::ZERO, &[]), 0);
         // Between a camera and the near plane, and a little beyond; cameras across see it too, nine of them.
-        let at = |distance: f32| data.seeing(&[[4.0 - distance, 0.0, 0.0]]);
+        let at = |distance: f32| data.seeing(DVec3::ZERO, &[[4.0 - distance, 0.0, 0.0]]);
         assert_eq!((at(0.19), at(0.21)), (9, 10));
         let near = ring(DVec3::ZERO, 4.0).into_iter().map(|eye| look(1e-4 * eye, DVec3::ZERO));
         let near = dataset(near.collect());
-        assert_eq!(near.seeing(&[[0.0; 3]]), 0);
+        assert_eq!(near.seeing(DVec3::ZERO, &[[0.0; 3]]), 0);
     }
 
     #[test]

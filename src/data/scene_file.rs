@@ -5,6 +5,9 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
+#[cfg(feature = "train")]
+use glam::DVec3;
+
 use super::kind::Kind;
 use super::ply;
 #[cfg(feature = "train")]
@@ -32,18 +35,21 @@ pub struct SceneFile {
     pub shown: Option<Gaussians>,
     /// Whether the file says that Gaussians smaller than a pixel are to be faded (see `Policy::compensate`).
     pub antialiased: bool,
+    /// What was read in another way than it looks, or not read although it changes the picture: a sentence each.
+    pub notes: Vec<String>,
 }
 
 impl From<Scene> for SceneFile {
     fn from(scene: Scene) -> Self {
-        SceneFile { scene, shown: None, antialiased: false }
+        SceneFile { scene, shown: None, antialiased: false, notes: Vec::new() }
     }
 }
 
 impl SceneFile {
     /// Without the supplement: what other viewers show.
     pub fn into_base(self) -> SceneFile {
-        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None };
+        let origin = self.scene.origin;
+        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None, origin };
         SceneFile { antialiased: self.antialiased, ..scene.into() }
     }
 }
@@ -92,6 +98,11 @@ impl SceneFormat {
         matches!(self, SceneFormat::Ply | SceneFormat::Gltf)
     }
 
+    /// Whether the file says where in the world its coordinates begin ([`Scene::origin`]).
+    pub fn keeps_origin(self) -> bool {
+        !matches!(self, SceneFormat::Spz { .. } | SceneFormat::Splat)
+    }
+
     /// The greatest degree of harmonics that is kept, or [`BETAS`] where these are.
     pub fn greatest_sh_degree(self) -> u32 {
         match self {
@@ -103,11 +114,11 @@ impl SceneFormat {
 }
 
 #[cfg(feature = "train")]
-/// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all.
+/// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all. Returns what [`write_scene_as`] does.
 ///
 /// # Errors
 /// [`Error::Usage`] where the name has none of the endings, and as [`write_scene_as`].
-pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<()> {
+pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<String>> {
     let path = path.as_ref();
     let format = SceneFormat::of(path).ok_or_else(|| {
         let endings: Vec<&str> = SceneFormat::ALL.iter().map(|(ending, _)| *ending).collect();
@@ -118,16 +129,19 @@ pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<()> 
 }
 
 #[cfg(feature = "train")]
-/// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all.
+/// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all. Returns what the
+/// format changes that nobody would expect, a sentence each: positions on a coarse grid, floaters that were moved, an origin that is not
+/// kept ([`SceneFormat::keeps_origin`]).
 ///
 /// # Errors
 /// [`Error::Usage`] where the format has no room for the supplement that the scene has or for a number, and where a number is not finite.
-pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<()> {
+pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
     let path = path.as_ref();
     let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
-    let Scene { base, supplement } = &file.scene;
+    let Scene { base, supplement, origin } = &file.scene;
     if format == SceneFormat::Ply {
-        return ply_write::write_augmented(path, file.shown.as_ref().unwrap_or(base), &file.scene);
+        ply_write::write_augmented(path, file.shown.as_ref().unwrap_or(base), &file.scene)?;
+        return Ok(Vec::new());
     }
     if let (Some(supplement), false) = (supplement, format.keeps_lobes()) {
         let lost = supplement.gaussians.len();
@@ -139,26 +153,34 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
     if let Err(what) = sound::check(&file.scene) {
         return refuse(format!("this scene cannot be written: {what}"));
     }
-    write_other(path, format, file)
+    let mut notes = write_other(path, format, file)?;
+    if *origin != DVec3::ZERO && !format.keeps_origin() {
+        let [x, y, z] = origin.to_array();
+        notes.push(format!(
+            "positions count from ({x}, {y}, {z}), which this format does not keep; .ply, .glb and .sog do"
+        ));
+    }
+    Ok(notes)
 }
 
 #[cfg(feature = "formats")]
-fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<()> {
+fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
     use super::{atomic::write_whole, formats};
-    let base = &file.scene.base;
-    let bytes = match format {
-        SceneFormat::Ply => return ply_write::write_scene(path, &file.scene),
-        SceneFormat::PackedPly => formats::write_packed_ply(base),
-        SceneFormat::Gltf => formats::write_gltf(file, path)?,
-        SceneFormat::Sog => formats::write_sog(base, file.antialiased, path)?,
-        SceneFormat::Splat => formats::write_splat(base),
+    let Scene { base, origin, .. } = &file.scene;
+    let (bytes, notes) = match format {
+        SceneFormat::Ply => return ply_write::write_scene(path, &file.scene).map(|()| Vec::new()),
+        SceneFormat::PackedPly => formats::write_packed_ply(base, *origin),
+        SceneFormat::Gltf => (formats::write_gltf(file, path)?, Vec::new()),
+        SceneFormat::Sog => (formats::write_sog(base, *origin, file.antialiased, path)?, Vec::new()),
+        SceneFormat::Splat => (formats::write_splat(base), Vec::new()),
         SceneFormat::Spz { version } => formats::write_spz(base, file.antialiased, version, path)?,
     };
-    write_whole(path, |out| out.write_all(&bytes))
+    write_whole(path, |out| out.write_all(&bytes))?;
+    Ok(notes)
 }
 
 #[cfg(all(feature = "train", not(feature = "formats")))]
-fn write_other(path: &Path, _: SceneFormat, _: &SceneFile) -> Result<()> {
+fn write_other(path: &Path, _: SceneFormat, _: &SceneFile) -> Result<Vec<String>> {
     Err(Error::Usage(format!("{}: this build of glint writes PLY scenes only", path.display())))
 }
 
@@ -189,7 +211,7 @@ pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, D
     dropped.first = dropped.first.map(|what| named(what, element));
     if let Some(shown) = file.shown {
         // It goes with the scene row by row, so it is sound as a whole or of no use.
-        let shown = Scene { base: shown, supplement: None };
+        let shown = Scene { base: shown, ..Default::default() };
         file.shown = (dropped.base == 0 && sound::check(&shown).is_ok()).then_some(shown.base);
     }
     Ok((file, dropped))
@@ -198,16 +220,18 @@ pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, D
 #[cfg(feature = "formats")]
 /// The same of a PLY file's bytes. `path` is only named in errors.
 pub(super) fn parse_ply(bytes: &[u8], path: &Path) -> Result<Scene> {
-    let file = ply::parse_rows(bytes, path)?;
+    let mut file = ply::parse_rows(bytes, path)?;
+    sound::make_finite(&mut file.scene);
     Ok(checked(file, true).map_err(|what| Error::input(path, what))?.scene)
 }
 
 /// Fails where the bytes of a file of this kind are no sound scene. Files that they name are not looked for.
 #[cfg(feature = "formats")]
 pub(super) fn check(kind: Kind, bytes: &[u8], path: &Path) -> Result<()> {
-    let Some(file) = parse_other(kind, bytes, None, path)? else {
+    let Some(mut file) = parse_other(kind, bytes, None, path)? else {
         return Err(Error::input(path, format!("is {kind}, not a scene")));
     };
+    sound::make_finite(&mut file.scene);
     checked(file, false).map_err(|what| Error::input(path, what)).map(drop)
 }
 
@@ -237,6 +261,13 @@ fn open(path: &Path) -> Result<(SceneFile, bool)> {
 }
 
 fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
+    let (mut file, element) = parse_as_it_is(bytes, path)?;
+    sound::make_finite(&mut file.scene);
+    file.shown.iter_mut().for_each(sound::make_finite_part);
+    Ok((file, element))
+}
+
+fn parse_as_it_is(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
     let kind = Kind::of(bytes, path);
     #[cfg(feature = "formats")]
     if let Some(gaussians) = parse_other(kind, bytes, path.parent(), path)? {
@@ -254,13 +285,13 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
 #[cfg(feature = "formats")]
 fn parse_other(kind: Kind, bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<Option<SceneFile>> {
     use super::formats;
-    let plain = |base| Scene { base, supplement: None }.into();
+    let plain = |base| SceneFile::from(Scene { base, ..Default::default() });
     Ok(Some(match kind {
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
         Kind::Gltf => formats::parse_gltf(bytes, folder, path)?,
         Kind::Zip | Kind::Sog => {
-            let (base, antialiased) = formats::parse_sog(bytes, folder, path)?;
-            SceneFile { antialiased, ..plain(base) }
+            let (base, origin, antialiased) = formats::parse_sog(bytes, folder, path)?;
+            SceneFile { antialiased, ..Scene { base, origin, ..Default::default() }.into() }
         }
         // Version 3 and before are gzip data.
         Kind::Spz | Kind::Gzip => {

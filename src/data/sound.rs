@@ -9,6 +9,26 @@ use crate::{
 /// Lobe widths T are kept in this range by the method (section 1).
 const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
+/// What an opacity of 1 is read as, whose logit is +∞: ln 2²⁵, which is 1 in float32.
+const OPAQUE: f32 = 17.328_68;
+/// What an opacity of 0 is read as, whose logit is −∞, and a size of 0, whose logarithm is: of the least float32 that is not denormal.
+const NOTHING: f32 = -87.336_54;
+
+/// Infinities that mean something become numbers that the kernels draw the same: logits of ±∞, and log scales of −∞ (flat Gaussians).
+pub(crate) fn make_finite(scene: &mut Scene) {
+    make_finite_part(&mut scene.base);
+    scene.supplement.iter_mut().for_each(|supplement| make_finite_part(&mut supplement.gaussians));
+}
+
+/// The same of a part of a scene.
+pub(super) fn make_finite_part(gaussians: &mut Gaussians) {
+    for logit in gaussians.opacities.iter_mut().filter(|logit| logit.is_infinite()) {
+        *logit = if *logit > 0.0 { OPAQUE } else { NOTHING };
+    }
+    let scales = gaussians.log_scales.as_flattened_mut().iter_mut();
+    scales.filter(|scale| **scale == f32::NEG_INFINITY).for_each(|scale| *scale = NOTHING);
+}
+
 /// What a lenient reader left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Dropped {
@@ -182,6 +202,23 @@ mod tests {
     use crate::scene::Supplement;
 
     #[test]
+    fn infinities_that_mean_something_become_numbers() {
+        let infinite = [f32::INFINITY, f32::NEG_INFINITY, 3.0, f32::NAN];
+        let mut part = Gaussians {
+            opacities: infinite.to_vec(),
+            log_scales: vec![[f32::NEG_INFINITY, f32::INFINITY, -1e30]],
+            ..Default::default()
+        };
+        make_finite_part(&mut part);
+        let sigmoid = |logit: f32| 1.0 / (1.0 + (-logit).exp());
+        let [opaque, gone] = [0, 1].map(|i| sigmoid(part.opacities[i]));
+        assert!(opaque == 1.0 && gone.is_normal() && gone < 1.2e-38, "{opaque} {gone}");
+        assert!(part.opacities[2] == 3.0 && part.opacities[3].is_nan());
+        let [flat, endless, thin] = part.log_scales[0];
+        assert!(flat.exp().is_normal() && flat.exp() < 1.2e-38 && endless == f32::INFINITY && thin == -1e30);
+    }
+
+    #[test]
     fn lengths_that_do_not_agree_are_named() {
         let one = Gaussians {
             sh_degree: 1,
@@ -194,7 +231,7 @@ mod tests {
         let lobes = Lobes { directions: vec![[1.0; 3]], widths: vec![0.5], sharpness: vec![0.0] };
         let scene = |base: &Gaussians, gaussians: &Gaussians, lobes: &Lobes| {
             let supplement = Supplement { gaussians: gaussians.clone(), lobes: lobes.clone() };
-            check(&Scene { base: base.clone(), supplement: Some(supplement) })
+            check(&Scene { base: base.clone(), supplement: Some(supplement), ..Default::default() })
         };
         scene(&one, &one, &lobes).unwrap();
         let short = [

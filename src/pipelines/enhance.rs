@@ -569,7 +569,7 @@ impl Enhancer {
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
             let plain = (scene.base.len() - self.original.len()) as u32;
             let room = self.allowance.lobes_beside(plain) as usize;
-            let opacities = greatest_opacities(supplement, views);
+            let opacities = greatest_opacities(supplement, views, scene.origin);
             // Some may have come back that others had taken the place of.
             let mut order: Vec<usize> = (0..opacities.len()).collect();
             order.sort_by(|&a, &b| opacities[b].total_cmp(&opacities[a]));
@@ -604,7 +604,7 @@ impl Enhancer {
 
     /// A copy of the base that learns on for some passes over the photographs, all rates falling as they do in the joint phase.
     fn pilot(&self, views: &Views) -> Result<Pilot> {
-        let base = Scene { base: self.original.clone(), supplement: None };
+        let base = Scene { base: self.original.clone(), supplement: None, origin: self.model.scene_origin };
         let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
         // So few steps are no time for moments to settle in, where they are Adam's.
         let options = JoinOptions { bias_correction: true, steps_per_view: TRIAL_PASSES, ..self.options.join };
@@ -636,9 +636,9 @@ impl Enhancer {
     }
 }
 
-/// The greatest opacity that each Gaussian has in any of `views`, lobe included.
-fn greatest_opacities(supplement: &Supplement, views: &Views) -> Vec<f64> {
-    let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + views.origin).collect();
+/// The greatest opacity that each Gaussian, whose mean counts from `origin`, has in any of `views`, lobe included.
+fn greatest_opacities(supplement: &Supplement, views: &Views, origin: DVec3) -> Vec<f64> {
+    let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + (views.origin - origin)).collect();
     let opacity = |i| supplement.greatest_opacity(i, &eyes);
     // NaN is as good as none.
     (0..supplement.gaussians.len()).into_par_iter().map(|i| opacity(i).max(0.0)).collect()
@@ -647,7 +647,10 @@ fn greatest_opacities(supplement: &Supplement, views: &Views) -> Vec<f64> {
 /// Supplementary Gaussians whose opacity is below `least` in all of `views`. Waits.
 fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
     let Some(supplement) = model.supplement()? else { return Ok(0) };
-    Ok(greatest_opacities(&supplement, views).into_iter().filter(|&opacity| opacity < least.into()).count() as u32)
+    Ok(greatest_opacities(&supplement, views, model.scene_origin)
+        .into_iter()
+        .filter(|&opacity| opacity < least.into())
+        .count() as u32)
 }
 
 /// Passes over the photographs of the trial that tells what training on gains. One says little of a base that has settled, as its first

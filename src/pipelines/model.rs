@@ -226,6 +226,8 @@ pub struct Model {
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,
+    /// Where the means of the scene that it was made of begin, and those of [`Model::download`].
+    pub(crate) scene_origin: DVec3,
     page_limit: u32,
     /// Gaussians of each segment, as the host knows them: see [`Model::learn_counts`].
     known: [u32; 2],
@@ -240,13 +242,13 @@ pub struct Model {
 }
 
 impl Model {
-    /// Copies `scene` to the device, with room for `spare` more supplementary Gaussians. Waits.
+    /// Copies `scene` to the device in its own coordinates, with room for `spare` more supplementary Gaussians. Waits.
     ///
     /// # Errors
     /// Where the device's memory does not suffice.
     pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self> {
         let room = Room { supplement: spare as u32, ..Default::default() };
-        Self::upload_around(context, DVec3::ZERO, scene, room)
+        Self::upload_around(context, scene.origin, scene, room)
     }
 
     /// What a model of `scene` will hold on a device.
@@ -277,7 +279,7 @@ impl Model {
         let mut model = Self::allocate(context, origin, scene, room)?;
         for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
             for k in 0..part.pages.len() {
-                for (planes, values) in part.values(k, gaussians, lobes, origin) {
+                for (planes, values) in part.values(k, gaussians, lobes, origin - scene.origin) {
                     planes.upload(0, &values)?;
                 }
             }
@@ -320,6 +322,7 @@ impl Model {
             parts,
             sh_degree,
             origin,
+            scene_origin: scene.origin,
             page_limit,
             known: counts,
             population: words("population", Segment::ALL.len() + 1)?,
@@ -496,19 +499,19 @@ impl Model {
         }
     }
 
-    /// Copies the scene back to the host, as the device has it by now. Waits.
+    /// Copies the scene back to the host, as the device has it by now, with the origin of the scene that was uploaded. Waits.
     pub fn download(&self) -> Result<Scene> {
         let counts = self.segment_counts.download()?;
-        let (base, _) = self.parts[0].download(counts[0] as usize, self.origin)?;
-        Ok(Scene { base, supplement: self.supplement()? })
+        let (base, _) = self.parts[0].download(counts[0] as usize, self.origin - self.scene_origin)?;
+        Ok(Scene { base, supplement: self.supplement()?, origin: self.scene_origin })
     }
 
-    /// The supplement as it is on the device, in world coordinates; `None` where it is empty. Waits.
+    /// The supplement as it is on the device, in coordinates of the scene that was uploaded; `None` where it is empty. Waits.
     pub fn supplement(&self) -> Result<Option<Supplement>> {
         match self.segment_counts.download()?[1] {
             0 => Ok(None),
             m => {
-                let (gaussians, lobes) = self.parts[1].download(m as usize, self.origin)?;
+                let (gaussians, lobes) = self.parts[1].download(m as usize, self.origin - self.scene_origin)?;
                 Ok(Some(Supplement { gaussians, lobes }))
             }
         }
@@ -655,7 +658,7 @@ impl Upload {
         let mut staged = Vec::new();
         for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
             for k in 0..part.pages.len() {
-                for (planes, values) in part.values(k, gaussians, lobes, origin) {
+                for (planes, values) in part.values(k, gaussians, lobes, origin - scene.origin) {
                     let staging = Buffer::new(context, "staging", values.len(), Location::Upload)?;
                     staging.write_mapped(&values);
                     staged.push((staging, planes.clone()));

@@ -201,7 +201,7 @@ mod tests {
             kind: DatasetKind::Memory,
             photos: vec![photo("a", Split::Test, 9), photo("b", Split::Train, 5), photo("c", Split::Train, 6)],
             points: points.map(|n| PointCloud {
-                positions: (0..n).map(|i| [i as f32; 3]).collect(),
+                positions: (0..n).map(|i| [i as f64; 3]).collect(),
                 colors: (0..n).map(|i| [i as u8; 3]).collect(),
             }),
             background: [0.0; 3],
@@ -233,7 +233,7 @@ mod tests {
         let few = first_points(&data, Some(10), 7);
         assert_eq!((few.cloud.positions.len(), few.sparse), (10, Some(50)));
         assert!(few.cloud.positions.is_sorted_by(|a, b| a[0] < b[0]));
-        assert!(few.cloud.positions.iter().zip(&few.cloud.colors).all(|(p, c)| p[0] == f32::from(c[0])));
+        assert!(few.cloud.positions.iter().zip(&few.cloud.colors).all(|(p, c)| p[0] == f64::from(c[0])));
         assert_eq!(few, first_points(&data, Some(10), 7));
         assert_ne!(few, first_points(&data, Some(10), 8));
     }

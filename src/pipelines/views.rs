@@ -12,7 +12,7 @@ use crate::{
     },
 };
 
-/// 1.3 tan(fov/2) is where 3DGS clamps the Jacobian's x/z and y/z.
+/// 3DGS clamps the Jacobian's x/z and y/z at 1.3 tan(fov/2): so many times half the image from the image's middle.
 pub(crate) const JACOBIAN_LIMIT: f64 = 1.3;
 
 /// Views 0..V, written once.
@@ -52,6 +52,15 @@ pub fn origin_for(cameras: &[Camera]) -> DVec3 {
 pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
     // guard: origin of a far scene; origin of a near scene
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
+}
+
+/// Where the means of a scene that these cameras saw should begin ([`Scene::origin`](crate::scene::Scene::origin)). That is
+/// [`origin_for`], but the world's origin as long as float32 keeps 16 bits of the spread there: other programs know no other origin.
+pub fn scene_origin_for(cameras: &[Camera]) -> DVec3 {
+    let origin = origin_for(cameras);
+    let spread =
+        cameras.iter().map(|camera| camera.eye().distance(origin)).filter(|d| d.is_finite()).fold(0.0, f64::max);
+    if origin.length() > 16.0 * FAR * spread { origin } else { DVec3::ZERO }
 }
 
 /// The camera of an image whose sides are halved so many times, rounded, a pixel at least.
@@ -169,10 +178,20 @@ pub fn pack(rgb: &[u8]) -> Vec<u32> {
     rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])).collect()
 }
 
+/// Between which x/z the Jacobian is clamped, of a side of `pixels`. The limits follow the picture's own sides, not its principal point
+/// (gsplat, PR 305), so a Gaussian that is seen in a crop has the shape that it has in the whole picture.
+fn slopes(pixels: u32, focal: f64, principal: f64) -> [f32; 2] {
+    let middle = (f64::from(pixels) / 2.0 - principal) / focal;
+    let reach = JACOBIAN_LIMIT * f64::from(pixels) / (2.0 * focal);
+    [(middle - reach) as f32, (middle + reach) as f32]
+}
+
 /// The device's form of a camera whose pixels begin at `pixel_first` of buffers that pack all views.
 pub fn view(camera: &Camera, pixel_first: u32) -> View {
     let (r, t, eye) = (camera.rotation, camera.translation, camera.eye());
     let row = |i: usize| [r.row(i).x, r.row(i).y, r.row(i).z, t[i]].map(|x| x as f32);
+    let [low_x, high_x] = slopes(camera.width, camera.fx, camera.cx);
+    let [low_y, high_y] = slopes(camera.height, camera.fy, camera.cy);
     View {
         row_x: row(0),
         row_y: row(1),
@@ -182,8 +201,8 @@ pub fn view(camera: &Camera, pixel_first: u32) -> View {
         fy: camera.fy as f32,
         cx: camera.cx as f32,
         cy: camera.cy as f32,
-        limit_x: (JACOBIAN_LIMIT * f64::from(camera.width) / (2.0 * camera.fx)) as f32,
-        limit_y: (JACOBIAN_LIMIT * f64::from(camera.height) / (2.0 * camera.fy)) as f32,
+        slope_low: [low_x, low_y],
+        slope_high: [high_x, high_y],
         width: camera.width,
         height: camera.height,
         pixel_first,
@@ -214,5 +233,10 @@ mod tests {
         assert!(origin_for(&around(middle)).distance(middle) < 1e-6);
         assert_eq!(origin_for(&around(DVec3::new(9.0, 0.0, -9.0))), DVec3::ZERO);
         assert_eq!(origin_for(&[]), DVec3::ZERO);
+        // A file's coordinates are the world's for as long as float32 has enough of them.
+        assert!(scene_origin_for(&around(middle)).distance(middle) < 1e-6);
+        assert_eq!(scene_origin_for(&around(DVec3::new(0.0, 200.0, 0.0))), DVec3::ZERO);
+        assert_eq!(origin_for(&around(DVec3::new(0.0, 200.0, 0.0))), DVec3::new(0.0, 200.0, 0.0));
+        assert_eq!(scene_origin_for(&[]), DVec3::ZERO);
     }
 }

@@ -5,11 +5,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use super::NEAR;
 use super::harmonics::C0;
 use super::lift_count::ScreenGaussians;
 use super::lift_groups::LiftClusters;
 use super::lift_points::LiftPoints;
+use super::{NEAR, View};
 use crate::{scene::Camera, stages::types};
 
 /// Least eigenvalue in squares of the scene's own length.
@@ -151,7 +151,7 @@ pub fn quaternion(columns: [DVec3; 3]) -> [f64; 4] {
 }
 
 /// Q = J R diag(λ) Rᵀ Jᵀ as (Q11, Q12, Q22), px², without dilation. All in the camera's frame; `slope` is x/z and y/z, which
-/// are clamped to ±1.3·tan(fov/2) as in rendering.
+/// are clamped as in rendering.
 pub fn projected_covariance(
     camera: &Camera,
     slope: [f64; 2],
@@ -159,8 +159,8 @@ pub fn projected_covariance(
     value: [f64; 3],
     axes: [DVec3; 3],
 ) -> [f64; 3] {
-    let limit = [0.65 * camera.width as f64 / camera.fx, 0.65 * camera.height as f64 / camera.fy];
-    let slope = [slope[0].clamp(-limit[0], limit[0]), slope[1].clamp(-limit[1], limit[1])];
+    let View { slope_x, slope_y, .. } = View::from_camera(camera);
+    let slope = [slope[0].max(slope_x[0]).min(slope_x[1]), slope[1].max(slope_y[0]).min(slope_y[1])];
     let mut q = [0.0; 3];
     for (value, axis) in value.iter().zip(axes) {
         let m1 = camera.fx / depth * value.sqrt() * (axis.x - slope[0] * axis.z);

@@ -57,6 +57,10 @@ impl Params {
                 for (p, value) in layout::geometry(gaussians, j).into_iter().enumerate() {
                     params.geometry[p * params.stride + i] = f64::from(value);
                 }
+                // From the world's origin a number keeps its bits, −0 too.
+                for (axis, &from) in scene.origin.as_ref().iter().enumerate().filter(|(_, from)| **from != 0.0) {
+                    params.geometry[(MEAN + axis) * params.stride + i] += from;
+                }
                 for p in 0..layout::sh_planes(sh_degree) {
                     params.sh[p * params.stride + i] = f64::from(layout::sh(gaussians, j, p));
                 }
@@ -87,7 +91,7 @@ impl Params {
             }
             Supplement { gaussians: part(self.lobe_first, self.count), lobes }
         });
-        Scene { base: part(0, self.lobe_first), supplement }
+        Scene { base: part(0, self.lobe_first), supplement, ..Default::default() }
     }
 
     /// All zero, strides as counts.

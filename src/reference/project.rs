@@ -110,8 +110,8 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     let log_scale = params.log_scale(i);
     let scale = DVec3::new(log_scale.x.exp(), log_scale.y.exp(), log_scale.z.exp());
 
-    let tx = (p.x / p.z).max(-view.limit_x).min(view.limit_x);
-    let ty = (p.y / p.z).max(-view.limit_y).min(view.limit_y);
+    let tx = (p.x / p.z).max(view.slope_x[0]).min(view.slope_x[1]);
+    let ty = (p.y / p.z).max(view.slope_y[0]).min(view.slope_y[1]);
     let jw1 = view.fx / p.z * (view.row_x - tx * view.row_z).truncate();
     let jw2 = view.fy / p.z * (view.row_y - ty * view.row_z).truncate();
     let m1 = scale * (rotation.transpose() * jw1);
@@ -125,7 +125,7 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     if !(d <= FLOAT_MAX) {
         return None;
     }
-    let clamped = ((p.x / p.z).abs() > view.limit_x, (p.y / p.z).abs() > view.limit_y);
+    let clamped = (p.x / p.z != tx, p.y / p.z != ty);
     Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, n, b, c, d, d0 })
 }
 
@@ -185,8 +185,8 @@ mod tests {
             seen += 1;
             let p = view.to_camera(params.mean(i));
             let (tx, ty) = (
-                (p.x / p.z).clamp(-view.limit_x, view.limit_x) * p.z,
-                (p.y / p.z).clamp(-view.limit_y, view.limit_y) * p.z,
+                (p.x / p.z).clamp(view.slope_x[0], view.slope_x[1]) * p.z,
+                (p.y / p.z).clamp(view.slope_y[0], view.slope_y[1]) * p.z,
             );
             let j1 = DVec3::new(view.fx / p.z, 0.0, -view.fx * tx / (p.z * p.z));
             let j2 = DVec3::new(0.0, view.fy / p.z, -view.fy * ty / (p.z * p.z));

@@ -28,9 +28,36 @@ pub fn project_backward(
     isects: &Intersections,
     isect_grads: &[Record],
 ) -> Gradients {
-    let records = sum_records(tile_counts, isects, isect_grads);
+    let rises = |_, _, gradient| gradient < 0.0;
+    passing(params, view, options, splats, sum_records(tile_counts, isects, isect_grads), &rises)
+}
+
+/// As [`project_backward`], of the summed records of a `loss_probe`. A probe has no direction, so it passes a clamped channel only while
+/// `known`, the curvature of each Gaussian's constant colour, is 0.
+pub fn probe_backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splats: &[Splat],
+    records: Vec<Record>,
+    known: &[[f64; 3]],
+) -> Gradients {
+    passing(params, view, options, splats, records, &|i, c, _| known[i][c] == 0.0)
+}
+
+/// Whether a channel that is clamped at 0 lets its gradient through, by Gaussian, channel and gradient.
+type Passes<'a> = &'a dyn Fn(usize, usize, f64) -> bool;
+
+fn passing(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splats: &[Splat],
+    records: Vec<Record>,
+    passes: Passes<'_>,
+) -> Gradients {
     Gradients {
-        params: backward(params, view, options, splats, &records),
+        params: backward(params, view, options, splats, &records, passes),
         touched: records.iter().map(is_touched).collect(),
         records,
     }
@@ -74,7 +101,8 @@ pub fn magnitudes(params: &Params, view: &View, options: &Options, splats: &[Spl
     let mut out = params.zeros_like();
     for part in 0..9 {
         let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
-        let grads = backward(params, view, options, splats, &records.iter().map(alone).collect::<Vec<_>>());
+        let records: Vec<_> = records.iter().map(alone).collect();
+        let grads = backward(params, view, options, splats, &records, &|_, _, _| true);
         let arrays = [(&mut out.geometry, grads.geometry), (&mut out.sh, grads.sh), (&mut out.lobes, grads.lobes)];
         for (sums, grads) in arrays {
             sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
@@ -87,12 +115,19 @@ fn is_touched(record: &Record) -> bool {
     record.iter().any(|&part| part != 0.0)
 }
 
-fn backward(params: &Params, view: &View, options: &Options, splats: &[Splat], records: &[Record]) -> Params {
+fn backward(
+    params: &Params,
+    view: &View,
+    options: &Options,
+    splats: &[Splat],
+    records: &[Record],
+    passes: Passes<'_>,
+) -> Params {
     let mut out = params.zeros_like();
     for (i, record) in records.iter().enumerate().filter(|(_, record)| is_touched(record)) {
         let Some(f) = footprint(params, view, i) else { continue };
         let mean = geometry_backward(params, view, options, &splats[i], &f, record, i, &mut out)
-            + color_backward(params, view, options, &splats[i], record, i, &mut out)
+            + color_backward(params, view, options, color_gradient(&splats[i], record, i, passes), i, &mut out)
             + opacity_backward(params, view, options, &splats[i], &f, record, i, &mut out);
         for axis in 0..3 {
             out.geometry[(MEAN + axis) * params.stride + i] = mean[axis];
@@ -177,19 +212,22 @@ fn geometry_backward(
     view.rotation().transpose() * p_grad
 }
 
+/// Of the colour before it is clamped. A channel that max(0, ·) clamped is exactly 0; it has the gradient that `passes`, which is not the
+/// derivative.
+fn color_gradient(splat: &Splat, record: &Record, i: usize, passes: Passes<'_>) -> [f64; 3] {
+    let color = splat.color();
+    [0, 1, 2].map(|c| if color[c] > 0.0 || passes(i, c, record[6 + c]) { record[6 + c] } else { 0.0 })
+}
+
 /// SH coefficients; returns the mean's part through the viewing direction.
 fn color_backward(
     params: &Params,
     view: &View,
     options: &Options,
-    splat: &Splat,
-    record: &Record,
+    color_grad: [f64; 3],
     i: usize,
     out: &mut Params,
 ) -> DVec3 {
-    // A channel that max(0, ·) clamped is exactly 0 and has no gradient.
-    let color = splat.color();
-    let color_grad = [0, 1, 2].map(|c| if color[c] > 0.0 { record[6 + c] } else { 0.0 });
     let offset = params.mean(i) - view.eye;
     let distance = offset.length();
     let direction = offset / distance;

@@ -41,7 +41,7 @@ pub fn random_scene(seed: u64, count: usize, supplement: usize, sh_degree: u32) 
         let lobes = lobes(&mut rng, &gaussians.means);
         Supplement { gaussians, lobes }
     });
-    Scene { base, supplement }
+    Scene { base, supplement, ..Default::default() }
 }
 
 /// [`random_scene`] of so many Gaussians, of which a share has lobes: the more, the smaller, so that a pixel always has as many. They

@@ -24,16 +24,22 @@ pub struct View {
     pub cx: f64,
     /// Principal point, px.
     pub cy: f64,
-    /// 1.3 tan(fov/2) = 1.3 · width / (2 fx), likewise height: where the Jacobian's x/z and y/z are clamped (3DGS).
-    pub limit_x: f64,
-    /// See `limit_x`.
-    pub limit_y: f64,
+    /// Least and largest x/z of the Jacobian (3DGS): those of the image's sides, and 0.15 of the width beyond each. Of an image whose
+    /// principal point is its middle ±1.3 tan(fov/2).
+    pub slope_x: [f64; 2],
+    /// Likewise y/z, by the height.
+    pub slope_y: [f64; 2],
     /// Pixels.
     pub width: u32,
     /// See `width`.
     pub height: u32,
     /// Camera z; what is not beyond is culled.
     pub near: f64,
+}
+
+/// Where x/z is clamped, of an image whose side has so many pixels.
+fn slopes(side: f64, focal: f64, principal: f64) -> [f64; 2] {
+    [(-0.15 * side - principal) / focal, (1.15 * side - principal) / focal]
 }
 
 impl View {
@@ -49,8 +55,8 @@ impl View {
             fy: camera.fy,
             cx: camera.cx,
             cy: camera.cy,
-            limit_x: 1.3 * camera.width as f64 / (2.0 * camera.fx),
-            limit_y: 1.3 * camera.height as f64 / (2.0 * camera.fy),
+            slope_x: slopes(camera.width.into(), camera.fx, camera.cx),
+            slope_y: slopes(camera.height.into(), camera.fy, camera.cy),
             width: camera.width,
             height: camera.height,
             near: NEAR,
@@ -71,8 +77,8 @@ impl View {
             fy: f(self.fy),
             cx: f(self.cx),
             cy: f(self.cy),
-            limit_x: f(self.limit_x),
-            limit_y: f(self.limit_y),
+            slope_x: self.slope_x.map(f),
+            slope_y: self.slope_y.map(f),
             near: f(self.near),
             ..*self
         }

@@ -1,5 +1,6 @@
 //! Scenes and datasets in numbers.
 
+use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
@@ -79,6 +80,9 @@ pub struct SupplementSummary {
 pub struct SceneSummary {
     /// Of the base, 0 to 3; none where its colours are spherical betas.
     pub sh_degree: Option<u32>,
+    /// What coordinates count from, in the world; none of the world's origin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<[f64; 3]>,
     /// The Gaussians that every viewer shows.
     pub base: GaussiansSummary,
     /// Those with lobes, where there are any.
@@ -91,6 +95,7 @@ impl SceneSummary {
         let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
         SceneSummary {
             sh_degree: harmonics(&scene.base),
+            origin: Some(scene.origin.to_array()).filter(|_| scene.origin != DVec3::ZERO),
             base: GaussiansSummary::of(&scene.base),
             supplement: scene.supplement.as_ref().map(|s| SupplementSummary {
                 sh_degree: harmonics(&s.gaussians),

@@ -93,7 +93,8 @@ impl Viewer<'_> {
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
         let origin = origin_for(&cameras.iter().map(|(_, camera)| *camera).collect::<Vec<_>>());
-        let Packed { geometry, harmonics, lobes, log_scales, degree, with_harmonics } = Packed::new(self.scene, origin);
+        let Packed { geometry, harmonics, lobes, log_scales, degree, with_harmonics } =
+            Packed::new(self.scene, origin - self.scene.origin);
         let description = Description {
             base: self.scene.base.len(),
             supplement: self.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
@@ -262,11 +263,6 @@ fn count_of(scene: &Scene) -> usize {
     scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len())
 }
 
-fn means(scene: &Scene) -> impl Iterator<Item = DVec3> {
-    let supplement = scene.supplement.iter().flat_map(|s| &s.gaussians.means);
-    scene.base.means.iter().chain(supplement).map(|mean| DVec3::from_array(mean.map(f64::from)))
-}
-
 /// The number `share` of the way up the sorted values; 0 of none.
 fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
@@ -276,14 +272,14 @@ fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
 
 /// The median in each coordinate.
 fn middle(scene: &Scene) -> DVec3 {
-    DVec3::from_array([0, 1, 2].map(|axis| quantile(means(scene).map(|mean| mean[axis]), 0.5)))
+    DVec3::from_array([0, 1, 2].map(|axis| quantile(scene.world_means().map(|mean| mean[axis]), 0.5)))
 }
 
 /// Looks along +z at what lies around the middle of the scene, which most of its Gaussians do.
 fn overview(scene: &Scene) -> Camera {
     let (width, height) = (960, 720);
     let middle = middle(scene);
-    let radius = quantile(means(scene).map(|mean| mean.distance(middle)), 0.75).max(NEAR);
+    let radius = quantile(scene.world_means().map(|mean| mean.distance(middle)), 0.75).max(NEAR);
     // A field of view of 50° down; the ball touches its sides.
     let half = 25f64.to_radians();
     let focal = f64::from(height) / 2.0 / half.tan();
@@ -373,7 +369,7 @@ mod tests {
     fn a_scene_without_cameras_is_seen_from_where_most_of_it_is_in_view() {
         let scene = random_scene(2, 400, 0, 0);
         let camera = overview(&scene);
-        let seen = means(&scene).filter(|&mean| {
+        let seen = scene.world_means().filter(|&mean| {
             let (x, y, z) = camera.project(mean);
             z > NEAR && (0.0..960.0).contains(&x) && (0.0..720.0).contains(&y)
         });

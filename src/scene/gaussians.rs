@@ -92,6 +92,30 @@ pub struct Scene {
     pub base: Gaussians,
     /// What the augmentation has added.
     pub supplement: Option<Supplement>,
+    /// The world's coordinates of the place that means count from, scene units. Other than 0 for scenes so far from the world's origin
+    /// that float32 does not hold their means there (georeferenced ones).
+    pub origin: DVec3,
+}
+
+impl Scene {
+    /// The same scene with means that count from `origin` (world). Of the same origin every bit stays.
+    pub fn around(mut self, origin: DVec3) -> Scene {
+        let by = self.origin - origin;
+        if by != DVec3::ZERO {
+            let supplement = self.supplement.iter_mut().flat_map(|supplement| &mut supplement.gaussians.means);
+            for mean in self.base.means.iter_mut().chain(supplement) {
+                *mean = (DVec3::from_array(mean.map(f64::from)) + by).as_vec3().to_array();
+            }
+        }
+        self.origin = origin;
+        self
+    }
+
+    /// Means of base and supplement in the world.
+    pub fn world_means(&self) -> impl Iterator<Item = DVec3> {
+        let supplement = self.supplement.iter().flat_map(|supplement| &supplement.gaussians.means);
+        self.base.means.iter().chain(supplement).map(|mean| self.origin + DVec3::from_array(mean.map(f64::from)))
+    }
 }
 
 impl Supplement {
@@ -193,6 +217,19 @@ mod tests {
             all.gaussians.sh.iter().map(|c| c[0]).collect::<Vec<_>>(),
             [0.0, 1.0, 2.0, 3.0, 8.0, 9.0, 10.0, 11.0]
         );
+    }
+
+    #[test]
+    fn a_scene_around_another_origin_stands_where_it_stood() {
+        let base = Gaussians { means: vec![[1.5, -0.0, 2.0]], ..Default::default() };
+        let supplement = Supplement { gaussians: base.clone(), ..Default::default() };
+        let utm = DVec3::new(5e5, 4.5e6, 120.25);
+        let scene = Scene { base, supplement: Some(supplement), origin: utm };
+        let there = scene.clone().around(utm - DVec3::X);
+        assert_eq!(there.base.means, [[2.5, 0.0, 2.0]]);
+        assert_eq!(there.world_means().collect::<Vec<_>>(), scene.world_means().collect::<Vec<_>>());
+        assert_eq!(scene.world_means().collect::<Vec<_>>(), [utm + DVec3::new(1.5, 0.0, 2.0); 2]);
+        assert_eq!(scene.clone().around(utm).base.means[0][1].to_bits(), (-0.0f32).to_bits());
     }
 
     #[test]

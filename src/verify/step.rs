@@ -21,7 +21,7 @@ use crate::{
         },
         blend::Margin,
         blend_backward::{Record, blend_backward_magnitudes},
-        project_backward::{magnitudes, project_backward, sum_records},
+        project_backward::{magnitudes, probe_backward, project_backward, sum_records},
     },
     scene::layout::{self, Array, BETAS, GEOMETRY_PLANES, Group, LOBE_PLANES, OPACITY},
     stages::{
@@ -411,6 +411,7 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
     let words = if is_packed { packed(&mut start) } else { start.clone() };
     let mut stored = places.stored(&words, beside_planes(&learner));
     stored[1] = sh_stored(&mut start[1], is_packed);
+    let clamped = clamped_in_probes(scene, ordered, part, &start[1])?;
     let seen = part.seen(scene, ordered);
     let how = if is_packed { ", packed" } else { "" };
     for (name, probes) in [("probe", true), ("Newton's step", false)] {
@@ -429,7 +430,10 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
             let array = group.array as usize;
             for p in group.planes.clone() {
                 let wide = |values: &[f32]| -> Vec<f64> { values[..count].iter().map(|&v| f64::from(v)).collect() };
-                let (mut value, gradients) = (wide(&before[array][p]), wide(&own[array][p]));
+                let (mut value, mut gradients) = (wide(&before[array][p]), wide(&own[array][p]));
+                if probes && let Some(off) = clamped.get(array).and_then(|planes| planes.get(p)) {
+                    gradients.iter_mut().zip(off).for_each(|(gradient, off)| *gradient += off);
+                }
                 let (mut first, mut second) = (wide(&start[array][2 * p]), wide(&start[array][2 * p + 1]));
                 let rate = PlaneRate::of(&group, p, rate);
                 for i in 0..count {
@@ -478,6 +482,29 @@ fn newton(bench: &mut Bench<'_>, scene: &Scene, ordered: &Ordered, part: &Part, 
         bench.push(row);
     }
     write(parameters, &before)
+}
+
+/// What a probe's gradients have more than a step's, by array (but for lobes) and plane: they pass a clamped channel by what is known of its
+/// curvature, the second of each pair of `sh`, and not by its sign.
+fn clamped_in_probes(scene: &Scene, ordered: &Ordered, part: &Part, sh: &[Vec<f32>]) -> Result<[Vec<Vec<f64>>; 2]> {
+    let Ordered { splats, tile_counts, isects, renderer, .. } = ordered;
+    let (params, view) = (&scene.params, &scene.view);
+    let options = Options { active_degree: scene.degree, ..Default::default() };
+    let own = read_records(&renderer.raster, isects.isect_slots.len())?;
+    let own: Vec<Record> = own.iter().map(|record| record.map(f64::from)).collect();
+    let mut known = vec![[1.0; 3]; params.count];
+    for (i, known) in known[part.first..][..part.count].iter_mut().enumerate() {
+        *known = [1, 3, 5].map(|second| f64::from(sh[second][i]));
+    }
+    let step = project_backward(params, view, &options, splats, tile_counts, isects, &own).params;
+    let records = sum_records(tile_counts, isects, &own);
+    let probe = probe_backward(params, view, &options, splats, records, &known).params;
+    let off = |step: &[f64], probe: &[f64]| -> Vec<Vec<f64>> {
+        let planes = step.chunks(params.stride).zip(probe.chunks(params.stride));
+        let of = |values: &[f64]| values[part.first..][..part.count].to_vec();
+        planes.map(|(step, probe)| of(probe).into_iter().zip(of(step)).map(|(a, b)| a - b).collect()).collect()
+    };
+    Ok([off(&step.geometry, &probe.geometry), off(&step.sh, &probe.sh)])
 }
 
 /// Planes of an array that learn, of which `gradients` are: those of the geometry have one more, which counts views.

@@ -21,6 +21,40 @@ fn visible(supplement: usize) -> Scene {
     scene
 }
 
+/// What a PLY of another program has besides is told by every command that reads the scene.
+#[test]
+fn properties_that_change_the_picture_are_told() {
+    let work = Work::new();
+    let scene = random_scene(3, 5, 0, 0).base;
+    let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 5\n");
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 filter_3D motion_0";
+    names.split(' ').for_each(|name| text += &format!("property float {name}\n"));
+    text += "end_header\n";
+    for i in 0..5 {
+        let row = [
+            &scene.means[i][..],
+            &scene.sh[i],
+            &[scene.opacities[i]],
+            &scene.log_scales[i],
+            &scene.quats[i],
+            &[0.1, 3.0],
+        ];
+        text += &(row.concat().iter().map(f32::to_string).collect::<Vec<_>>().join(" ") + "\n");
+    }
+    fs::write(work.path("mip.ply"), text).unwrap();
+    for command in ["convert mip.ply a.ply", "info mip.ply", "convert mip.ply b.ply --lenient"] {
+        let said = String::from_utf8(work.run(command).stderr).unwrap();
+        assert!(
+            said.contains("note: mip.ply: `filter_3D` (Mip-Splatting) is taken into the sizes"),
+            "{command}: {said}"
+        );
+        assert!(said.contains("note: mip.ply: `motion_0` is not read") && said.contains("moves"), "{command}: {said}");
+    }
+    let found = read_scene(work.path("a.ply")).unwrap().base;
+    let want = (scene.log_scales[0].map(|v| (2.0 * v).exp() + 0.01)[1]).ln() / 2.0;
+    assert!((found.log_scales[0][1] - want).abs() < 1e-5);
+}
+
 #[test]
 fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     let work = Work::new();

@@ -4,6 +4,7 @@
 mod convert;
 mod datasets;
 mod export;
+mod far;
 mod flags;
 mod gpu;
 mod kept;
@@ -271,7 +272,7 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
         *mean = mean.map(f32::sin);
     }
     write_scene(work.path("scene.ply"), &scene).unwrap();
-    write_scene(work.path("base.ply"), &Scene { base: scene.base.clone(), supplement: None }).unwrap();
+    write_scene(work.path("base.ply"), &Scene { base: scene.base.clone(), ..Default::default() }).unwrap();
 
     let found = work.json("eval scene.ply data --split all --json");
     assert_eq!(keys(&found), set(["base", "augmented", "views"]));

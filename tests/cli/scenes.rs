@@ -6,7 +6,7 @@ use glint::{data::write_scene, reference::sample::random_scene, scene::Scene};
 
 use super::Work;
 
-/// A scene of which the Gaussians in `rows` have an infinite opacity.
+/// A scene of which the Gaussians in `rows` have an opacity that is no number.
 fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
     write_scene(work.path(name), scene).unwrap();
     let mut bytes = fs::read(work.path(name)).unwrap();
@@ -14,7 +14,7 @@ fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
     for row in rows {
         // Of SH degree 0: position, normal and colour come first.
         let at = body + 4 * (17 * row + 9);
-        bytes[at..at + 4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+        bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }
     fs::write(work.path(name), bytes).unwrap();
 }

@@ -12,14 +12,14 @@ use glint::{
         raster::TileShape,
         render::{Needs, RenderOptions, Renderer, Show},
         session::{Policy, Reduction},
-        views::{Views, view},
+        views::Views,
     },
     reference::{self, Background, Options, Params},
     scene::{
         Camera, Gaussians, Lobes, Scene, Supplement,
         layout::{self, Array},
     },
-    stages::{status, types::View},
+    stages::status,
 };
 
 pub const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -127,17 +127,9 @@ impl<'a> Probe<'a> {
     }
 
     pub fn shoot(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]]) -> Shot {
-        self.shoot_within(scene, camera, image_grad, camera)
-    }
-
-    /// `camera` is a crop of `whole`, whose Jacobian is clamped where that of `whole` is.
-    pub fn shoot_within(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]], whole: &Camera) -> Shot {
         let gpu = self.gpu;
         let origin = self.setup.origin;
         let views = Views::upload_around(gpu, origin, &[*camera], &[]).unwrap();
-        let limits = view(whole, 0);
-        let cropped = View { limit_x: limits.limit_x, limit_y: limits.limit_y, ..view(&views.cameras[0], 0) };
-        views.views.upload(0, &[cropped]).unwrap();
         let room = Room { page: self.setup.page, ..Default::default() };
         let model = Model::upload_around(gpu, origin, scene, room).unwrap();
         let show = Show { degree: self.setup.degree, ..Show::all(&model, BACKGROUND) };
@@ -299,7 +291,7 @@ pub fn base(blobs: &[Blob]) -> Gaussians {
 }
 
 pub fn scene(blobs: &[Blob]) -> Scene {
-    Scene { base: base(blobs), supplement: None }
+    Scene { base: base(blobs), ..Default::default() }
 }
 
 /// As supplementary Gaussians, each with a lobe (direction, width, sharpness).
@@ -310,7 +302,7 @@ pub fn with_lobes(plain: &[Blob], lobed: &[(Blob, [f32; 3], f32, f32)]) -> Scene
         sharpness: lobed.iter().map(|l| l.3).collect(),
     };
     let gaussians = base(&lobed.iter().map(|l| l.0).collect::<Vec<_>>());
-    Scene { base: base(plain), supplement: Some(Supplement { gaussians, lobes }) }
+    Scene { base: base(plain), supplement: Some(Supplement { gaussians, lobes }), ..Default::default() }
 }
 
 /// A turned camera at `eye` with a horizontal field of view of 60°; `unproject` says what it sees where.

@@ -90,11 +90,11 @@ fn random_points_lie_where_no_photo_is_transparent_wherever_photos_come_from() {
         let cloud = data.carved_points(500, 1).unwrap().unwrap();
         assert_eq!(cloud.colors, [[200, 40, 0]; 500]);
         // Five pixels are 4/7 of a unit at the middle, and 0.66 on its far side.
-        let inside = |p: &[f32; 3]| (0..3).all(|axis| p[axis].hypot(p[(axis + 1) % 3]) < 0.67);
+        let inside = |p: &[f64; 3]| (0..3).all(|axis| p[axis].hypot(p[(axis + 1) % 3]) < 0.67);
         assert!(cloud.positions.len() == 500 && cloud.positions.iter().all(inside), "{kind:?}");
         assert!(cloud.positions.iter().any(|p| p[0].hypot(p[1]) > 0.45), "{kind:?}");
         // Not all of them on one side.
-        let mean = cloud.positions.iter().map(|&p| glam::Vec3::from(p)).sum::<glam::Vec3>() / 500.0;
+        let mean = cloud.positions.iter().map(|&p| glam::DVec3::from(p)).sum::<glam::DVec3>() / 500.0;
         assert!(mean.length() < 0.1, "{kind:?}: {mean}");
         assert_eq!(cloud, data.carved_points(500, 1).unwrap().unwrap());
         assert_ne!(cloud, data.carved_points(500, 2).unwrap().unwrap());

@@ -202,7 +202,7 @@ fn points_of_a_model_beside_the_file_stand_in_the_frame_of_its_cameras() {
     assert_eq!(points.colors, plain.points.colors);
     for (found, there) in points.positions.iter().zip(&plain.points.positions) {
         let expected = turned(there.map(f64::from));
-        assert!((0..3).all(|k| (f64::from(found[k]) - expected[k]).abs() < 1e-4), "{found:?} {expected:?}");
+        assert!((0..3).all(|k| (found[k] - expected[k]).abs() < 1e-4), "{found:?} {expected:?}");
     }
     assert_eq!(
         data.notes,

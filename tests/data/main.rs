@@ -24,8 +24,8 @@ fn count(data: &Dataset, split: Split) -> usize {
     data.split(split).count()
 }
 
-fn sees(camera: &glint::scene::Camera, point: [f32; 3]) -> bool {
-    let (x, y, z) = camera.project(DVec3::from_array(point.map(f64::from)));
+fn sees(camera: &glint::scene::Camera, point: [f64; 3]) -> bool {
+    let (x, y, z) = camera.project(DVec3::from_array(point));
     z > 0.0 && x >= 0.0 && x <= camera.width as f64 && y >= 0.0 && y <= camera.height as f64
 }
 
@@ -90,7 +90,7 @@ fn colmap_models_load_with_their_points() {
         let (photo, image, cloud) = (&data.photos[5], &images[5], data.points.as_ref().unwrap());
         let (mut right, mut wrong) = (0.0, 0.0);
         for (&p, color) in cloud.positions.iter().zip(&cloud.colors).filter(|(p, _)| sees(&photo.camera, **p)) {
-            let (x, y, _) = photo.camera.project(DVec3::from_array(p.map(f64::from)));
+            let (x, y, _) = photo.camera.project(DVec3::from_array(p));
             let (x, y) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
             let difference = |y: u32| -> f64 {
                 (0..3).map(|c| image.rgb[(3 * (y * width + x)) as usize + c].abs_diff(color[c]) as f64).sum()
@@ -143,8 +143,7 @@ fn the_focus_is_where_the_sparse_points_are() {
         let focus = data.focus().unwrap();
         let points = &data.points.as_ref().unwrap().positions;
         let within = |reach: f64| {
-            let inside =
-                |p: &&[f32; 3]| DVec3::from_array(p.map(f64::from)).distance(focus.center) < reach * focus.radius;
+            let inside = |p: &&[f64; 3]| DVec3::from_array(**p).distance(focus.center) < reach * focus.radius;
             points.iter().filter(inside).count() as f64 / points.len() as f64
         };
         let [one, two, three] = [1.0, 2.0, 3.0].map(within);

@@ -52,7 +52,7 @@ impl Plain {
         let photos =
             (0..n).map(|_| RgbImage::from_fn(width, height, |_, _| Rgb([(); 3].map(|()| next() as u8)))).collect();
         let points = PointCloud {
-            positions: (0..5).map(|i| [i as f32, 0.5 - i as f32, 0.25]).collect(),
+            positions: (0..5).map(|i| [f64::from(i), 0.5 - f64::from(i), 0.25]).collect(),
             colors: (0..5).map(|i| [10 * i, 255 - i, 7]).collect(),
         };
         Plain { names, cameras, photos, points }
@@ -86,7 +86,7 @@ impl Plain {
 
     fn points_txt(&self) -> String {
         let points = self.points.positions.iter().zip(&self.points.colors).enumerate();
-        let line = |(i, (p, c)): (usize, (&[f32; 3], &[u8; 3]))| {
+        let line = |(i, (p, c)): (usize, (&[f64; 3], &[u8; 3]))| {
             format!("{i} {} {} {} {} {} {} 0.5 1 2\n", p[0], p[1], p[2], c[0], c[1], c[2])
         };
         points.map(line).collect()
@@ -119,7 +119,7 @@ impl Plain {
         let mut points = (self.points.positions.len() as u64).to_le_bytes().to_vec();
         for (i, (p, color)) in self.points.positions.iter().zip(&self.points.colors).enumerate() {
             points.extend((i as u64).to_le_bytes());
-            points.extend(p.iter().flat_map(|&v| f64::from(v).to_le_bytes()));
+            points.extend(p.iter().flat_map(|v| v.to_le_bytes()));
             points.extend(color);
             points.extend(0.5f64.to_le_bytes());
             points.extend(0u64.to_le_bytes());
@@ -135,7 +135,7 @@ impl Plain {
         writeln!(text, "property {kind} red\nproperty {kind} green\nproperty {kind} blue\nend_header").unwrap();
         for (p, color) in self.points.positions.iter().zip(&self.points.colors) {
             let color = color.map(|c| if float { f64::from(c) / 255.0 } else { f64::from(c) });
-            writeln!(text, "{} {}", words(&p.map(f64::from)), words(&color)).unwrap();
+            writeln!(text, "{} {}", words(p), words(&color)).unwrap();
         }
         text
     }

@@ -198,7 +198,7 @@ fn an_angle_for_a_focal_length_makes_no_blender_scene() {
         let _ = fs::remove_file(folder.path().join("transforms_train.json"));
         put(&folder.path().join(name), file);
         let data = Dataset::open(folder.path(), &DatasetOptions::default()).unwrap();
-        let far = data.random_points(200, 1).positions.iter().flatten().fold(0.0, |far: f32, v| far.max(v.abs()));
+        let far = data.random_points(200, 1).positions.iter().flatten().fold(0.0, |far: f64, v| far.max(v.abs()));
         (data.kind, far, data.notes)
     };
     let (found, far, notes) = kind("transforms_train.json", &ring(4.0, 0.0));

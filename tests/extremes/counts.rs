@@ -87,7 +87,7 @@ fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
     for (k, &i) in seen.iter().enumerate() {
         base.means[i] = camera.unproject(2.5 + 3.0 * k as f64, 8.5, 2.0).as_vec3().to_array();
     }
-    let scene = Scene { base, supplement: None };
+    let scene = Scene { base, ..Default::default() };
     let views = Views::upload(&gpu, &[camera], &[]).unwrap();
     // 11 planes of 4.2 million floats are 185 MB: more than the least buffer that Vulkan allows, so they lie in pages.
     let model = Model::upload(&gpu, &scene, 0).unwrap();

@@ -170,6 +170,29 @@ fn alpha_at_its_two_thresholds() {
     }
 }
 
+/// Black from here, and nothing else sees it: a loss that wants more red and less blue raises the red and leaves the blue.
+#[test]
+fn a_black_gaussian_learns_what_would_light_it() {
+    let gpu = Gpu::new();
+    let camera = usual();
+    let [near, far] = company(&camera);
+    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let black = Blob {
+        mean: camera.unproject(36.4, 28.7, 4.0),
+        scale: [0.3; 3],
+        rgb: [-0.3, 0.0, -0.01],
+        ..Default::default()
+    };
+    let before = scene(&[near, black, far]);
+    for (grad, raised) in [([-1.0, -0.5, 1.0], [true, true, false]), ([0.5, 1.0, -1.0], [false, false, true])] {
+        let shot = probe.shoot(&before, &camera, &vec![grad; camera.pixels() as usize]);
+        let learned: [f32; 3] = std::array::from_fn(|c| shot.stepped.base.sh[1][c] - before.base.sh[1][c]);
+        // Adam's first step is the rate.
+        assert_eq!(learned.map(|change| change > 0.9 * RATES.dc), raised, "{learned:?}");
+        assert_eq!(learned.map(|change| change == 0.0), raised.map(|raised| !raised), "{learned:?}");
+    }
+}
+
 #[test]
 fn sh_coefficients_of_1e4() {
     let gpu = Gpu::new();

@@ -1,5 +1,6 @@
 //! Scene files other than PLY: what comes back, bytes written by hand, damage, and how renders of real scenes fare.
 
+mod far;
 mod gltf;
 mod packed_ply;
 mod readers;

@@ -80,7 +80,7 @@ fn one() -> Scene {
         opacities: vec![-(4f32.ln())],
         sh: vec![[-0.5 / 0.15, 0.5 / 0.15, 0.0], [-0.5, 0.25, 1.0], [0.0; 3], [0.5, -0.5, 0.0]],
     };
-    Scene { base, supplement: None }
+    Scene { base, ..Default::default() }
 }
 
 fn written(scene: &Scene, version: u8) -> Result<Vec<u8>, String> {

@@ -241,6 +241,53 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
     assert!((form.a + form.b / 0.5).abs() < 1e-12 && (form.a + form.b / 20.0 - 1.0).abs() < 1e-12);
 }
 
+/// An off-axis projection, as of one eye or of one screen of a wall: its axis is beside the picture.
+#[test]
+fn an_off_axis_frustum_shows_its_part_of_the_picture() {
+    let gpu = Gpu::with(ContextOptions::from_env());
+    let whole = random_camera(96, 72);
+    let (x, y, w, h) = (56, 20, 40, 52);
+    let camera = Camera { width: w, height: h, cx: whole.cx - f64::from(x), cy: whole.cy - f64::from(y), ..whole };
+    let mut scene = random_scene(7, 900, 0, 0);
+    // What neither picture clamps.
+    let kept = |mean: &[f32; 3]| {
+        let (px, py, _) = camera.project(DVec3::from_array(mean.map(f64::from)));
+        (-0.15..1.15).contains(&(px / f64::from(w))) && (-0.15..1.15).contains(&(py / f64::from(h)))
+    };
+    let keep: Vec<bool> = scene.base.means.iter().map(kept).collect();
+    // Without a logit that shows, a Gaussian is not there.
+    scene.base.opacities.iter_mut().zip(&keep).filter(|(_, keep)| !**keep).for_each(|(logit, _)| *logit = -30.0);
+    let view = DMat4::from_mat3(camera.rotation);
+    let view = DMat4 { w_axis: camera.translation.extend(1.0), ..view };
+    let [fw, fh] = [w, h].map(f64::from);
+    let projection = DMat4::from_cols(
+        DVec4::new(2.0 * camera.fx / fw, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, 2.0 * camera.fy / fh, 0.0, 0.0),
+        DVec4::new(2.0 * camera.cx / fw - 1.0, 2.0 * camera.cy / fh - 1.0, 0.0, 1.0),
+        DVec4::new(0.0, 0.0, 0.2, 0.0),
+    );
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, w, h))).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let float = Float::new(&gpu, camera.pixels());
+    let view = FrameView::from_matrices(view, projection, w, h).unwrap();
+    let view = FrameView { color: Some(float.target(Blend::Premultiplied)), ..view };
+    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
+    let want = twin(&scene, &View::from_camera(&whole).rounded(), |_| f64::INFINITY);
+    let (mut calm, mut seen) = (0, 0);
+    for (at, got) in float.pixels().iter().enumerate() {
+        let (row, column) = (at as u32 / w, at as u32 % w);
+        let (pixel, margin) = &want[((y + row) * 96 + x + column) as usize];
+        if *margin > NEAR {
+            calm += 1;
+            seen += u32::from(pixel[3] < 0.9);
+            assert!((0..3).all(|c| (pixel[c] - f64::from(got[c])).abs() < 2e-5), "{column}, {row}: {pixel:?} {got:?}");
+        }
+    }
+    assert!(calm > 1500 && seen > 500, "{calm} {seen}");
+}
+
 #[test]
 fn a_near_plane_is_the_views_own() {
     let gpu = Gpu::with(ContextOptions::from_env());

@@ -45,7 +45,7 @@ fn half_of(scene: &Scene, second: bool) -> Scene {
         };
         Supplement { gaussians: gaussians(&s.gaussians), lobes }
     });
-    Scene { base: gaussians(&scene.base), supplement }
+    Scene { base: gaussians(&scene.base), supplement, ..Default::default() }
 }
 
 #[test]

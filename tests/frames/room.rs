@@ -190,9 +190,9 @@ fn a_first_frame_of_a_capture_finds_room_at_the_size_of_a_screen() {
     let gpu = Gpu::new();
     let dataset = Dataset::open(path, &DatasetOptions::default()).unwrap();
     let cloud = first_points(&dataset, Some(30_000), 0).cloud;
-    let mut base = from_points(&cloud.positions, &cloud.colors, 0);
+    let mut base = from_points(&cloud.around(DVec3::ZERO), &cloud.colors, 0);
     base.opacities.fill(3.0);
-    let model = Model::upload(&gpu, &Scene { base, supplement: None }, 0).unwrap();
+    let model = Model::upload(&gpu, &Scene { base, ..Default::default() }, 0).unwrap();
     let (width, height) = (1920, 1080);
     let mut frames = Frames::new(&gpu, Limits { texel: Texel::Rgba8, ..Limits::of(&model, width, height) }).unwrap();
     let engine = Engine::new(&gpu, 1);

@@ -1,15 +1,18 @@
 //! What a training run begins with, and how far it may grow.
 
+use glam::DVec3;
+
 use super::{Args, Error, Result, StrategyArg};
 use crate::{
-    data::{Dataset, Split, is_point_cloud, read_points},
+    data::{Dataset, PointCloud, Split, is_point_cloud, read_points},
     gpu::Context,
     pipelines::{
         start::{RANDOM_NTH, first_points},
         train::LEARNED,
+        views::scene_origin_for,
     },
     scene::{
-        Gaussians, Scene, from_points,
+        Camera, Gaussians, Scene, from_points,
         layout::{BETAS, colour_name},
     },
 };
@@ -26,9 +29,16 @@ const PIXEL_BYTES: f64 = 6.0;
 /// Bytes of a Gaussian beside what it learns: 52 of its splat and 40 of each of some six intersections (`tests/model.rs` holds these), scores.
 const WORKING_BYTES: u64 = 320;
 
+/// What points without colours begin with.
+const GREY: [u8; 3] = [128; 3];
+/// The lightest black, of 255.
+const BLACK: u8 = 31;
+
 /// What a run begins with.
 pub(super) struct First {
     pub(super) gaussians: Gaussians,
+    /// What their means count from, in the world.
+    pub(super) origin: DVec3,
     /// As many as it may come to.
     pub(super) most: usize,
     /// Of [`BaseOptions`](super::BaseOptions).
@@ -80,6 +90,8 @@ impl Args {
     /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset) -> Result<First> {
         let limit = self.gaussians.map(|n| n as usize);
+        let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
+        let origin = scene_origin_for(&cameras);
         let mut notes = Vec::new();
         let points = match &self.init {
             Some(file) if !file.is_dir() && is_point_cloud(file)? => {
@@ -91,7 +103,7 @@ impl Args {
                 "points in the file"
             }
             Some(file) => {
-                let Scene { base, supplement } = self.lenient.open(file)?;
+                let Scene { base, supplement, .. } = self.lenient.open(file)?.around(origin);
                 if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
                     let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
                     return Err(Error::input(file, what));
@@ -113,7 +125,7 @@ impl Args {
                 let gaussians = base.with_degree(self.degree());
                 // Whoever made them chose their number.
                 let most = limit.unwrap_or(gaussians.len());
-                return Ok(First { most, gaussians, begins: LEARNED, notes });
+                return Ok(First { most, gaussians, origin, begins: LEARNED, notes });
             }
             None => "sparse points",
         };
@@ -132,6 +144,14 @@ impl Args {
             }
         }
         let count = first.cloud.positions.len();
+        let grey = first.sparse.and_then(|_| grey_if_all_are_black(&mut first.cloud, points));
+        let far = (origin != DVec3::ZERO).then(|| {
+            let [x, y, z] = origin.to_array();
+            format!(
+                "the cameras stand far from the world's origin: positions count from ({x}, {y}, {z}), which the file says in a comment \
+                 that glint reads; to other programs the scene lies at the origin"
+            )
+        });
         let said = match (first.sparse, self.points) {
             (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
             (Some(n), Some(wanted)) if n < wanted as usize => {
@@ -140,13 +160,23 @@ impl Args {
             (Some(n), _) if count < n => Some(format!("starting from {count} of {n} {points}, chosen at random")),
             _ => None,
         };
-        let gaussians = from_points(&first.cloud.positions, &first.cloud.colors, self.degree());
+        let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = matches!(self.strategy, StrategyArg::Fixed);
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
-        notes.extend(said);
-        Ok(First { gaussians, most, begins: 0.0, notes })
+        notes.extend([said, grey, far].into_iter().flatten());
+        Ok(First { gaussians, origin, most, begins: 0.0, notes })
     }
+}
+
+/// Tools that do not know the colours of points write them black. If all points have one colour that is black or nearly, they begin grey.
+fn grey_if_all_are_black(cloud: &mut PointCloud, points: &str) -> Option<String> {
+    let one = *cloud.colors.first()?;
+    if one.iter().any(|&channel| channel > BLACK) || cloud.colors.iter().any(|color| *color != one) {
+        return None;
+    }
+    cloud.colors.fill(GREY);
+    Some(format!("all {points} have the colour {one:?}, as points without colours have: they begin grey"))
 }
 
 #[cfg(test)]
@@ -160,6 +190,20 @@ mod tests {
         assert_eq!(fit(4_000_000_000, 680, 100_000_000), 2_400_000);
         // Where photos take all, none.
         assert_eq!([fit(4_000_000_000, 680, 1 << 40), fit(0, 680, 0)], [0; 2]);
+    }
+
+    #[test]
+    fn black_points_begin_grey() {
+        let cloud =
+            |colors: &[[u8; 3]]| PointCloud { positions: vec![[0.0; 3]; colors.len()], colors: colors.to_vec() };
+        let mut black = cloud(&[[0; 3]; 3]);
+        let note = grey_if_all_are_black(&mut black, "sparse points").unwrap();
+        assert!(black.colors == [GREY; 3] && note.contains("all sparse points have the colour [0, 0, 0]"), "{note}");
+        assert!(grey_if_all_are_black(&mut cloud(&[[31, 0, 9]; 2]), "points").is_some());
+        for colors in [&[[0; 3], [0, 0, 1]][..], &[[32, 0, 0]; 3], &[[255; 3]; 2], &[GREY; 2], &[]] {
+            let mut known = cloud(colors);
+            assert_eq!((grey_if_all_are_black(&mut known, "points"), &known.colors[..]), (None, colors));
+        }
     }
 
     #[test]

@@ -268,7 +268,7 @@ impl Scenery {
     fn make_lobes(&mut self, context: &Context, model: &Model) -> Result<()> {
         let Some(supplement) = self.supplement.take_if(|_| self.lobes.is_none()) else { return Ok(()) };
         let base = Gaussians { sh_degree: model.part(Segment::Base).sh_degree, ..Default::default() };
-        let scene = Scene { base, supplement: Some(supplement) };
+        let scene = Scene { base, supplement: Some(supplement), origin: model.scene_origin };
         self.lobes = Some(Model::upload_around(context, model.origin, &scene, Room::default())?);
         Ok(())
     }

@@ -683,7 +683,7 @@ fn ball(scene: &Scene) -> (DVec3, f64) {
         let n = (share * values.len().saturating_sub(1) as f64) as usize;
         if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(n, f64::total_cmp).1 }
     };
-    let means = || scene.base.means.iter().map(|mean| DVec3::from(mean.map(f64::from)));
+    let means = || scene.world_means().take(scene.base.len());
     let middle = DVec3::from([0, 1, 2].map(|axis| at(means().map(|mean| mean[axis]).collect(), 0.5)));
     let radius = at(means().map(|mean| mean.distance(middle)).collect(), 0.9);
     (middle, if radius > 0.0 { radius } else { 1.0 })
@@ -717,7 +717,7 @@ mod tests {
     #[test]
     fn a_scene_is_looked_at_from_above_and_outside() {
         let means = (0..100).map(|i| [i as f32, 10.0, 0.1 * i as f32]).collect();
-        let scene = Scene { base: Gaussians { means, ..Default::default() }, supplement: None };
+        let scene = Scene { base: Gaussians { means, ..Default::default() }, ..Default::default() };
         let (middle, radius) = ball(&scene);
         assert!((middle - DVec3::new(49.0, 10.0, 4.9)).length() < 0.1 && (40.0..50.0).contains(&radius));
         for up in [DVec3::NEG_Y, DVec3::Z, DVec3::X] {

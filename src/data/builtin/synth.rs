@@ -192,6 +192,7 @@ impl Synth {
         };
         let photos: Vec<BuiltinPhoto> = options.names().enumerate().map(photo).collect();
         let (positions, colors) = surface_points(&studio, seed, &photos, points);
+        let positions = positions.into_iter().map(|at| at.map(f64::from)).collect();
         Ok(SynthScene { studio, photos, points: PointCloud { positions, colors } })
     }
 }
@@ -223,7 +224,8 @@ impl SynthScene {
         ["x", "y", "z"].iter().for_each(|name| cloud += &format!("property float {name}\n"));
         ["red", "green", "blue"].iter().for_each(|name| cloud += &format!("property uchar {name}\n"));
         cloud += "end_header\n";
-        for ([x, y, z], [r, g, b]) in self.points.positions.iter().zip(&self.points.colors) {
+        for (place, [r, g, b]) in self.points.positions.iter().zip(&self.points.colors) {
+            let [x, y, z] = place.map(|v| v as f32);
             cloud += &format!("{x} {y} {z} {r} {g} {b}\n");
         }
         write_text(folder.join(POINTS), &cloud)?;

@@ -25,7 +25,7 @@ pub(in crate::data) use write::write;
 use super::axes::{self, Signs};
 use super::turn::Placing;
 use super::{inflate, quantise, spz};
-use crate::data::SceneFile;
+use crate::data::{SceneFile, ply::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 use document::Document;
@@ -222,6 +222,8 @@ struct Splats<'a> {
 struct Found {
     /// Bytes that it was and will be made of.
     promised: u64,
+    /// What means count from, in glTF's frame: known once there are any.
+    origin: Option<DVec3>,
     /// As an SPZ scene says.
     antialiased: bool,
     shown: Option<Gaussians>,
@@ -314,9 +316,7 @@ impl Found {
         self.promise(document, (each * out.len()) as u64, &format!("{} Gaussians", out.len()))?;
         self.antialiased |= antialiased;
         axes::flip(&mut out, X_LEFT_Y_UP);
-        placing.apply(&mut out);
-        axes::flip(&mut out, X_LEFT_Y_UP);
-        Ok(out)
+        Ok(self.placed(out, placing))
     }
 
     /// The Gaussians of these attributes, in the frame of PLY.
@@ -356,9 +356,19 @@ impl Found {
             same(&name, values.len(), count)?;
             out.sh.iter_mut().skip(i).step_by(k).zip(values).for_each(|(slot, value)| *slot = value);
         }
-        placing.apply(&mut out);
-        axes::flip(&mut out, X_LEFT_Y_UP);
-        Ok(out)
+        Ok(self.placed(out, placing))
+    }
+
+    /// Gaussians of glTF's frame where a node places them, in the frame of PLY. If that is so far away that float32 does not hold them
+    /// there, they count from that place.
+    fn placed(&mut self, mut gaussians: Gaussians, placing: Placing) -> Gaussians {
+        let origin = self.origin.get_or_insert_with(|| {
+            let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
+            far_origin(placing.shift(), gaussians.means.iter().map(reach).collect())
+        });
+        placing.shifted(-*origin).apply(&mut gaussians);
+        axes::flip(&mut gaussians, X_LEFT_Y_UP);
+        gaussians
     }
 
     fn finish(self) -> Result<SceneFile, String> {
@@ -372,7 +382,10 @@ impl Found {
         let (mut base, mut shown) = (base, shown);
         raise(&mut base, degree);
         shown.iter_mut().for_each(|shown| raise(shown, degree));
-        let scene = Scene { base, supplement: self.supplement };
+        let flipped = DVec3::from_array(X_LEFT_Y_UP.map(f64::from)) * self.origin.unwrap_or_default();
+        // Without −0.
+        let origin = flipped + DVec3::ZERO;
+        let scene = Scene { base, supplement: self.supplement, origin };
         Ok(SceneFile { shown, antialiased: self.antialiased, ..scene.into() })
     }
 }

@@ -1,22 +1,25 @@
 //! Gaussians in the order of a curve that fills space, so that neighbours in a file are neighbours in the scene.
 
+use super::floaters;
 use crate::scene::Gaussians;
 
-/// Of each axis: enough that a far outlier does not put all others into one cell.
+/// Of each axis.
 const BITS: u32 = 21;
 
 /// Indices along Hilbert's curve, on which whoever comes next is a neighbour in space, and so is what lies in a run of it.
 pub(super) fn along_curve(means: &[[f32; 3]]) -> Vec<usize> {
-    let bound = |pick: fn(f32, f32) -> f32, start: f32| {
-        means
-            .iter()
-            .fold([start; 3], |most, mean| std::array::from_fn(|axis| pick(most[axis], mean[axis])))
-            .map(f64::from)
+    // Of a floater the nearest cell, or it would put all others into one.
+    let (middle, limit) = floaters::core(means);
+    let bound = |pick: fn(f64, f64) -> f64, start: f64, side: f64| {
+        let all = means.iter().map(|mean| mean.map(f64::from));
+        let most = all.fold([start; 3], |most, mean| std::array::from_fn(|axis| pick(most[axis], mean[axis])));
+        // The nearer of both.
+        [0, 1, 2].map(|axis| middle[axis] + side * (side * (most[axis] - middle[axis])).min(limit))
     };
-    let (low, high) = (bound(f32::min, f32::INFINITY), bound(f32::max, f32::NEG_INFINITY));
+    let (low, high) = (bound(f64::min, f64::INFINITY, -1.0), bound(f64::max, f64::NEG_INFINITY, 1.0));
     let cell = |mean: [f32; 3], axis: usize| {
         let size = high[axis] - low[axis];
-        let share = if size > 0.0 { (f64::from(mean[axis]) - low[axis]) / size } else { 0.0 };
+        let share = if size > 0.0 { ((f64::from(mean[axis]) - low[axis]) / size).clamp(0.0, 1.0) } else { 0.0 };
         (share * f64::from((1u32 << BITS) - 1)) as u64
     };
     let code = |mean: [f32; 3]| on_curve([0, 1, 2].map(|axis| cell(mean, axis)));

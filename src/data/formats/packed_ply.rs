@@ -7,10 +7,13 @@
 //! the harmonics above the constant one, channel by channel as in a 3DGS PLY, as bytes for −4 to 4. The frame is that of a 3DGS PLY.
 
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
-use super::super::ply_format::{Element, Ply};
-use super::{order, quantise, room};
+use glam::DVec3;
+
+use super::super::ply_format::{Element, Ply, write_origin};
+use super::{floaters, order, quantise, room};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
@@ -178,12 +181,25 @@ fn harmonic_byte(value: f32) -> u8 {
     candidates.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(near)
 }
 
-/// The file's bytes. Gaussians are put into another order, in which those of a chunk are neighbours.
-pub(in crate::data) fn write(gaussians: &Gaussians) -> Vec<u8> {
-    let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
+/// The file's bytes, and what the format changes that nobody would expect. Gaussians are put into another order, in which those of a chunk
+/// are neighbours. Floaters have chunks of their own.
+pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3) -> (Vec<u8>, Vec<String>) {
+    let (order, fill) = chunks(gaussians);
+    let mut sorted = order::take(gaussians, &order);
+    let mut notes = Vec::new();
+    if !fill.is_empty() {
+        sorted.opacities[fill.clone()].fill(f32::MIN);
+        notes.push(format!(
+            "{} of {} Gaussians lie far from the others and have chunks of their own, or the others' positions would be coarse; {} \
+             invisible Gaussians fill the chunk before them",
+            sorted.len() - fill.end,
+            gaussians.len(),
+            fill.len()
+        ));
+    }
     let mut out = Vec::new();
     // Writing to memory does not fail.
-    let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1);
+    let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1, origin);
     let (mut words, mut harmonics): (Vec<u32>, Vec<u8>) = Default::default();
     let k = sorted.sh_coefficients();
     let colour = |i: usize| sorted.sh[i * k].map(|v| (quantise::C0 * f64::from(v) + 0.5) as f32);
@@ -215,11 +231,28 @@ pub(in crate::data) fn write(gaussians: &Gaussians) -> Vec<u8> {
         }
     }
     out.extend(harmonics);
-    out
+    (out, notes)
 }
 
-fn write_header(out: &mut Vec<u8>, count: usize, higher: usize) -> std::io::Result<()> {
-    writeln!(out, "ply\nformat binary_little_endian 1.0\nelement chunk {}", count.div_ceil(CHUNK))?;
+/// Gaussians in the order of the file, floaters last; and which of these rows only fill the chunk before the floaters' first.
+fn chunks(gaussians: &Gaussians) -> (Vec<usize>, Range<usize>) {
+    let (middle, limit) = floaters::core(&gaussians.means);
+    let all = order::along_curve(&gaussians.means);
+    let (mut order, far): (Vec<usize>, Vec<usize>) =
+        all.into_iter().partition(|&i| floaters::distance(&gaussians.means[i], middle) <= limit);
+    let near = order.len();
+    if let (Some(&last), false) = (order.last(), far.is_empty()) {
+        order.resize(near.next_multiple_of(CHUNK), last);
+    }
+    let fill = near..order.len();
+    order.extend(far);
+    (order, fill)
+}
+
+fn write_header(out: &mut Vec<u8>, count: usize, higher: usize, origin: DVec3) -> std::io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    write_origin(out, origin)?;
+    writeln!(out, "element chunk {}", count.div_ceil(CHUNK))?;
     BOUNDS.iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
     writeln!(out, "element vertex {count}")?;
     PACKED.iter().try_for_each(|name| writeln!(out, "property uint {name}"))?;

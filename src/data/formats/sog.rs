@@ -24,6 +24,7 @@ mod write;
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub(in crate::data) use write::write;
@@ -46,6 +47,9 @@ struct Meta {
     count: usize,
     #[serde(default)]
     antialias: bool,
+    /// What positions count from, in the world; other programs pass it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    origin: Option<[f64; 3]>,
     means: Means,
     scales: Coded,
     quats: Images,
@@ -87,13 +91,13 @@ struct Version {
     version: Option<serde_json::Number>,
 }
 
-/// The Gaussians, and whether they were trained with antialiasing. `bytes` are an archive's, or a description's whose images are in
+/// The Gaussians, what their positions count from, and whether they were trained with antialiasing. `bytes` are an archive's, or a description's whose images are in
 /// `folder`; `path` is only named in errors.
-pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<(Gaussians, bool)> {
+pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<(Gaussians, DVec3, bool)> {
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
 
-fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String> {
+fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool), String> {
     let mut files = Files::open(bytes, folder)?;
     let text = files.read(META)?;
     let understand = |error: serde_json::Error| format!("`{META}` is not understood: {error}");
@@ -160,7 +164,8 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, bool), String
             palette.read(i, &mut out.sh)?;
         }
     }
-    Ok((out, meta.antialias))
+    let origin = meta.origin.map_or(DVec3::ZERO, DVec3::from_array);
+    Ok((out, if origin.is_finite() { origin } else { DVec3::ZERO }, meta.antialias))
 }
 
 /// What bytes stand for, by channel.

@@ -17,7 +17,7 @@
 use std::path::Path;
 
 use super::axes::{self, Signs, Y_UP_Z_BACK};
-use super::{inflate, name, quantise, room};
+use super::{floaters, inflate, name, quantise, room};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
@@ -39,6 +39,10 @@ const COLOUR: f64 = 0.15;
 const FIXED: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 /// No more bits than these after the point, however small the scene is: an application shifts a 32-bit 1 by them.
 const MOST_FRACTION_BITS: u8 = 24;
+/// Bits after the point that the format's own writer keeps; no floater takes one of them.
+const OWN_FRACTION_BITS: u8 = 12;
+/// A grid is told of whose step is more than this part of a Gaussian's median size.
+const COARSE: f64 = 0.1;
 /// What zstd is told: the usual level of an archive that is written once and read often.
 const LEVEL: i32 = 12;
 
@@ -270,19 +274,37 @@ fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
     [x, y, z].map(|v| quantise::byte(127.5 * (sign * v + 1.0)))
 }
 
-/// The file's bytes in one of the versions 1 to 4.
+/// The file's bytes in one of the versions 1 to 4, and what the format changes that nobody would expect. Floaters beyond what leaves the
+/// others 12 bits after the point are moved in.
 ///
 /// # Errors
 /// [`Error::Usage`] where there is no such version or a position is beyond what it holds.
-pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, version: u8, path: &Path) -> Result<Vec<u8>> {
+pub(in crate::data) fn write(
+    gaussians: &Gaussians,
+    antialiased: bool,
+    version: u8,
+    path: &Path,
+) -> Result<(Vec<u8>, Vec<String>)> {
     let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
     if !(1..=VERSION).contains(&version) {
         return Err(refuse(format!("there is no SPZ version {version}, expected 1 to {VERSION}")));
     }
-    let fraction_bits = fraction_bits(gaussians, version).map_err(refuse)?;
+    let Grid { fraction_bits, limit, step } = Grid::of(&gaussians.means, version).map_err(refuse)?;
     let count =
         u32::try_from(gaussians.len()).map_err(|_| refuse(format!("SPZ holds no more than {} Gaussians", u32::MAX)))?;
     let mut turned = gaussians.clone();
+    let mut notes = Vec::new();
+    if let Some(limit) = limit {
+        let (moved, all) = (floaters::move_in(&mut turned, limit), gaussians.len());
+        notes.push(format!(
+            "{moved} of {all} Gaussians lie beyond ±{limit:.0} and were moved in to there, smaller by as much: so the positions of the \
+             others keep a step of {step}"
+        ));
+    }
+    let size = floaters::median_size(gaussians);
+    if step > COARSE * size {
+        notes.push(format!("positions lie on a grid of step {step}, and the median size of a Gaussian is {size:.3}"));
+    }
     axes::flip(&mut turned, Y_UP_Z_BACK);
     let streams = encode(&turned, fraction_bits, version);
     let streams: Vec<&[u8]> = streams.iter().map(Vec::as_slice).filter(|stream| !stream.is_empty()).collect();
@@ -294,7 +316,7 @@ pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, version: 
     if version < 4 {
         out.resize(LEGACY_HEADER, 0);
         streams.iter().for_each(|stream| out.extend(*stream));
-        return inflate::deflate(&out).map_err(fail);
+        return Ok((inflate::deflate(&out).map_err(fail)?, notes));
     }
     let packed: Vec<Vec<u8>> =
         streams.iter().map(|stream| zstd::bulk::compress(stream, LEVEL)).collect::<Result<_, _>>().map_err(fail)?;
@@ -305,23 +327,48 @@ pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, version: 
         out.extend([packed.len() as u64, stream.len() as u64].into_iter().flat_map(u64::to_le_bytes));
     }
     packed.iter().for_each(|packed| out.extend(packed));
-    Ok(out)
+    Ok((out, notes))
 }
 
-/// As many bits after the point as leave room for the farthest position; version 1, whose positions are float16, does not look at them.
-fn fraction_bits(gaussians: &Gaussians, version: u8) -> Result<u8, String> {
-    let farthest = gaussians.means.iter().flatten().fold(0.0f64, |most, &v| most.max(f64::from(v).abs()));
-    let beyond = |most: f64| {
-        Err(format!(
-            "a position of {farthest:e} is beyond what SPZ version {version} holds, ±{most}; .ply and .glb hold it"
-        ))
-    };
-    if version == 1 {
-        let most = f64::from(half::f16::MAX);
-        return if farthest > most { beyond(most) } else { Ok(0) };
+/// Where positions can lie.
+struct Grid {
+    /// As many bits after the point as leave room for the farthest position, floaters aside; version 1, whose positions are float16, does
+    /// not look at them.
+    fraction_bits: u8,
+    /// Where floaters are moved to; none where all have room.
+    limit: Option<f64>,
+    /// Scene units; of float16 that of the farthest.
+    step: f64,
+}
+
+impl Grid {
+    fn of(means: &[[f32; 3]], version: u8) -> Result<Grid, String> {
+        let [farthest, most] = floaters::reaches(means);
+        let beyond = |end: f64| {
+            Err(format!(
+                "a position of {farthest:e} is beyond what SPZ version {version} holds, ±{end}; .ply and .glb hold it"
+            ))
+        };
+        if version == 1 {
+            let end = f64::from(half::f16::MAX);
+            let limit = (farthest > end).then_some(end);
+            // 11 bits of the number's own size, down to the least float16.
+            let step = most.max(half::f16::MIN_POSITIVE.into()).log2().floor().exp2() / 1024.0;
+            return if most > end { beyond(end) } else { Ok(Grid { fraction_bits: 0, limit, step }) };
+        }
+        let bits = |reach: f64| {
+            let fits = |bits: &u8| (reach * f64::from(*bits).exp2()).round() <= *FIXED.end();
+            (0..=MOST_FRACTION_BITS).rev().find(fits)
+        };
+        let (fraction_bits, moves) = match (bits(farthest), bits(most)) {
+            (Some(all), Some(own)) if all < own.min(OWN_FRACTION_BITS) => (own.min(OWN_FRACTION_BITS), true),
+            (None, Some(own)) => (own.min(OWN_FRACTION_BITS), true),
+            (Some(all), _) => (all, false),
+            (None, None) => return beyond(*FIXED.end()),
+        };
+        let step = (-f64::from(fraction_bits)).exp2();
+        Ok(Grid { fraction_bits, limit: moves.then_some(*FIXED.end() * step), step })
     }
-    let fits = |bits: &u8| (farthest * f64::from(*bits).exp2()).round() <= *FIXED.end();
-    (0..=MOST_FRACTION_BITS).rev().find(fits).map_or_else(|| beyond(*FIXED.end()), Ok)
 }
 
 fn encode(gaussians: &Gaussians, fraction_bits: u8, version: u8) -> [Vec<u8>; 6] {

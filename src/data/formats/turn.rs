@@ -32,6 +32,21 @@ impl Placing {
         })
     }
 
+    /// Where it puts what lies where coordinates begin.
+    pub(super) fn shift(&self) -> DVec3 {
+        self.shift
+    }
+
+    /// What it makes of lengths.
+    pub(super) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Moved besides.
+    pub(super) fn shifted(self, by: DVec3) -> Placing {
+        Placing { shift: self.shift + by, ..self }
+    }
+
     /// Changes nothing, not even by rounding, where this is nothing.
     pub(super) fn apply(&self, gaussians: &mut Gaussians) {
         if *self == (Placing { rotation: DMat3::IDENTITY, scale: 1.0, shift: DVec3::ZERO }) {

@@ -13,7 +13,7 @@ use crate::{
         blend_backward::Record,
         lobe,
         packed_record::unpack_record,
-        project_backward::{regularise, sum_records},
+        project_backward::{probe_backward, regularise, sum_records},
         tiles::Tiling,
     },
     scene::layout::{self, Array, GEOMETRY_PLANES, LOBE_DIRECTION, OPACITY, QUAT},
@@ -153,6 +153,12 @@ impl Planes<'_> {
                 }
             }
         }
+    }
+
+    /// What is known of the curvature of the constant colour of the first `count` places.
+    fn known_curvature(&self, count: usize) -> Vec<[f64; 3]> {
+        let known = |word: f32| if self.packed { unpack_moments(word.to_bits())[1] } else { f64::from(word) };
+        self.beside[1][..count].iter().map(|quad| [0, 1, 2].map(|c| known(quad[c]))).collect()
     }
 
     /// Newton's step of `bands` coefficients of harmonics beyond the constant one, by whose curvature they go.
@@ -349,8 +355,11 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     let options = Options { active_degree: sh_degree, compensate, ..Default::default() };
     // The kernel too goes through the projection again.
     let splats = twin::project::project(&params, &view, &options).splats;
-    let mut grads =
-        twin::project_backward::project_backward(&params, &view, &options, &splats, &counts, &isects, &records);
+    let mut grads = if newton && rates.probe != 0 {
+        probe_backward(&params, &view, &options, &splats, sums, &planes.known_curvature(count))
+    } else {
+        twin::project_backward::project_backward(&params, &view, &options, &splats, &counts, &isects, &records)
+    };
     if !opacity_only {
         let of_all = (h.population[segment as usize + 1] - h.population[segment as usize]) as usize;
         let [mean_opacity, mean_scale] = [mean_opacity, mean_scale].map(f64::from);

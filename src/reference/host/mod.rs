@@ -107,7 +107,8 @@ fn row(row: [f32; 4]) -> DVec4 {
 }
 
 fn view(v: &types::View) -> View {
-    let [fx, fy, cx, cy, limit_x, limit_y] = [v.fx, v.fy, v.cx, v.cy, v.limit_x, v.limit_y].map(f64::from);
+    let [fx, fy, cx, cy] = [v.fx, v.fy, v.cx, v.cy].map(f64::from);
+    let [[low_x, low_y], [high_x, high_y]] = [v.slope_low, v.slope_high].map(|slope| slope.map(f64::from));
     View {
         row_x: row(v.row_x),
         row_y: row(v.row_y),
@@ -117,8 +118,8 @@ fn view(v: &types::View) -> View {
         fy,
         cx,
         cy,
-        limit_x,
-        limit_y,
+        slope_x: [low_x, high_x],
+        slope_y: [low_y, high_y],
         width: v.width,
         height: v.height,
         near: v.near.into(),

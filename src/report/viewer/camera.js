@@ -15,6 +15,13 @@ function turned(v, axis, angle) {
     return v.map((component, i) => c * component + s * across[i] + along * axis[i]);
 }
 
+/** Between which x/z and y/z the Jacobian is clamped: `limit` times half the image of `view` from its middle. */
+function slopes({ width, height, fx, fy, cx, cy }, limit) {
+    const middle = [(width / 2 - cx) / fx, (height / 2 - cy) / fy];
+    const reach = [(limit * width) / (2 * fx), (limit * height) / (2 * fy)];
+    return { low: middle.map((at, i) => at - reach[i]), high: middle.map((at, i) => at + reach[i]) };
+}
+
 /** A camera that begins where `shot` of the scene's description stands and can go round `pivot`; `up` stays upright in doing so. */
 class Camera {
     constructor(shot, pivot, up) {

@@ -167,8 +167,9 @@ class Painter {
         gl.uniform1f(u("view.fy"), view.fy);
         gl.uniform1f(u("view.cx"), view.cx);
         gl.uniform1f(u("view.cy"), view.cy);
-        gl.uniform1f(u("view.limit_x"), (this.scene.jacobian_limit * width) / (2 * view.fx));
-        gl.uniform1f(u("view.limit_y"), (this.scene.jacobian_limit * height) / (2 * view.fy));
+        const { low, high } = slopes(view, this.scene.jacobian_limit);
+        gl.uniform2fv(u("view.slope_low"), low);
+        gl.uniform2fv(u("view.slope_high"), high);
         gl.uniform1f(u("view.near"), this.scene.near);
         gl.uniform2f(u("image_size"), width, height);
         gl.enable(gl.BLEND);

@@ -48,7 +48,7 @@ class GpuPainter {
         this.image = null;
         const { STORAGE, UNIFORM, INDIRECT, COPY_SRC, COPY_DST } = GPUBufferUsage;
         const blocks = Math.max(Math.ceil(scene.count / SORT_BLOCK), 1);
-        this.frame = this.buffer(128, UNIFORM | COPY_DST);
+        this.frame = this.buffer(144, UNIFORM | COPY_DST);
         this.turns = this.buffer(TURN_STRIDE * SHIFTS.length, UNIFORM | COPY_DST);
         this.drawn = this.buffer(16, STORAGE | INDIRECT | COPY_SRC | COPY_DST);
         this.splats = this.buffer(BYTES_OF_SPLAT * scene.count, STORAGE);
@@ -146,10 +146,10 @@ class GpuPainter {
     /** Writes what the shaders are told of this frame. */
     tell(view, background, first, last) {
         const { device, scene } = this, { width, height } = view;
-        const limits = [width / view.fx, height / view.fy].map((ratio) => (scene.jacobian_limit * ratio) / 2);
+        const { low, high } = slopes(view, scene.jacobian_limit);
         const numbers = new Float32Array([
-            ...view.rowX, ...view.rowY, ...view.rowZ, ...view.eye, view.fx, view.fy, view.cx, view.cy, ...limits, scene.near,
-            width, height, ...background,
+            ...view.rowX, ...view.rowY, ...view.rowZ, ...view.eye, view.fx, view.fy, view.cx, view.cy, ...low, ...high, scene.near,
+            width, height, 0, 0, ...background,
         ]);
         device.queue.writeBuffer(this.frame, 0, numbers);
         device.queue.writeBuffer(this.frame, numbers.byteLength, new Uint32Array([first, last]));

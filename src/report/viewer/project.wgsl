@@ -87,8 +87,7 @@ struct Covariance {
 
 fn project_covariance(p: vec3f, q: vec4f, scale: vec3f) -> Covariance {
     let inv_z = 1.0 / p.z;
-    let limit = vec2f(frame.limit_x, frame.limit_y);
-    let t = clamp(p.xy * inv_z, -limit, limit);
+    let t = clamp(p.xy * inv_z, vec2f(frame.slope_low_x, frame.slope_low_y), vec2f(frame.slope_high_x, frame.slope_high_y));
     let axes = rotation(q);
     let m1 = (frame.fx * inv_z * (frame.row_x.xyz - t.x * frame.row_z.xyz)) * axes * scale;
     let m2 = (frame.fy * inv_z * (frame.row_y.xyz - t.y * frame.row_z.xyz)) * axes * scale;

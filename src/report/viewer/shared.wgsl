@@ -1,7 +1,7 @@
 // What the page tells the shaders of WebGPU with each frame, and what projection leaves of a Gaussian. Constants that stand above this
 // line when the page is made are those of the GLSL.
 struct Frame {
-    row_x: vec4f, // to limit_y: the camera, as in glsl/shared/view.glsl
+    row_x: vec4f, // to slope_high: the camera, as in glsl/shared/view.glsl
     row_y: vec4f,
     row_z: vec4f,
     eye: vec3f,
@@ -9,10 +9,13 @@ struct Frame {
     fy: f32,
     cx: f32,
     cy: f32,
-    limit_x: f32,
-    limit_y: f32,
+    slope_low_x: f32,
+    slope_low_y: f32,
+    slope_high_x: f32,
+    slope_high_y: f32,
     near: f32,
     image_size: vec2f, // px
+    // two numbers of padding
     background: vec3f,
     first: u32, // of the Gaussians that are shown
     last: u32,  // exclusive

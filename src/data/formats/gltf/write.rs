@@ -128,12 +128,18 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
         }
         splatting["extensions"] = json!({ LOBES: extension });
     }
+    // A node's place is in decimal numbers, positions are float32.
+    let origin: [f64; 3] = std::array::from_fn(|axis| file.scene.origin[axis] * f64::from(X_LEFT_Y_UP[axis]));
+    let mut node = json!({"mesh": 0});
+    if origin != [0.0; 3] {
+        node["translation"] = json!(origin);
+    }
     let document = json!({
         "asset": {"version": "2.0", "generator": concat!("glint ", env!("CARGO_PKG_VERSION"))},
         "extensionsUsed": used,
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [node],
         "meshes": [{"primitives": [{"mode": 0, "attributes": attributes, "extensions": {SPLATTING: splatting}}]}],
         "accessors": binary.accessors,
         "bufferViews": binary.views,

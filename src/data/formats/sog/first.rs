@@ -61,6 +61,7 @@ pub(super) fn understand(text: &[u8]) -> Result<(Meta, Tables), serde_json::Erro
         version: 1,
         count,
         antialias: false,
+        origin: None,
         means: Means { mins, maxs, files: means.files },
         scales: plain(scales.files),
         quats,

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::io::{Cursor, Write};
 use std::path::Path;
 
+use glam::DVec3;
 use image::ExtendedColorType;
 use image::codecs::webp::WebPEncoder;
 use zip::write::SimpleFileOptions;
@@ -24,7 +25,7 @@ const LONGEST_SIDE: usize = 16383;
 ///
 /// # Errors
 /// [`Error::Usage`] where they are more than an image has pixels.
-pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
+pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
     let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
     // Nearly square, both sides whole blocks of four.
@@ -38,7 +39,8 @@ pub(in crate::data) fn write(gaussians: &Gaussians, antialiased: bool, path: &Pa
         )));
     }
     let mut archive = Archive { zip: ZipWriter::new(Cursor::new(Vec::new())), size: [width, height] };
-    let meta = archive.fill(&sorted, antialiased).map_err(|error| Error::io(path, error))?;
+    let mut meta = archive.fill(&sorted, antialiased).map_err(|error| Error::io(path, error))?;
+    meta.origin = Some(origin.to_array()).filter(|_| origin != DVec3::ZERO);
     let text = serde_json::to_vec(&meta).map_err(|error| Error::io(path, error.into()))?;
     archive.finish(&text).map_err(|error| Error::io(path, error))
 }
@@ -57,6 +59,7 @@ impl Archive {
             version: 2,
             count: gaussians.len(),
             antialias: antialiased,
+            origin: None,
             means: self.means(&gaussians.means)?,
             scales: {
                 let book = Codebook::of(gaussians.log_scales.as_flattened().iter().copied());
