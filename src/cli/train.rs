@@ -369,7 +369,6 @@ impl Args {
             if let Some(history) = &mut history {
                 history.begin(found.as_ref().map(|_| had), &self.replace, &inputs)?;
             }
-            let looked = history.as_ref().is_some_and(|history| history.has(had));
             match &found {
                 Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
                 None => trainer.start(timed)?,
@@ -390,9 +389,11 @@ impl Args {
                 Ok(checkpoint)
             };
             let mut train = || -> Result<()> {
-                // How long it took.
+                // How long it took. A step is looked at once, also if the run begins or ends there.
                 let mut look = |at: At, trainer: &Trainer, scene: &Scene| -> Result<Duration> {
-                    let Some(history) = &mut history else { return Ok(Duration::ZERO) };
+                    let Some(history) = history.as_mut().filter(|history| !history.has(at.taken)) else {
+                        return Ok(Duration::ZERO);
+                    };
                     let (seconds, began) = ((started.elapsed() - evaluating.get()).as_secs_f64(), Instant::now());
                     let losses = trainer.losses(at.done);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
@@ -407,7 +408,7 @@ impl Args {
                 let mut looks_at = evaluation(at.taken);
                 // A run that ended just when it was to be looked at is looked at now.
                 let due = |every| had > 0 && at.is_going_on() && had.is_multiple_of(every);
-                if self.eval_every.is_some_and(due) && !looked {
+                if self.eval_every.is_some_and(due) {
                     look(at, &trainer, &model.download()?)?;
                 }
                 while !interrupt.asked() {
