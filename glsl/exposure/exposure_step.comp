@@ -67,7 +67,7 @@ void main() {
 
     uint own = MOMENTS * push.photo;
     // After this step; thread 0 writes them once all have read what was before.
-    float c1 = mix(1.0, moments[own + CORRECTIONS], BETA1), c2 = mix(1.0, moments[own + CORRECTIONS + 1], BETA2);
+    float c1 = mean_with(1.0, moments[own + CORRECTIONS], BETA1), c2 = mean_with(1.0, moments[own + CORRECTIONS + 1], BETA2);
     if (thread < MAP) {
         float m = moments[own + FIRST + thread], v = moments[own + SECOND + thread];
         stepped[thread] = maps[MAP * push.photo + thread] + adam(totals[thread], push.rate, m, v, 1.0 / c1, 1.0 / c2);

@@ -34,8 +34,9 @@ shared vec3 blurred[3 * STRIP * PITCH];
 const int BORDER = (RADIUS + int(STRIP) - 1) / int(STRIP);
 
 vec3 partial_at(Frame frame, uint frame_index, uint channel, ivec2 pixel) {
-    if (!within(frame, pixel)) return vec3(0);
-    return partials[partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel)];
+    vec3 partial = vec3(0);
+    if (within(frame, pixel)) partial = partials[partial_index(frame, frame_index, push.tiles_per_frame, channel, pixel)];
+    return partial;
 }
 
 void main() {

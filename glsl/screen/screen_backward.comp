@@ -55,7 +55,8 @@ void step_one(uint p, uint i, float g, float rate, float c1, float c2, float lo,
         return;
     }
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: 2D: gradients above 1e17
-    float m = mix(g, screen_moments[first], BETA1), v = mix(g * g, screen_moments[second], BETA2);
+    // Not by mix(), see mean_with() of adam_one.glsl.
+    float m = (1.0 - BETA1) * g + BETA1 * screen_moments[first], v = (1.0 - BETA2) * g * g + BETA2 * screen_moments[second];
     screen_moments[first] = m;
     screen_moments[second] = v;
     float moved = at(p, i) - rate * (m / c1) / (sqrt(v / c2) + EPSILON);

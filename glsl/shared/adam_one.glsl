@@ -1,14 +1,18 @@
 // One number's step: Adam's (Kingma 2014) with the settings of 3DGS, or Newton's.
 const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
 
+// A mean that forgets, with `x` in it. Of mix() a driver may make x + kept * (mean - x), whose rounding is of the size of x: the share
+// of x that stays, a thousandth in the second moment, would be off by 6e-5.
+float mean_with(float x, float mean, float kept) { return (1.0 - kept) * x + kept * mean; }
+
 // The change that one step makes.
 // A gradient is cut off where its square, times 1/(1 - BETA2), would leave float32: v would stay infinite for ever. The step is
 // at most (1 - BETA1) / sqrt((1 - BETA2) (1 - BETA1^2 / BETA2)) = 7.3 rates whatever the gradients (Cauchy and Schwarz).
 const float GRADIENT_MAX = 1e17;
 float adam(float g, float rate, inout float m, inout float v, float c1, float c2) {
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: gradients above 1e17
-    m = mix(g, m, BETA1);
-    v = mix(g * g, v, BETA2);
+    m = mean_with(g, m, BETA1);
+    v = mean_with(g * g, v, BETA2);
     return -rate * (m * c1) / (sqrt(v * c2) + EPSILON);
 }
 
@@ -17,7 +21,7 @@ float adam(float g, float rate, inout float m, inout float v, float c1, float c2
 const float CURVATURE_DECAY = 0.95;
 float curvature(float g, float d) {
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
-    return d > 0.0 ? mix(g * g, d, CURVATURE_DECAY) : g * g;
+    return d > 0.0 ? mean_with(g * g, d, CURVATURE_DECAY) : g * g;
 }
 
 // The change that Newton's step makes, each number by itself: `part` of the way to where the mean gradient would be 0, and at most
@@ -25,7 +29,7 @@ float curvature(float g, float d) {
 const float NEWTON_REACH = 3.0;
 float newton(float g, float rate, float part, inout float m, float d) {
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX);
-    m = mix(g, m, BETA1);
+    m = mean_with(g, m, BETA1);
     float bound = NEWTON_REACH * rate;
     return d > 0.0 ? clamp(-part * m / d, -bound, bound) : 0.0; // guard: curvature that is not known
 }
