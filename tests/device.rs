@@ -208,7 +208,7 @@ fn limits_are_those_of_the_kernel_that_takes_most() {
     let needed = Context::requirements();
     let least = |name: &str| needed.limits.iter().find(|limit| limit.name == name).map(|limit| limit.least);
     let bindings = kernels::ALL.iter().map(|kernel| kernel.bindings.len() as u32).max();
-    for name in ["maxPerStageDescriptorStorageBuffers", "maxDescriptorSetStorageBuffers", "maxPushDescriptors"] {
+    for name in ["maxPerStageDescriptorStorageBuffers", "maxDescriptorSetStorageBuffers"] {
         assert_eq!(least(name), bindings, "{name}");
     }
     assert_eq!(least("maxPushConstantsSize"), kernels::ALL.iter().map(|kernel| kernel.push_bytes).max());

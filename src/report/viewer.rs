@@ -179,6 +179,8 @@ fn shaders() -> (String, String) {
         &names.map(|name| part(CONSTANTS, name)).concat(),
         &alphas,
         UNIT,
+        // WebGL has no `precise`.
+        &include_str!("../../glsl/shared/trig.glsl").replace("precise ", ""),
         include_str!("../../glsl/shared/view.glsl"),
         include_str!("../../glsl/shared/gaussian.glsl"),
         &part(COLOUR, "void sh_basis("),
@@ -327,6 +329,7 @@ mod tests {
             "struct View {",
             "vec3 to_camera(",
             "float to_unit(",
+            "vec2 cos_sin(",
             "Projection project_covariance(",
             "Lobe eval_lobe(",
             "void sh_basis(",

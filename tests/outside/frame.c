@@ -80,8 +80,8 @@ static void arrays(void) {
     if (counts.base != 1 || counts.supplement != 1 || counts.sh_degree != 0) FAIL("%u + %u Gaussians", counts.base, counts.supplement);
     glint_scene_destroy(scene);
     if (glint_scene_from_arrays(&base, &base, &scene) != 2 || !strstr(glint_last_error(), "lobe_directions")) FAIL("no lobes");
-    opacity = 1.0f / 0.0f;
-    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "opacity")) FAIL("an opacity that is infinite");
+    opacity = 0.0f / 0.0f;
+    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "opacity")) FAIL("an opacity that is NaN");
     base.sh = NULL;
     if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "sh of 1")) FAIL("no colours");
     base.sh_degree = 5;
