@@ -1,4 +1,4 @@
-//! What AMD's compiler makes of every kernel, without a card: registers, waves and memory on shader processors of several families.
+//! Compiles every kernel for AMD's GPUs, without a card, and prints registers, waves and memory on several families.
 //!
 //!     radv --list > 32.json            the pipelines that `glint verify` makes on this device
 //!     radv [--against FOLDER] [--write FOLDER] 32.json 64.json
@@ -62,7 +62,7 @@ struct Variant {
     constants: Vec<(u32, u32)>,
 }
 
-/// What the driver says of a compiled variant, or that it refused it.
+/// The driver's statistics of a compiled variant, or its refusal.
 #[derive(Serialize, Deserialize)]
 struct Compiled {
     kernel: String,

@@ -62,7 +62,7 @@ void main() {
                               normalize(view.eye - mean));
         opacity *= lobe.factor;
     }
-    // Of a logit or log scale that is NaN, exp may be a number.
+    // exp(NaN) may be a number, so the logit itself is tested, and the log scale below.
     if (!(opacity >= ALPHA_MIN && logit >= -FLOAT_MAX)) return;
 
     vec4 q;

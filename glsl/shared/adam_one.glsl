@@ -1,8 +1,8 @@
 // One number's step: Adam's (Kingma 2014) with the settings of 3DGS, or Newton's.
 const float BETA1 = 0.9, BETA2 = 0.999, EPSILON = 1e-15;
 
-// A mean that forgets, with `x` in it. Of mix() a driver may make x + kept * (mean - x), whose rounding is of the size of x: the share
-// of x that stays, a thousandth in the second moment, would be off by 6e-5.
+// An exponential moving average after `x`. A driver may compute mix() as x + kept * (mean - x), which rounds by a unit of x. The second
+// moment takes a thousandth of x, which would then err by 6e-5 of itself.
 float mean_with(float x, float mean, float kept) { return (1.0 - kept) * x + kept * mean; }
 
 // The change that one step makes.

@@ -7,12 +7,13 @@
 // cosine 1e-7, cosine near pi/2 1.2e-7 of its value, angles 2.3e-7 of theirs.
 
 // Cosine and sine of |x| <= 2^13: x less the nearest multiple of pi/2, which is taken off in three parts that float32 holds exactly.
+// `precise`, so that two kernels that decide by it (lift_count, lift_points) have the same bits.
 vec2 cos_sin(float x) {
     precise float turns = round(x * 0.63661977);
     precise float r = ((x - turns * 1.5703125) - turns * 4.8375129699707031e-4) - turns * 7.549790126404332e-8;
-    float z = r * r;
-    float s = r + r * z * (-1.6666654611e-1 + z * (8.3321608736e-3 - z * 1.9515295891e-4));
-    float c = 1.0 - 0.5 * z + z * z * (4.166664568298827e-2 + z * (-1.388731625493765e-3 + z * 2.443315711809948e-5));
+    precise float z = r * r;
+    precise float s = r + r * z * (-1.6666654611e-1 + z * (8.3321608736e-3 - z * 1.9515295891e-4));
+    precise float c = 1.0 - 0.5 * z + z * z * (4.166664568298827e-2 + z * (-1.388731625493765e-3 + z * 2.443315711809948e-5));
     int quarter = int(turns) & 3;
     vec2 turned = (quarter & 1) == 0 ? vec2(c, s) : vec2(s, c);
     return vec2(quarter == 1 || quarter == 2 ? -turned.x : turned.x, quarter >= 2 ? -turned.y : turned.y);

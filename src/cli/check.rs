@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Failure, Outcome, progress::note};
+use super::{Failure, Outcome};
 use crate::{
     data::write_text,
     gpu::{Context, ContextOptions},
@@ -41,7 +41,7 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
         stages.into_iter().collect::<Vec<_>>().join(", ")
     );
     if unchecked {
-        note(format!("warning: {text}; results are likely wrong, and --unchecked goes on all the same"));
+        tracing::warn!("{text}; the results are likely wrong (--unchecked)");
         return Ok(());
     }
     Err(Failure::Device(text))
@@ -51,13 +51,15 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
 fn line_of(context: &Context) -> String {
     let info = context.info();
     let mut kernels = crc32fast::Hasher::new();
-    kernels::ALL.iter().for_each(|kernel| kernels.update(kernel.spirv));
+    for kernel in kernels::ALL {
+        kernels.update(if info.software_subgroups.is_some() { kernel.software_spirv } else { kernel.spirv });
+    }
     let line = format!(
         "{} | {} | {} lanes{} | glint {} {:08x}",
         info.name,
         info.driver,
         info.subgroup_size,
-        if info.software_subgroups { " by software" } else { "" },
+        if info.software_subgroups.is_some() { " by software" } else { "" },
         env!("CARGO_PKG_VERSION"),
         kernels.finalize()
     );
@@ -96,7 +98,7 @@ mod tests {
         reference,
     };
 
-    /// What the twin gives, but for one bit of one buffer.
+    /// Runs the twin and flips one bit of one buffer.
     fn faulty<const AT: usize>(call: &mut TwinCall) -> Result<(), String> {
         let (stage, buffer) = STAGES[AT];
         (reference::twin(stage).unwrap().run)(call)?;

@@ -46,15 +46,10 @@ impl Args {
             column("notes", "", 0),
         ]);
         for Listed { index, refused, info } in devices {
-            let notes = match refused {
-                Some(why) => format!("refused: {why}"),
-                None if info.software_subgroups => {
-                    let [least, most] = info.subgroup_sizes;
-                    format!(
-                        "slow: subgroups by software, since its own have {least} to {most} lanes or lack operations"
-                    )
-                }
-                None => String::new(),
+            let notes = match (refused, info.software_subgroups) {
+                (Some(why), _) => format!("refused: {why}"),
+                (None, Some(lacks)) => format!("slow: subgroups by software, since the device lacks {lacks}"),
+                (None, None) => String::new(),
             };
             table.row([
                 Cell::Count(index as u64),

@@ -160,7 +160,7 @@ pub fn main() -> ExitCode {
         Err(Failure::Device(what)) => (
             format!(
                 "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
-                 stages (--twin), or go on all the same (--unchecked)"
+                 stages (--twin), or use it anyway (--unchecked)"
             ),
             1,
         ),

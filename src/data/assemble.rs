@@ -10,7 +10,7 @@ use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, Image
 use super::images;
 use super::left_out::{LeftOut, count};
 use super::lens::{Distortion, Frame, Lens};
-use super::ply::PointCloud;
+use super::points::PointCloud;
 use super::sector::{Stand, sector};
 use super::shot::{Focal, Shot};
 use super::{names, transforms};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{CameraPath, Kind, colmap, images, kept, ply, scene_file, tensors, transforms};
+use super::{CameraPath, Kind, colmap, images, kept, points, scene_file, tensors, transforms};
 use crate::{Error, Result};
 
 /// A kind of file that glint reads.
@@ -77,7 +77,7 @@ impl FileKind {
             FileKind::Sog => scene_file::check(Kind::Sog, bytes, path),
             FileKind::Splat => scene_file::check(Kind::Splat, bytes, path),
             FileKind::Gltf => scene_file::check(Kind::Gltf, bytes, path),
-            FileKind::PlyPoints => ply::parse_points(bytes, path, &mut Vec::new()).map(drop),
+            FileKind::PlyPoints => points::parse_points(bytes, path, &mut Vec::new()).map(drop),
             FileKind::ColmapCamerasBin => colmap::cameras_binary(bytes, path).map(drop),
             FileKind::ColmapCamerasTxt => colmap::cameras_text(bytes, path).map(drop),
             FileKind::ColmapImagesBin => poses(colmap::images_binary(bytes, path)?),

@@ -11,7 +11,7 @@ use super::assemble::{Listed, unused_masks};
 use super::left_out::LeftOut;
 use super::lens::{Distortion, Polynomial};
 use super::names::{self, Finder};
-use super::ply::{self, PointCloud};
+use super::points::{self, PointCloud};
 use super::shot::{Focal, Shot, SourceCamera};
 use super::{DatasetOptions, Holdout, lists, places};
 use crate::{Error, Result};
@@ -82,7 +82,7 @@ fn points(folder: &Path, notes: &mut Vec<String>) -> Result<Option<(PointCloud, 
         Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
             // 3DGS leaves the points in this form too.
             let cloud = folder.join("points3D.ply");
-            let points = cloud.is_file().then(|| ply::read_points(&cloud, notes)).transpose()?;
+            let points = cloud.is_file().then(|| points::read_points(&cloud, notes)).transpose()?;
             Ok(points.map(|points| (points, cloud)))
         }
         Err(error) => Err(error),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::images::{self, Image};
 use super::lens::Lens;
-use super::ply::PointCloud;
+use super::points::PointCloud;
 use super::reduce::Reduce;
 use super::{advice, assemble, colmap, kind, places, reduced, transforms};
 use crate::scene::Camera;

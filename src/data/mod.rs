@@ -34,8 +34,10 @@ mod names;
 mod places;
 pub mod ply;
 mod ply_format;
+mod ply_variants;
 #[cfg(feature = "train")]
 mod ply_write;
+mod points;
 #[cfg(feature = "train")]
 mod reduce;
 #[cfg(feature = "train")]
@@ -72,9 +74,9 @@ pub use images::Image;
 pub use kind::Kind;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
-pub use ply::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use ply_write::{gaussian_bytes, scene_bytes, write_augmented, write_scene};
+pub use points::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use reduce::Reduce;
 #[cfg(feature = "train")]

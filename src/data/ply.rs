@@ -12,14 +12,12 @@
 //! wrote them, they are read too.
 
 use std::collections::HashMap;
-use std::fs;
-use std::io::Read;
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::left_out::LeftOut;
-use super::ply_format::{Element, Number, Ply};
+use super::ply_format::{Element, Ply};
+use super::ply_variants::{FILTER, filtered, origin_of_doubles, remarks};
 use super::scene_file::SceneFile;
 use crate::scene::{
     Gaussians, Lobes, Scene, Supplement,
@@ -27,15 +25,6 @@ use crate::scene::{
 };
 use crate::stages::constants::constants::SH_C0;
 use crate::{Error, Result};
-
-/// A sparse point cloud, scene units and 8-bit sRGB.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct PointCloud {
-    /// Scene units, in the world.
-    pub positions: Vec<[f64; 3]>,
-    /// 8-bit sRGB; as many as positions, grey where the file has none.
-    pub colors: Vec<[u8; 3]>,
-}
 
 pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
@@ -64,160 +53,9 @@ pub(super) fn beyond(sh_degree: u32) -> (&'static str, Vec<[usize; 2]>) {
 const REST: &str = "f_rest_";
 const SB: &str = "sb_params_";
 
-/// A header is not longer.
-const HEADER_BYTES: u64 = 1 << 16;
-
 /// Where f_dc_* and where opacity, scales and rotation begin in [`FIXED`].
 pub(super) const DC: usize = 3;
 pub(super) const SHAPE: usize = 6;
-
-/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
-/// if none is larger. Points without colour are mid grey. Points whose position is not finite are left out, and a sentence in `notes`
-/// counts them.
-pub fn read_points(path: impl AsRef<Path>, notes: &mut Vec<String>) -> Result<PointCloud> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    parse_points(&bytes, path, notes)
-}
-
-/// Whether a file is a PLY of points, and not of Gaussians, as far as its header says.
-///
-/// # Errors
-/// Where it cannot be read.
-pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
-    let path = path.as_ref();
-    let mut start = Vec::new();
-    let read = fs::File::open(path).and_then(|file| file.take(HEADER_BYTES).read_to_end(&mut start));
-    read.map_err(|source| Error::io(path, source))?;
-    let text = String::from_utf8_lossy(&start);
-    let header = text.split("end_header").next().unwrap_or_default();
-    // Of Gaussians that lack a property their own reader is to say so.
-    let gaussians = ["f_dc_0", "scale_0", "rot_0", "packed_position"];
-    Ok(header.starts_with("ply") && !gaussians.iter().any(|name| header.contains(name)))
-}
-
-pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
-    let fail = |what: String| Error::input(path, what);
-    let ply = Ply::parse(bytes, path)?;
-    let element = ply.element(BASE).ok_or_else(|| fail(format!("has no element `{BASE}`")))?;
-    let place = |name| element.scalar(name).ok_or_else(|| fail(format!("element `{BASE}` lacks property `{name}`")));
-    let xyz = [place("x")?, place("y")?, place("z")?];
-    let rgb = match ["red", "green", "blue"].map(|name| element.scalar(name)) {
-        [Some(r), Some(g), Some(b)] => Some([r, g, b]),
-        [None, None, None] => None,
-        _ => return Err(fail(format!("element `{BASE}` has only some of `red`, `green`, `blue`"))),
-    };
-    let floats = rgb.iter().flatten().any(|&p| !element.properties[p].number.is_integer());
-    let (mut cloud, mut left_out) = (PointCloud::default(), LeftOut::default());
-    let (mut colors, mut largest) = (Vec::new(), 0.0f64);
-    ply.for_each_row(|element, row, values| {
-        if element.name != BASE {
-            return Ok(());
-        }
-        let position = xyz.map(|p| values[p]);
-        // guard: PLY: points
-        if let Some(axis) = position.iter().position(|v| !(*v as f32).is_finite()) {
-            let name = ["x", "y", "z"][axis];
-            left_out.add(|| format!("row {row}"), || format!("row {row}: `{name}` is not a finite number"));
-            return Ok(());
-        }
-        let color = rgb.map_or([128.0; 3], |rgb| rgb.map(|p| values[p]));
-        if let Some(bad) = color.iter().find(|v| !(0.0..=255.0).contains(*v)) {
-            return Err(fail(format!("row {row} of element `{BASE}`: colour value {bad} is not in 0 to 255")));
-        }
-        cloud.positions.push(position);
-        // Every value up to 255 is held by a float32 closely enough to become its byte.
-        colors.push(color.map(|v| v as f32));
-        largest = color.iter().copied().fold(largest, f64::max);
-        Ok(())
-    })?;
-    let all = cloud.positions.len() + left_out.count;
-    notes.extend(left_out.note(all, "point").map(|text| format!("{}: {text}", path.display())));
-    let unit = if floats && largest <= 1.0 { 255.0 } else { 1.0 };
-    cloud.colors = colors.into_iter().map(|color| color.map(|v| (v * unit).round() as u8)).collect();
-    Ok(cloud)
-}
-
-/// Where coordinates should begin that lie around `middle`, nine of ten within the 0.9 quantile of `distances` from it: there, if float32
-/// keeps less than 16 bits of that at the world's origin.
-pub(super) fn far_origin(middle: DVec3, mut distances: Vec<f64>) -> DVec3 {
-    let Some(last) = distances.len().checked_sub(1) else { return DVec3::ZERO };
-    let (_, &mut radius, _) = distances.select_nth_unstable_by(last * 9 / 10, f64::total_cmp);
-    if middle.is_finite() && middle.length() > 256.0 * radius { middle } else { DVec3::ZERO }
-}
-
-/// What the means of a file should count from whose positions are `double`.
-fn origin_of_doubles(ply: &Ply, element: &Element) -> Result<DVec3> {
-    let xyz = ["x", "y", "z"].map(|name| element.scalar(name).filter(|&p| element.properties[p].number == Number::F64));
-    let [Some(x), Some(y), Some(z)] = xyz else { return Ok(DVec3::ZERO) };
-    let mut places: Vec<DVec3> = Vec::new();
-    ply.for_each_row(|element, _, values| {
-        if element.name == BASE {
-            places.push(DVec3::new(values[x], values[y], values[z]));
-        }
-        Ok(())
-    })?;
-    let Some(last) = places.len().checked_sub(1) else { return Ok(DVec3::ZERO) };
-    let middle = [0, 1, 2].map(|axis| {
-        let mut values: Vec<f64> = places.iter().map(|place| place[axis]).collect();
-        *values.select_nth_unstable_by(last / 2, f64::total_cmp).1
-    });
-    let middle = DVec3::from_array(middle);
-    Ok(far_origin(middle, places.into_iter().map(|place| place.distance(middle)).collect()))
-}
-
-/// Mip-Splatting's size that is to be added to each Gaussian.
-const FILTER: &str = "filter_3D";
-
-/// Properties of layouts that are not read although they change the picture: how their names begin, and what that means.
-const NOT_READ: [(&[&str], &str); 3] = [
-    (&["sg_"], "colours that spherical Gaussians make depend on the view: what is read is the colour without them"),
-    (
-        &["motion_", "trbf_", "omega_"],
-        "a scene that moves: what is read stands still; export one moment of it as a 3DGS PLY",
-    ),
-    (
-        &["scaling_t", "scale_t", "rot_r_", "rotation_r_"],
-        "a scene in space and time: what is read is no moment of it; export one as a 3DGS PLY",
-    ),
-];
-
-/// What is said of an element's properties that have another effect than a 3DGS PLY's, or should have one.
-fn remarks(element: &Element) -> Vec<String> {
-    let names = || element.properties.iter().map(|property| &property.name[..]);
-    let mut notes: Vec<String> = NOT_READ
-        .iter()
-        .filter_map(|(prefixes, meaning)| {
-            let mut found = names().filter(|name| prefixes.iter().any(|prefix| name.starts_with(prefix)));
-            let first = found.next()?;
-            let are = match found.count() {
-                0 => "is".into(),
-                1 => "and 1 more property are".into(),
-                more => format!("and {more} more properties are"),
-            };
-            Some(format!("`{first}` {are} not read: {meaning}"))
-        })
-        .collect();
-    if element.scalar(FILTER).is_some() {
-        notes.push(format!("`{FILTER}` (Mip-Splatting) is taken into the sizes and opacities of the Gaussians"));
-    }
-    notes
-}
-
-/// A Gaussian with log scales and logit whose variances grow by that of a filter while its volume times opacity stays (Mip-Splatting,
-/// Yu 2024).
-fn filtered(log_scales: [f32; 3], logit: f32, filter: f64) -> ([f32; 3], f32) {
-    let own = log_scales.map(|v| (2.0 * f64::from(v)).exp());
-    let grown = own.map(|variance| variance + filter * filter);
-    let ratio: f64 = (0..3).map(|axis| if grown[axis] > 0.0 { own[axis] / grown[axis] } else { 1.0 }).product();
-    let opacity = ratio.sqrt() / (1.0 + (-f64::from(logit)).exp());
-    // Without a filter every bit stays.
-    if filter == 0.0 {
-        (log_scales, logit)
-    } else {
-        (grown.map(|v| (0.5 * v.ln()) as f32), (opacity / (1.0 - opacity)).ln() as f32)
-    }
-}
 
 /// Colours that some writers have in place of f_dc_*: 0 to 255, or as floats 0 to 1 if none is larger.
 const PLAIN: [&str; 3] = ["red", "green", "blue"];
@@ -295,13 +133,6 @@ impl Columns {
             lobes.widths.push(width);
             lobes.sharpness.push(sharpness);
         }
-    }
-}
-
-impl PointCloud {
-    /// The positions as they count from `origin` (world).
-    pub fn around(&self, origin: DVec3) -> Vec<[f32; 3]> {
-        self.positions.iter().map(|&at| (DVec3::from_array(at) - origin).as_vec3().to_array()).collect()
     }
 }
 
@@ -462,10 +293,13 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
 
 #[cfg(all(test, feature = "train"))]
 mod tests {
+    use std::fs;
+
     use proptest::prelude::*;
 
     use super::*;
     use crate::data::ply_write::*;
+    use crate::data::points::parse_points;
     use crate::data::sound;
     use crate::data::{
         Dropped,
@@ -988,119 +822,11 @@ mod tests {
         assert!(read_scene_leniently(&path).is_err());
     }
 
-    /// Rows of a 3DGS PLY in ASCII, with properties of these types and names behind the usual ones.
-    fn with_more(xyz: &str, more: &[&str], rows: &[&str], comment: &str) -> SceneFile {
-        let mut text = format!("ply\nformat ascii 1.0\n{comment}element vertex {}\n", rows.len());
-        for (i, name) in FIXED.iter().enumerate() {
-            text += &format!("property {} {name}\n", if i < DC { xyz } else { "float" });
-        }
-        more.iter().for_each(|name| text += &format!("property float {name}\n"));
-        text += "end_header\n";
-        rows.iter().for_each(|row| text += &format!("{row}\n"));
-        let mut file = parse_rows(text.as_bytes(), Path::new("a.ply")).unwrap();
-        sound::make_finite(&mut file.scene);
-        file
-    }
-
-    #[test]
-    fn a_filter_is_taken_into_sizes_and_opacities() {
-        // Standard deviations 0.3, 0.4 and 0; a logit of 0 and one of infinity.
-        let rows = ["0 0 0 0 0 0 0 -1.2039728 -0.9162907 -1 1 0 0 0 0.4", "0 0 0 0 0 0 inf 0 -1 -2 1 0 0 0 0"];
-        let file = with_more("float", &["filter_3D"], &rows, "");
-        let [x, y, z] = file.scene.base.log_scales[0].map(|v| f64::from(v).exp());
-        let deep = (-2f64).exp() + 0.16;
-        assert!((x - 0.5).abs() < 1e-6 && (y - 0.32f64.sqrt()).abs() < 1e-6 && (z - deep.sqrt()).abs() < 1e-6);
-        // Half, times 0.3/0.5 · 0.4/0.5657 · e⁻¹/z.
-        let opacity = 0.5 * 0.6 * 0.5f64.sqrt() * (-1f64).exp() / deep.sqrt();
-        let found = 1.0 / (1.0 + (-f64::from(file.scene.base.opacities[0])).exp());
-        assert!((found - opacity).abs() < 1e-6, "{found}, expected {opacity}");
-        // Of 0 it changes nothing.
-        assert_eq!(file.scene.base.log_scales[1], [0.0, -1.0, -2.0]);
-        assert!((file.scene.base.opacities[1] - 17.328_68).abs() < 1e-5);
-        assert!(
-            file.notes.len() == 1 && file.notes[0].contains("`filter_3D` (Mip-Splatting) is taken"),
-            "{:?}",
-            file.notes
-        );
-    }
-
-    #[test]
-    fn properties_that_change_the_picture_and_are_not_read_are_named() {
-        let row = "0 0 0 0 0 0 0 0 0 0 1 0 0 0 1 1 1";
-        let said = |more: &[&str]| with_more("float", more, &[row], "").notes.join("; ");
-        let sg = said(&["sg_axis_0", "sg_sharpness_0", "sg_color_0"]);
-        assert!(
-            sg.contains("`sg_axis_0` and 2 more properties are not read") && sg.contains("depend on the view"),
-            "{sg}"
-        );
-        let moving = said(&["trbf_center", "motion_0", "omega_3"]);
-        assert!(moving.contains("`trbf_center` and 2 more") && moving.contains("moves"), "{moving}");
-        assert!(said(&["scaling_t", "rot_r_0", "label"]).contains("`scaling_t` and 1 more"));
-        assert_eq!(said(&["label", "nx", "semantic_2"]), "");
-    }
-
-    #[test]
-    fn positions_of_doubles_count_from_their_middle() {
-        let at = |x: f64, y: f64| format!("{x} {y} 120.5 0 0 0 0 0 0 0 1 0 0 0");
-        let rows = [at(5e5, 4.5e6), at(5e5 + 0.001, 4.5e6 - 0.002), at(5e5 + 1.0, 4.5e6)];
-        let rows: Vec<&str> = rows.iter().map(|row| &row[..]).collect();
-        let SceneFile { scene: Scene { base, origin, .. }, notes, .. } = with_more("double", &[], &rows, "");
-        assert!(notes.len() == 1 && notes[0].contains("far from the world's origin"), "{notes:?}");
-        let world = |i: usize| origin + DVec3::from_array(base.means[i].map(f64::from));
-        assert!(
-            world(1).distance(DVec3::new(500000.001, 4499999.998, 120.5)) < 1e-8 && origin.length() > 4e6,
-            "{origin}"
-        );
-        // Near the world's origin nothing moves, and an origin of the file's own is added.
-        let near =
-            with_more("double", &[], &["1 2 3.1 0 0 0 0 0 0 0 1 0 0 0", "9 -2 3 0 0 0 0 0 0 0 1 0 0 0"], "").scene;
-        assert_eq!((near.base.means[0], near.origin), ([1.0, 2.0, 3.1], DVec3::ZERO));
-        let both = with_more("double", &[], &rows, "comment origin 7 -0.25 1e3\n").scene;
-        assert_eq!(
-            both,
-            Scene { origin: origin + DVec3::new(7.0, -0.25, 1000.0), ..Scene { base, ..Default::default() } }
-        );
-        // What is no origin is a comment.
-        for comment in ["comment origin of the scene\n", "comment origin 1 2 nan\n", "comment origin 1 2\n"] {
-            assert_eq!(with_more("float", &[], &rows, comment).scene.origin, DVec3::ZERO);
-        }
-    }
-
     #[test]
     fn an_origin_comes_back_bit_for_bit() {
         let origin = DVec3::new(500_000.1, -4.5e6 - 1.0 / 3.0, 1e-3);
         let scene = Scene { origin, ..scene(1, true) };
         assert_eq!(parse_ply(&written(&scene), Path::new("a.ply")).unwrap(), scene);
-    }
-
-    #[test]
-    fn point_clouds_are_read_with_and_without_colour() {
-        let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty float y\nproperty float z\n";
-        let plain = format!("{head}end_header\n1 2 3\n4 5 6\n");
-        let cloud = parse_points(plain.as_bytes(), Path::new("p.ply"), &mut Vec::new()).unwrap();
-        assert_eq!(cloud, PointCloud { positions: vec![[1., 2., 3.], [4., 5., 6.]], colors: vec![[128; 3]; 2] });
-        let rgb = "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
-        let cloud = parse_points(
-            format!("{head}{rgb}1 2 3 0 9 255\n4 5 6 7 8 9\n").as_bytes(),
-            Path::new("p.ply"),
-            &mut Vec::new(),
-        )
-        .unwrap();
-        assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
-        let read = |text: String, notes: &mut Vec<String>| parse_points(text.as_bytes(), Path::new("p.ply"), notes);
-        let error = |text: String| read(text, &mut Vec::new()).unwrap_err().to_string();
-        assert!(error(format!("{head}{rgb}1 2 3 0 9 256\n4 5 6 7 8 9\n")).contains("256"));
-        let floats = rgb.replace("uchar", "float");
-        let colors = |rows: &str| read(format!("{head}{floats}{rows}"), &mut Vec::new()).unwrap().colors;
-        assert_eq!(colors("1 2 3 0 0.2 1\n4 5 6 0.5 0.001 1.0\n"), [[0, 51, 255], [128, 0, 255]]);
-        assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
-        assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
-        assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
-        // What is not finite is left out and told, with its colour, whatever that is.
-        let mut notes = Vec::new();
-        let cloud = read(format!("{head}{floats}1 inf 3 nan 900 0\n4 5 6 0.2 0.4 1\n"), &mut notes).unwrap();
-        assert_eq!((cloud.positions, cloud.colors), (vec![[4.0, 5.0, 6.0]], vec![[51, 102, 255]]));
-        assert_eq!(notes, ["p.ply: 1 point of 2 left out: row 0: `y` is not a finite number"]);
     }
 
     proptest! {

@@ -16,7 +16,8 @@ pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     write_augmented(path, &scene.base, scene)
 }
 
-/// Writes `scene`, whose base begins with what became of `original`, both with the scene's origin: other viewers show `original`, [`super::read_scene`] gives `scene`.
+/// Writes `scene`, whose base begins with what became of `original`. Other viewers show `original`; [`super::read_scene`] gives `scene`.
+/// Both count from the scene's origin.
 ///
 /// # Errors
 /// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.

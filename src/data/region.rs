@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::dataset::{Dataset, DatasetKind, Photo, Split, load_photos};
 use super::images::Image;
-use super::ply::PointCloud;
+use super::points::PointCloud;
 use crate::Result;
 use crate::scene::Camera;
 

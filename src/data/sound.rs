@@ -11,7 +11,7 @@ const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
 /// What an opacity of 1 is read as, whose logit is +∞: ln 2²⁵, which is 1 in float32.
 const OPAQUE: f32 = 17.328_68;
-/// What an opacity of 0 is read as, whose logit is −∞, and a size of 0, whose logarithm is: of the least float32 that is not denormal.
+/// What an opacity of 0 is read as, whose logit is −∞, and a size of 0, whose logarithm is −∞: the logarithm of the smallest normal float32.
 const NOTHING: f32 = -87.336_54;
 
 /// Infinities that mean something become numbers that the kernels draw the same: logits of ±∞, and log scales of −∞ (flat Gaussians).

@@ -18,7 +18,7 @@ use super::lens::{Distortion, Polynomial};
 use super::lists::Lists;
 use super::names::{self, Finder, tails};
 use super::shot::{Focal, Shot, SourceCamera};
-use super::{colmap, places, ply};
+use super::{colmap, places, points};
 use crate::{Error, Result};
 
 pub(super) const TRAIN: &str = "transforms_train.json";
@@ -220,7 +220,7 @@ fn add_points(path: &Path, named: Option<&str>, listed: &mut Listed) -> Result<(
     if let Some(name) = named {
         let finder = Finder::new(folder);
         if let Some((cloud, _)) = finder.find_moved(name) {
-            let points = ply::read_points(&cloud, &mut listed.notes)?;
+            let points = points::read_points(&cloud, &mut listed.notes)?;
             listed.points = Some(points).filter(|points| !points.positions.is_empty());
             listed.sources.push(cloud);
             return Ok(());
@@ -229,10 +229,10 @@ fn add_points(path: &Path, named: Option<&str>, listed: &mut Listed) -> Result<(
     }
     for (name, cloud) in CLOUDS.map(|name| (name, folder.join(name))) {
         // A trained scene may have this name too.
-        if !cloud.is_file() || !ply::is_point_cloud(&cloud)? {
+        if !cloud.is_file() || !points::is_point_cloud(&cloud)? {
             continue;
         }
-        match ply::read_points(&cloud, &mut listed.notes) {
+        match points::read_points(&cloud, &mut listed.notes) {
             Ok(points) if points.positions.is_empty() => {}
             Ok(points) => {
                 listed.notes.push(format!("the points of {name} are taken, which {} does not name", file_name(path)));

@@ -21,7 +21,7 @@ use super::{
     instance::{create_instance, create_messenger},
     memory::{BLOCK, Budget, types_of_buffers},
     pipeline::Made,
-    recorder::{CommandSlot, destroy_slot},
+    pools::{CommandSlot, destroy_slot},
 };
 
 /// How to open a device of our own.

@@ -139,8 +139,9 @@ pub struct DeviceInfo {
     pub is_cpu: bool,
     /// Name and version.
     pub driver: String,
-    /// Subgroups are software's, their operations through shared memory: the device's own are not what kernels need.
-    pub software_subgroups: bool,
+    /// If subgroups are software's, their operations through shared memory: what the device's own lack, or that software's were asked
+    /// for.
+    pub software_subgroups: Option<String>,
     /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
     pub float_atomics: bool,
 }
@@ -436,7 +437,9 @@ impl Physical {
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
             driver: self.driver.clone(),
-            software_subgroups: subgroups.is_some_and(|s| s.software),
+            software_subgroups: subgroups.filter(|s| s.software).map(|_| {
+                self.own_subgroups(None, enabled).err().unwrap_or_else(|| "software subgroups were asked for".into())
+            }),
             float_atomics: enabled.contains(&Feature::ShaderBufferFloat32AtomicAdd),
         }
     }

@@ -9,6 +9,7 @@ mod images;
 mod instance;
 mod memory;
 mod pipeline;
+mod pools;
 mod recorder;
 pub mod spirv;
 mod twin;
@@ -28,7 +29,8 @@ pub use images::{BufferRange, ImageRegion, Pixels};
 pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
 pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, MadePipeline, Pipeline, Unit, Words};
-pub use recorder::{Kept, Recorder, StageTime, Submission};
+pub use pools::StageTime;
+pub use recorder::{Kept, Recorder, Submission};
 pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
 
 use ash::vk;

@@ -5,7 +5,6 @@ use std::{
     ffi::{CStr, CString},
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, Once, atomic::Ordering},
-    time::Duration,
 };
 
 use ash::vk;
@@ -14,160 +13,11 @@ use bytemuck::Pod;
 use super::{
     Access, Binding, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall,
     Workgroups, needs,
+    pools::{CommandSlot, Pools, Sets, StageTime, Stamps, make_slot, recycle},
 };
 
-/// Stages that one recorder can time; later ones are recorded untimed.
-const MAX_TIMED: u32 = 2047;
 /// Vulkan's guaranteed minimum of maxComputeWorkGroupCount in each dimension.
 const MAX_GROUPS: u32 = 65_535;
-
-/// A command pool with its one buffer, a fence and a query pool; reused once the work is done.
-pub(super) struct CommandSlot {
-    pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
-    fence: vk::Fence,
-    stamps: Stamps,
-    sets: Sets,
-}
-
-/// # Safety
-/// The device is done with the slot.
-pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
-    // SAFETY: by the contract above.
-    unsafe {
-        device.destroy_fence(slot.fence, None);
-        slot.stamps.destroy(device);
-        slot.sets.destroy(device);
-        device.destroy_command_pool(slot.pool, None);
-    }
-}
-
-/// One stage's time on the device.
-#[derive(Debug, Clone, Copy)]
-pub struct StageTime {
-    /// The kernel's; `fill` and `copy` of the two commands that are none.
-    pub name: &'static str,
-    /// Between the timestamps before and after it, its barrier included.
-    pub time: Duration,
-}
-
-/// A timestamp before the first stage and one behind each.
-struct Stamps {
-    queries: vk::QueryPool,
-    names: Vec<&'static str>,
-}
-
-impl Stamps {
-    fn new(device: &ash::Device) -> Result<Self, GpuError> {
-        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMED + 1);
-        // SAFETY: the structure lives for the call.
-        let queries = unsafe { device.create_query_pool(&info, None) }.check("vkCreateQueryPool")?;
-        let mut stamps = Stamps { queries, names: Vec::with_capacity(MAX_TIMED as usize) };
-        // SAFETY: the pool is new.
-        unsafe { stamps.reset(device) };
-        Ok(stamps)
-    }
-
-    /// # Safety
-    /// The device is done with what was recorded.
-    unsafe fn reset(&mut self, device: &ash::Device) {
-        self.names.clear();
-        // SAFETY: by the contract above; `hostQueryReset` is enabled.
-        unsafe { device.reset_query_pool(self.queries, 0, MAX_TIMED + 1) };
-    }
-
-    /// # Safety
-    /// `commands` is recording.
-    unsafe fn begin(&self, device: &ash::Device, commands: vk::CommandBuffer) {
-        // SAFETY: by the contract above; the pool was reset.
-        unsafe { device.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0) };
-    }
-
-    /// # Safety
-    /// As for `begin`.
-    unsafe fn stamp(&mut self, device: &ash::Device, commands: vk::CommandBuffer, name: &'static str) {
-        if self.names.len() < MAX_TIMED as usize {
-            self.names.push(name);
-            let (stage, index) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.names.len() as u32);
-            // SAFETY: by the contract above; the pool was reset and holds MAX_TIMED + 1 queries.
-            unsafe { device.cmd_write_timestamp(commands, stage, self.queries, index) };
-        }
-    }
-
-    fn read(&self, context: &Context) -> Result<Vec<StageTime>, GpuError> {
-        let mut stamps = vec![0u64; self.names.len() + 1];
-        if self.names.is_empty() {
-            return Ok(vec![]);
-        }
-        let flags = vk::QueryResultFlags::TYPE_64;
-        // SAFETY: so many were recorded; those that are not written are an error.
-        unsafe { context.0.device.get_query_pool_results(self.queries, 0, &mut stamps, flags) }
-            .check("vkGetQueryPoolResults")?;
-        let (period, mask) = (f64::from(context.info().timestamp_period), context.0.timestamp_mask);
-        let time = |w: &[u64]| Duration::from_nanos((ticks(w[0], w[1], mask) as f64 * period) as u64);
-        Ok(self.names.iter().zip(stamps.windows(2)).map(|(&name, w)| StageTime { name, time: time(w) }).collect())
-    }
-
-    /// # Safety
-    /// As for `reset`.
-    unsafe fn destroy(self, device: &ash::Device) {
-        // SAFETY: by the contract above.
-        unsafe { device.destroy_query_pool(self.queries, None) };
-    }
-}
-
-/// Descriptor sets, for devices without push descriptors: one a dispatch, given back together.
-#[derive(Default)]
-struct Sets {
-    pools: Vec<vk::DescriptorPool>,
-    used: usize,
-}
-
-impl Sets {
-    /// Sets of a pool, each with room for the buffers of any kernel.
-    const OF_POOL: usize = 256;
-
-    fn allocate(
-        &mut self,
-        device: &ash::Device,
-        layout: vk::DescriptorSetLayout,
-    ) -> Result<vk::DescriptorSet, GpuError> {
-        let pool = self.used / Self::OF_POOL;
-        if pool == self.pools.len() {
-            let sizes = [vk::DescriptorPoolSize {
-                ty: vk::DescriptorType::STORAGE_BUFFER,
-                descriptor_count: Self::OF_POOL as u32 * needs::STORAGE_BUFFERS,
-            }];
-            let info = vk::DescriptorPoolCreateInfo::default().max_sets(Self::OF_POOL as u32).pool_sizes(&sizes);
-            // SAFETY: the structures live for the call.
-            self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.check("vkCreateDescriptorPool")?);
-        }
-        let layouts = [layout];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pools[pool]).set_layouts(&layouts);
-        // SAFETY: the pool has room for one more; the layout is alive.
-        let sets = unsafe { device.allocate_descriptor_sets(&info) }.check("vkAllocateDescriptorSets")?;
-        self.used += 1;
-        Ok(sets[0])
-    }
-
-    /// # Safety
-    /// The device is done with what was recorded.
-    unsafe fn reset(&mut self, device: &ash::Device) -> Result<(), vk::Result> {
-        for &pool in &self.pools[..self.used.div_ceil(Self::OF_POOL)] {
-            // SAFETY: by the contract above.
-            unsafe { device.reset_descriptor_pool(pool, vk::DescriptorPoolResetFlags::empty()) }?;
-        }
-        self.used = 0;
-        Ok(())
-    }
-
-    /// # Safety
-    /// As for `reset`.
-    unsafe fn destroy(self, device: &ash::Device) {
-        // SAFETY: by the contract above.
-        self.pools.into_iter().for_each(|pool| unsafe { device.destroy_descriptor_pool(pool, None) });
-    }
-}
 
 /// Records stages into a command buffer, its own or the caller's.
 pub struct Recorder {
@@ -189,24 +39,6 @@ pub struct Kept {
     touched: HashMap<vk::Buffer, bool>,
     buffers: HashMap<vk::Buffer, Arc<RawBuffer>>,
     pools: Option<Pools>,
-}
-
-/// What a caller's command buffers use besides buffers.
-struct Pools {
-    context: Context,
-    stamps: Option<Stamps>,
-    sets: Sets,
-}
-
-impl Drop for Pools {
-    fn drop(&mut self) {
-        let device = &self.context.0.device;
-        // SAFETY: a `Kept` outlives the commands that were recorded with it.
-        unsafe {
-            self.stamps.take().into_iter().for_each(|stamps| stamps.destroy(device));
-            std::mem::take(&mut self.sets).destroy(device);
-        }
-    }
 }
 
 impl Kept {
@@ -777,79 +609,5 @@ impl Drop for Submission {
         if let Some(slot) = self.slot.take() {
             recycle(&self.context, slot);
         }
-    }
-}
-
-/// Ticks between two timestamps of which only the bits of `mask` count: they begin again at 0, at most once in between. Half
-/// of the range or more is a clock that went back, which is no time.
-fn ticks(from: u64, to: u64, mask: u64) -> u64 {
-    let ticks = to.wrapping_sub(from) & mask;
-    if ticks <= mask / 2 { ticks } else { 0 }
-}
-
-fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
-    let inner = &context.0;
-    let device = &inner.device;
-    // SAFETY: structures live for their calls; on failure what was made before is destroyed.
-    unsafe {
-        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(inner.queue_family);
-        let pool = device.create_command_pool(&pool_info, None).check("vkCreateCommandPool")?;
-        let stamps = match Stamps::new(device) {
-            Ok(stamps) => stamps,
-            Err(e) => {
-                device.destroy_command_pool(pool, None);
-                return Err(e);
-            }
-        };
-        let (commands, fence) = (vk::CommandBuffer::null(), vk::Fence::null());
-        let mut slot = CommandSlot { pool, commands, fence, stamps, sets: Sets::default() };
-        let info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool)
-            .level(vk::CommandBufferLevel::PRIMARY)
-            .command_buffer_count(1);
-        let made = (|| {
-            slot.commands = device.allocate_command_buffers(&info).check("vkAllocateCommandBuffers")?[0];
-            slot.fence = device.create_fence(&vk::FenceCreateInfo::default(), None).check("vkCreateFence")?;
-            Ok(())
-        })();
-        match made {
-            Ok(()) => Ok(slot),
-            Err(e) => {
-                destroy_slot(device, slot);
-                Err(e)
-            }
-        }
-    }
-}
-
-/// Makes a slot whose work is done ready for the next recorder.
-fn recycle(context: &Context, mut slot: CommandSlot) {
-    let device = &context.0.device;
-    // SAFETY: the device is done with the slot (or never saw it).
-    let reset = unsafe {
-        slot.stamps.reset(device);
-        device
-            .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
-            .and_then(|()| slot.sets.reset(device))
-            .and_then(|()| device.reset_fences(&[slot.fence]))
-    };
-    match (reset, context.0.free_slots.lock()) {
-        (Ok(()), Ok(mut list)) => list.push(slot),
-        // SAFETY: as above.
-        _ => unsafe { destroy_slot(device, slot) },
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn timestamps_of_few_bits_begin_again_at_0() {
-        assert_eq!(ticks(5, 9, u64::MAX), 4);
-        // 36 bits; above them a driver may leave anything.
-        let mask = (1 << 36) - 1;
-        assert_eq!(ticks(0xABC0_0000_0000_0000 | (mask - 2), 0x1230_0000_0000_0007, mask), 10);
-        assert_eq!((ticks(9, 5, u64::MAX), ticks(9, 5, 0)), (0, 0));
     }
 }

@@ -25,7 +25,7 @@ pub(in crate::data) use write::write;
 use super::axes::{self, Signs};
 use super::turn::Placing;
 use super::{inflate, quantise, spz};
-use crate::data::{SceneFile, ply::far_origin};
+use crate::data::{SceneFile, ply_variants::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 use document::Document;
