@@ -182,7 +182,12 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
     let views = upload_photos(context, &photos, dataset.background, 0, |_, _| ())?;
     let cloud = first_points(&dataset, Some(args.gaussians), 0).cloud;
     let base = from_points(&cloud.around(views.origin), &cloud.colors, args.sh_degree);
-    let model = Model::upload_around(context, views.origin, &Scene { base, supplement: None, origin: views.origin }, Room::default())?;
+    let model = Model::upload_around(
+        context,
+        views.origin,
+        &Scene { base, supplement: None, origin: views.origin },
+        Room::default(),
+    )?;
     Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })
 }
 
