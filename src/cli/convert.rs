@@ -18,6 +18,7 @@ use crate::{
     pipelines::{
         layers::{Layer, Layers},
         render::RenderOptions,
+        session::Policy,
         start::photos_of,
     },
     scene::{
@@ -108,13 +109,14 @@ impl Args {
             format = SceneFormat::Spz { version };
         }
         let ending = output.extension().unwrap_or_default().to_string_lossy();
-        let dataset = self.compare.as_ref().map(|path| self.photos.open(path)).transpose()?;
+        let mut file = self.lenient.open_file(input)?;
+        let (photos, draw) = (self.photos.like(file.trained_with, input), self.draw.like(file.trained_with, input));
+        let dataset = self.compare.as_ref().map(|path| photos.open(path)).transpose()?;
         let mut inputs = Inputs::default().scene(input);
         if let Some(dataset) = &dataset {
             inputs = inputs.dataset(dataset);
         }
         self.replace.check_file(output, &ending, "a scene", &inputs)?;
-        let mut file = self.lenient.open_file(input)?;
         if self.base_only {
             file = file.into_base();
         }
@@ -139,7 +141,9 @@ impl Args {
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
             psnr: match (&dataset, &photos) {
-                (Some(dataset), Some(photos)) => Some(self.compare(&file.scene, photos, dataset.background)?),
+                (Some(dataset), Some(photos)) => {
+                    Some(self.compare(&file.scene, photos, (dataset.background, draw.policy()))?)
+                }
                 _ => None,
             },
         };
@@ -151,11 +155,11 @@ impl Args {
     }
 
     /// Mean PSNR over the views.
-    fn compare(&self, before: &Scene, photos: &[&Photo], background: [f32; 3]) -> Outcome<f64> {
+    fn compare(&self, before: &Scene, photos: &[&Photo], (background, policy): ([f32; 3], Policy)) -> Outcome<f64> {
         let after = read_scene(&self.output)?;
         self.device.with(|context| {
             let cameras = || photos.iter().map(|photo| &photo.camera);
-            let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            let options = || RenderOptions { policy, ..Default::default() };
             let mut before = Layers::new(context, before, cameras(), options())?;
             let mut after = Layers::new(context, &after, cameras(), options())?;
             let progress = Progress::new("comparing", "views", photos.len() as u64);

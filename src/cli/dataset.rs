@@ -8,12 +8,12 @@ use glam::DVec3;
 use super::progress::note;
 use crate::{
     Error, Result,
-    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Reduce, Split},
+    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Reduce, Split, TrainedWith},
     report::summary::DatasetSummary,
 };
 
 /// What of a dataset is read.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct DatasetArgs {
     /// Folder of the photos, in the dataset or a path of its own [default: where the dataset has them; images, input, images_2,
     /// images_4 or images_8]
@@ -100,21 +100,50 @@ pub(super) fn check_sight(dataset: &Dataset, origin: DVec3, gaussians: &[[f32; 3
     Ok(())
 }
 
+/// What a scene has at least that belongs to its photos: less is seen of one of another dataset, and of grey pictures.
+const FOREIGN_DB: f64 = 12.0;
+/// The same as a mean loss, 0.8 L1 + 0.2 (1 − SSIM): 12 dB is 0.15 to 0.25 in the mean, and next to no structure.
+const FOREIGN_LOSS: f64 = 0.3;
+
+/// Tells where a scene seems not to belong to the photos.
+pub(super) fn note_foreign(scene: &Path, psnr: f64) {
+    if psnr < FOREIGN_DB {
+        note_if_foreign(scene, format_args!("{psnr:.1} dB"));
+    }
+}
+
+/// The same of a base before it is augmented.
+pub(super) fn note_foreign_base(scene: &Path, losses: &[f64]) {
+    let loss = losses.iter().sum::<f64>() / losses.len().max(1) as f64;
+    if loss > FOREIGN_LOSS {
+        note_if_foreign(scene, format_args!("a mean loss of {loss:.2}"));
+    }
+}
+
+fn note_if_foreign(scene: &Path, found: std::fmt::Arguments<'_>) {
+    note(format!(
+        "{} has {found} on these photos, as a scene of another dataset has: check the dataset, its scale and --background, and --max-size \
+         and --compensate, which must be as in training",
+        scene.display()
+    ));
+}
+
 /// How photos are prepared.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct PhotoArgs {
     #[command(flatten)]
     dataset: DatasetArgs,
     /// Downscale photos whose longer side has more pixels than this; where images_2, images_4 or images_8 has all of them at that size, to
-    /// a pixel, those are taken, unless --images or --reduce is given [default: 1600, as 3DGS]
+    /// a pixel, those are taken, unless --images or --reduce is given [default: as the scene was trained, else 1600, as 3DGS]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
     /// How photos are downscaled [default: area]
     #[arg(long, value_enum)]
     reduce: Option<ReduceArg>,
-    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
-    pub(super) background: [f32; 3],
+    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1 [default: as the scene was
+    /// trained, else black]
+    #[arg(long, value_name = "COLOR", value_parser = parse_background)]
+    background: Option<[f32; 3]>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -128,7 +157,50 @@ enum ReduceArg {
 /// 3DGS trains on photos of at most this width.
 const DEFAULT_MAX_SIZE: u32 = 1600;
 
+/// What was given, else what `scene` was trained with. A contradiction is told.
+pub(super) fn settled<T: PartialEq>(
+    option: &str,
+    [given, trained]: [Option<T>; 2],
+    scene: &Path,
+    text: impl Fn(&T) -> String,
+) -> Option<T> {
+    if let (Some(given), Some(trained)) = (&given, &trained)
+        && given != trained
+    {
+        let (scene, given, trained) = (scene.display(), text(given), text(trained));
+        note(format!(
+            "{scene} was trained with {option} {trained}, and here it is {given}: figures are not of the same thing"
+        ));
+    }
+    given.or(trained)
+}
+
 impl PhotoArgs {
+    /// The same, with what the scene of this path was trained with where nothing is asked for.
+    pub(super) fn like(&self, TrainedWith { background, max_size, .. }: TrainedWith, scene: &Path) -> PhotoArgs {
+        let colour = |[r, g, b]: &[f32; 3]| format!("{r},{g},{b}");
+        PhotoArgs {
+            background: settled("--background", [self.background, background], scene, colour),
+            max_size: settled("--max-size", [self.max_size, max_size], scene, u32::to_string),
+            ..self.clone()
+        }
+    }
+
+    /// What is behind the scene.
+    pub(super) fn background(&self) -> [f32; 3] {
+        self.background.unwrap_or_default()
+    }
+
+    /// For a scene that is trained on these photos and drawn so.
+    pub(super) fn trained_with(&self, antialiased: bool) -> TrainedWith {
+        TrainedWith {
+            background: Some(self.background()),
+            antialiased: Some(antialiased),
+            max_size: self.max_size,
+            exposure: None,
+        }
+    }
+
     /// What the test photos are, in a word.
     pub(super) fn holdout(&self) -> String {
         self.dataset.holdout.unwrap_or_default().to_string()
@@ -140,7 +212,7 @@ impl PhotoArgs {
             None | Some(ReduceArg::Area) => Reduce::Area,
             Some(ReduceArg::Bicubic) => Reduce::Bicubic,
         };
-        let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background);
+        let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background());
         let reduced_folders = self.max_size.is_some() && self.reduce.is_none();
         let options =
             DatasetOptions { max_size: Some(max_size), reduce, reduced_folders, background, ..Default::default() };

@@ -70,7 +70,7 @@ fn plan(step: u32, total: u32, fit: f64) -> Plan {
 }
 
 /// Mean of `cost` between two fractions of a run.
-fn mean(cost: &dyn Fn(f64) -> f64, from: f64, to: f64) -> f64 {
+pub(super) fn mean(cost: &dyn Fn(f64) -> f64, from: f64, to: f64) -> f64 {
     (0..SAMPLES).map(|i| cost(from + (to - from) * (f64::from(i) + 0.5) / f64::from(SAMPLES))).sum::<f64>()
         / f64::from(SAMPLES)
 }

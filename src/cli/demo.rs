@@ -7,7 +7,7 @@ use super::{
     enhance::{
         ChoiceArgs, Preset, Way,
         bars::{Beside, run_with_progress},
-        report::joint_stages,
+        report::{joint_stages, train_longer},
     },
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -17,13 +17,13 @@ use super::{
 use crate::{
     Result,
     data::{
-        Dataset, Holdout, Photo, Split, builtin::builtin_scene, scene_bytes, write_augmented, write_png_bytes,
-        write_scene,
+        Dataset, Holdout, Photo, SceneFile, Split, TrainedWith, builtin::builtin_scene, scene_bytes, write_png_bytes,
+        write_scene_file,
     },
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Times},
-        join::{JoinOptions, join},
+        join::JoinOptions,
         layers::{Layer, Layers},
         model::{Model, Room},
         render::RenderOptions,
@@ -40,12 +40,12 @@ use crate::{
         sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
-    scene::{Scene, from_points},
+    scene::{Gaussians, Scene, from_points},
 };
 
 const EXAMPLES: &str = "\
 Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos, on a page to look at too. As controls, the base is also trained on for as many steps, trained \
+it, and compares both with 8 held-out photos, on a page to look at too. As controls, the base is also trained longer, by as many steps, trained \
 from the start with as many more plain Gaussians for as many more steps, and augmented by the other method.
 
 Examples:
@@ -127,7 +127,7 @@ struct Row {
 #[derive(Serialize)]
 struct Report {
     device: String,
-    /// The base; trained on for as many steps as it is augmented; from the start with as many more plain Gaussians and steps; augmented by
+    /// The base; trained longer by as many steps as it is augmented; from the start with as many more plain Gaussians and steps; augmented by
     /// the other method; augmented.
     rows: [Row; 5],
     /// dB of test PSNR over its base, and over the base with as many more plain Gaussians and steps.
@@ -168,7 +168,12 @@ impl Args {
         let views = upload_photos(context, &train, background, 0, |_, _| ())?;
 
         let base = self.train("base", &session, dataset, &views, points, iterations)?;
-        write_scene(self.output.join(BASE), &base.scene)?;
+        let trained_with = TrainedWith { background: Some(background), antialiased: Some(false), ..Default::default() };
+        let write = |name: &str, scene: &Scene, shown: Option<&Gaussians>| {
+            let (scene, shown) = (scene.clone(), shown.cloned());
+            write_scene_file(self.output.join(name), &SceneFile { shown, trained_with, ..scene.into() })
+        };
+        write(BASE, &base.scene, None)?;
 
         let with_joint = |options: EnhanceOptions| {
             let steps_per_view = joint.unwrap_or(options.join.steps_per_view);
@@ -176,8 +181,7 @@ impl Args {
         };
         let options = with_joint(self.choices.options(self.method, Preset::Quick)?);
         let (augmented, enhanced) = self.augment(self.method, &session, &base, &views, &options)?;
-        let shown = enhanced.original.as_ref().unwrap_or(&augmented.scene.base);
-        write_augmented(self.output.join(AUGMENTED), shown, &augmented.scene)?;
+        write(AUGMENTED, &augmented.scene, enhanced.original.as_ref())?;
 
         let (other, choices) = match self.method {
             Way::Pursuit => (Way::Augs, EnhanceOptions::quick()),
@@ -254,16 +258,13 @@ impl Args {
     /// Trains the base on as a joint phase does, with nothing added.
     fn train_on(&self, session: &Session, base: &Made, views: &Views, options: &JoinOptions) -> Result<Made> {
         session.context.count_most_anew();
-        let (what, started) = ("base trained on", Instant::now());
-        let model = Model::upload_around(&session.context, views.origin, &base.scene, Room::default())?;
-        let mut trainer = join(session, &model, views, options)?;
-        let steps = trainer.total();
-        let bar = Progress::new("training on", "steps", steps.into());
-        let trained = trainer.run(&model, views, true, |done| bar.set(done.into()))?;
+        let (what, started) = ("base trained longer", Instant::now());
+        let steps = options.steps_per_view * views.cameras.len() as u32;
+        let (scene, trained) = train_longer(session, &base.scene, views, options, steps)?;
         let seconds = started.elapsed().as_secs_f64();
         let told = trained_run(session, what, seconds, &trained.steps);
         let (steps, seconds) = (base.steps + steps, base.seconds + seconds);
-        Ok(Made { what, scene: model.download()?, steps, seconds, from_base: true, told })
+        Ok(Made { what, scene, steps, seconds, from_base: true, told })
     }
 
     fn augment(
@@ -281,7 +282,7 @@ impl Args {
         session.context.count_most_anew();
         let started = Instant::now();
         let beside = Beside { silent: self.json, ..Default::default() };
-        let enhanced = run_with_progress(session, &base.scene, views, options, &beside, &mut |_, _| ())?;
+        let enhanced = run_with_progress(session, &base.scene, views, options, beside, &mut |_, _| ())?;
         let seconds = base.seconds + started.elapsed().as_secs_f64();
         let times = enhanced.times;
         let phases = [times.base, times.weigh, times.place, times.screen, times.lift, times.join];

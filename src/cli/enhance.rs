@@ -12,22 +12,22 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, calibrate,
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, is_uncounted, note_uncounted},
     deadline::duration,
     interrupt::Interrupt,
-    kept::{KeepArgs, NOTHING, photos_json},
+    kept::{KeepArgs, Kept, photos_json},
     lock::Lock,
-    names::stems,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
+    tell_run,
 };
 use crate::{
     Error, Result,
-    data::{Photo, Split, write_augmented, write_scene},
+    data::{Photo, SceneFile, Split, TrainedWith, write_scene_file},
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Method},
+        enhance::{EnhanceOptions, Method},
         join::JoinOptions,
         lift::LiftOptions,
         screen::Schedule,
@@ -35,10 +35,9 @@ use crate::{
         spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
         start::{photos_of, upload_photos},
         views::scene_origin_for,
-        work::WorkDir,
     },
     scene::{
-        Camera,
+        Camera, Gaussians, Scene,
         layout::{self, BETAS, colour_name},
     },
 };
@@ -59,8 +58,9 @@ Examples:
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
-  glint enhance garden --base base.ply -o augmented.ply --work kept     # to inspect, or to go on with:
-  glint enhance garden --base base.ply -o augmented.ply --work kept --resume";
+
+What the joint phase has learned, and with --method augs what photos were lifted to, is saved every minute, on an error and on Ctrl-C in \
+augmented.checkpoint.safetensors. The same command resumes there, unless it has --time, and removes it in the end.";
 
 /// How Gaussians are placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -175,7 +175,7 @@ impl ChoiceArgs {
 }
 
 /// Augment a base scene, trained here or elsewhere, from the photos
-// Serialised into the settings of a work folder: an option that is new is in them unless it says that it changes nothing there.
+// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
@@ -203,14 +203,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
     /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
-    #[arg(long, value_parser = duration, conflicts_with = "work")]
+    #[arg(long, value_parser = duration)]
     #[serde(skip)]
     time: Option<Duration>,
-    /// Keep in this folder what the joint phase has learned so far, and with --method augs each view's 2D Gaussians and lifts
-    /// (safetensors), base render and depth (EXR), and resume from it
-    #[arg(long, value_name = "DIR")]
-    #[serde(skip)]
-    work: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
     keep: KeepArgs,
@@ -273,7 +268,7 @@ const WORSE_DB: f64 = 0.02;
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let end = self.time.map(|time| Instant::now() + time);
-        let scene = self.lenient.open(&self.base)?;
+        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.base)?;
         if scene.supplement.is_some() {
             let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
             return Err(Error::input(&self.base, what).into());
@@ -282,22 +277,18 @@ impl Args {
             let what = format!("has {}, expected a base of harmonics", colour_name(BETAS));
             return Err(Error::input(&self.base, what).into());
         }
-        let dataset = self.photos.open(&self.dataset)?;
+        let (photo_args, draw) = (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
+        let dataset = photo_args.open(&self.dataset)?;
+        let policy = draw.policy();
+        let trained_with =
+            TrainedWith { exposure: trained_with.exposure, ..photo_args.trained_with(policy.compensate) };
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         // What is learned far away is rounded by no file; what counts from elsewhere stays bit for bit.
         let scene = if origin == DVec3::ZERO { scene } else { scene.around(origin) };
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        if self.keep.resume {
-            let Some(folder) = &self.work else {
-                return Err(Error::Usage("--resume goes on from what --work DIR has, which is not given".into()).into());
-            };
-            let settings = WorkDir::settings_of(folder);
-            if !settings.exists() {
-                return Err(Error::input(settings, NOTHING).into());
-            }
-        }
-        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
+        self.replace.or(KeepArgs::owns(&self.output)).check_ply(&self.output, &inputs)?;
+        let _ours = Lock::take(&self.output)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         // Each view may round its share up.
         let options = self.options()?;
@@ -315,24 +306,11 @@ impl Args {
             ));
         }
         let background = dataset.background;
-        let _ours = match &self.work {
-            Some(folder) => {
-                self.replace.make_folder(folder, &inputs)?;
-                Some(Lock::take(folder)?)
-            }
-            None => None,
-        };
-        let run = Watched {
-            device: &self.device,
-            dataset: &dataset,
-            policy: self.draw.policy(),
-            background,
-            output: &self.output,
-        };
+        let run = Watched { device: &self.device, dataset: &dataset, policy, background, output: &self.output };
         self.watch.with(&run, |context, look_at| {
             let mut session = {
                 let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, self.draw.policy(), cameras, (background, extent, self.seed.into()))?
+                self.learn.session(context, policy, cameras, (background, extent, self.seed.into()))?
             };
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
@@ -343,38 +321,48 @@ impl Args {
             })?;
             drop(reading);
             note_uncounted(uncounted);
-            let work = match &self.work {
-                Some(folder) => {
-                    let mut settings = self.settings(&photos, &pixels, &session, &options)?;
-                    let work = WorkDir::open(folder, &mut settings, stems(photos.iter().copied()))?;
-                    session.policy.tile = calibrate::tile_of(&settings, folder, context)?;
-                    Some(work)
-                }
-                None => None,
+            // How many steps a run by the clock has would not be the same.
+            let mut kept = None;
+            if self.time.is_none() {
+                let settings = self.settings(&photos, &pixels, &session, &options)?;
+                kept = Some(Kept::new(&self.output, settings, &self.keep, trained_with));
+            }
+            let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
+            if let Some(kept) = &kept {
+                session.policy.tile = kept.tile(context)?;
+            }
+            let joins = options.join.steps_per_view as usize * photos.len();
+            let length = match self.time {
+                Some(time) => format!("{} s", time.as_secs_f64()),
+                None => counted(joins, "joint step"),
             };
+            let base_count = counted(scene.base.len(), "Gaussian");
+            tell_run("enhancing", context, &photos, format_args!("{base_count}, {length}"));
             let interrupt = Interrupt::default();
             let beside = Beside {
-                work: work.as_ref().map(|work| (work, self.keep.every())),
+                base: Some(&self.base),
+                kept: kept.as_mut().map(|kept| (kept, earlier)),
                 interrupt: Some(&interrupt),
                 end,
                 silent: self.json,
             };
-            let mut found = run_with_progress(&session, &scene, &views, &options, &beside, look_at)?;
-            let write = |found: &Enhanced| {
-                write_augmented(&self.output, found.original.as_ref().unwrap_or(&found.scene.base), &found.scene)
+            let mut found = run_with_progress(&session, &scene, &views, &options, beside, look_at)?;
+            let write = |scene: &Scene, shown: Option<&Gaussians>| {
+                let (scene, shown) = (scene.clone(), shown.cloned());
+                write_scene_file(&self.output, &SceneFile { shown, trained_with, ..scene.into() })
             };
             // Before anything else can fail: what was learned is kept.
-            write(&found)?;
+            write(&found.scene, found.original.as_ref())?;
             let asked = interrupt.asked();
-            drop((views, interrupt));
+            drop(interrupt);
             let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
             let all_steps = found.steps;
             let ended = asked && found.join.is_some() && joint_steps < all_steps;
-            if let (Some(work), false) = (&work, ended) {
-                work.remove_joint()?;
+            if let (Some(kept), false) = (&kept, ended) {
+                kept.remove()?;
             }
             // Whoever ends it early waits for nothing more.
-            let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset) };
+            let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset, &views) };
             let mut gain = match judged {
                 // What was made is made, whether or not it can be judged.
                 Err(error @ Error::Input { .. }) => {
@@ -393,12 +381,12 @@ impl Args {
                          budget (--ratio, --bytes, --time) is spent whatever they say",
                         -change
                     ));
-                    write_scene(&self.output, &scene)?;
+                    write(&scene, None)?;
                 } else if found.original.is_none() && gain.base_alone.psnr < gain.before.psnr {
                     // The training photos did not tell.
                     found.original = Some(scene.base.clone());
                     gain.base_alone = gain.before;
-                    write(&found)?;
+                    write(&found.scene, found.original.as_ref())?;
                 }
             }
             let plain = (found.scene.base.len() - scene.base.len()) as u32;
@@ -461,7 +449,7 @@ impl Args {
             }
             if ended {
                 let output = report.output;
-                let on = if work.is_some() { ", and the same command with --resume goes on" } else { "" };
+                let on = if kept.is_some() { ", and the same command resumes there" } else { "" };
                 return Err(Ended::Interrupted(format!(
                     "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them{on}"
                 )));

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
-    dataset::note_uncounted,
+    dataset::{note_foreign, note_uncounted},
     names::stems,
     output::{Inputs, OutputArgs},
     print, print_json,
@@ -12,7 +12,7 @@ use super::{
     to_json,
 };
 use crate::{
-    data::{write_png_bytes, write_text},
+    data::{SceneFile, write_png_bytes, write_text},
     pipelines::{render::RenderOptions, start::photos_of},
     report::{
         decompose::PartsQuality,
@@ -82,8 +82,9 @@ pub(super) struct Args {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = self.lenient.open(&self.scene)?;
-        let dataset = self.photos.open(&self.dataset)?;
+        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;
+        let (photos, draw) = (self.photos.like(trained_with, &self.scene), self.draw.like(trained_with, &self.scene));
+        let dataset = photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         if scene.supplement.is_none() {
             note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
@@ -101,7 +102,7 @@ impl Args {
         let mut page = Page::new(augmented);
         let mut distances = Vec::new();
         let (found, parts) = self.device.with(|context| {
-            let options = || RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            let options = || RenderOptions { policy: draw.policy(), ..Default::default() };
             let parts = || evaluate_parts(context, &scene, &photos, options(), dataset.background);
             let parts = self.decomposition.then(parts).transpose()?;
             let progress = Progress::new("comparing", "views", photos.len() as u64);
@@ -122,6 +123,7 @@ impl Args {
             Ok((found, parts))
         })?;
         note_uncounted(photos.len() - found.views.len());
+        note_foreign(&self.scene, found.augmented.psnr);
         let distances = lpips.is_some().then(|| Distances::of(distances));
         let numbers = Numbers { found: &found, decomposition: parts.as_ref(), lpips: distances.as_ref() };
         if let Some(folder) = &self.report {

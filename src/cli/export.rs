@@ -7,7 +7,11 @@ use super::{
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
 };
-use crate::{data::write_text, pipelines::start::photos_of, report::viewer::Viewer};
+use crate::{
+    data::{SceneFile, write_text},
+    pipelines::start::photos_of,
+    report::viewer::Viewer,
+};
 
 const EXAMPLES: &str = "\
 The page needs a browser with WebGPU or WebGL2 and nothing else: no network, no files beside it. It shows the base, the Gaussians with \
@@ -66,13 +70,15 @@ struct Report {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let dataset = self.dataset.as_ref().map(|path| self.photos.open(path)).transpose()?;
+        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;
+        let (photos, draw) = (self.photos.like(trained_with, &self.scene), self.draw.like(trained_with, &self.scene));
+        let (background, policy) = (photos.background(), draw.policy());
+        let dataset = self.dataset.as_ref().map(|path| photos.open(path)).transpose()?;
         let mut inputs = Inputs::default().scene(&self.scene);
         if let Some(dataset) = &dataset {
             inputs = inputs.dataset(dataset);
         }
         self.replace.check_file(&self.html, "html", "a page", &inputs)?;
-        let scene = self.lenient.open(&self.scene)?;
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
         let photos = photos.unwrap_or_default();
         let viewer = Viewer {
@@ -80,8 +86,8 @@ impl Args {
             scene: &scene,
             cameras: photos.iter().map(|photo| (&photo.name[..], photo.camera)).collect(),
             focus: dataset.as_ref().and_then(|dataset| dataset.focus()).map(|focus| focus.center),
-            background: self.photos.background,
-            compensate: self.draw.compensate,
+            background,
+            compensate: policy.compensate,
         };
         let page = viewer.page()?;
         check_room(&self.html, page.len() as u64, 0)?;

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{DeviceArgs, Outcome, SceneArgs, counted, dataset::DatasetArgs, print, print_json};
 use crate::{
     Error,
-    data::{DatasetOptions, Kind, is_scene_folder},
+    data::{DatasetOptions, Kind, SceneFile, TrainedWith, is_scene_folder},
     gpu::Context,
     report::{
         plan::RenderPlan,
@@ -67,6 +67,8 @@ enum Found {
     Scene {
         #[serde(flatten)]
         scene: Box<SceneSummary>,
+        #[serde(skip_serializing_if = "TrainedWith::is_unknown")]
+        trained_with: TrainedWith,
         #[serde(skip_serializing_if = "Option::is_none")]
         plan: Option<Box<RenderPlan>>,
     },
@@ -90,10 +92,10 @@ impl Args {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
             Some(kind) if kind.may_be_scene() => {
-                let scene = self.lenient.open(path)?;
+                let SceneFile { scene, trained_with, .. } = self.lenient.open_file(path)?;
                 let plan = |context: &Context| Ok(RenderPlan::of(context.info(), &scene, self.resolution, self.half)?);
                 let plan = if self.plan { Some(Box::new(self.device.with(plan)?)) } else { None };
-                Found::Scene { scene: Box::new(SceneSummary::of(&scene)), plan }
+                Found::Scene { scene: Box::new(SceneSummary::of(&scene)), trained_with, plan }
             }
             Some(other) => {
                 let what = format!("is {other}; expected a scene, a transforms.json or a folder with a dataset");
@@ -102,8 +104,8 @@ impl Args {
         };
         match &found {
             _ if self.json => print_json(&found)?,
-            Found::Scene { scene, plan } => {
-                print(scene_text(scene) + &plan.as_ref().map(ToString::to_string).unwrap_or_default())?;
+            Found::Scene { scene, trained_with, plan } => {
+                print(scene_text(scene, trained_with) + &plan.as_ref().map(ToString::to_string).unwrap_or_default())?;
             }
             Found::Dataset(dataset) => print(dataset_text(dataset))?,
         }
@@ -126,7 +128,18 @@ fn spread(spread: &Option<Spread>) -> String {
     })
 }
 
-fn scene_text(scene: &SceneSummary) -> String {
+/// In words; nothing where the file says nothing.
+fn trained_text(&TrainedWith { background, antialiased, max_size, exposure }: &TrainedWith) -> String {
+    let said = [
+        background.map(|[r, g, b]| format!("background {r},{g},{b}")),
+        max_size.map(|pixels| format!("photos of at most {pixels} pixels")),
+        antialiased.filter(|&yes| yes).map(|_| "antialiasing".to_owned()),
+        exposure.filter(|&yes| yes).map(|_| "an exposure for each photo".to_owned()),
+    ];
+    said.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn scene_text(scene: &SceneSummary, trained_with: &TrainedWith) -> String {
     let mut lines = Lines(String::new());
     match &scene.supplement {
         Some(supplement) => {
@@ -149,6 +162,10 @@ fn scene_text(scene: &SceneSummary) -> String {
     }
     if let Some([x, y, z]) = scene.origin {
         lines.add("origin", format_args!("{x}, {y}, {z}: positions count from there"));
+    }
+    let trained = trained_text(trained_with);
+    if !trained.is_empty() {
+        lines.add("trained with", trained);
     }
     gaussians_text(&mut lines, &scene.base);
     if let Some(supplement) = &scene.supplement {

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 use super::{calibrate, progress::note};
 use crate::{
     Error, Result,
-    data::Photo,
+    data::{Photo, TrainedWith},
     gpu::Context,
     pipelines::{
         checkpoint::{Checkpoint, Found},
@@ -20,24 +20,30 @@ use crate::{
     },
 };
 
-/// Of a place where a checkpoint should be.
-pub(super) const NOTHING: &str =
-    "is not there, so there is nothing that --resume could go on from; without it a run begins";
+/// What takes the place of the output's extension.
+const CHECKPOINT: &str = "checkpoint.safetensors";
 
 #[derive(Debug, clap::Args)]
 pub(super) struct KeepArgs {
     /// Seconds between checkpoints of what is being learned
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     checkpoint_every: u64,
-    /// Go on from what the same command left when it was ended, and fail where there is nothing of it. Its output is replaced, the checkpoint
-    /// of another run never is
+    /// Begin anew where an earlier run was ended, whatever its options; its checkpoint is renamed to *.old. Without this the same command
+    /// resumes it
     #[arg(long)]
-    pub(super) resume: bool,
+    restart: bool,
 }
 
 impl KeepArgs {
-    pub(super) fn every(&self) -> Duration {
-        Duration::from_secs(self.checkpoint_every)
+    /// Where it is kept what a run learns that writes `output`.
+    pub(super) fn checkpoint(output: &Path) -> PathBuf {
+        output.with_extension(CHECKPOINT)
+    }
+
+    /// Whether an earlier run that was ended left its output at `output`, which may be replaced: a run has a checkpoint only where it was
+    /// allowed to write.
+    pub(super) fn owns(output: &Path) -> bool {
+        Self::checkpoint(output).exists()
     }
 }
 
@@ -45,42 +51,50 @@ impl KeepArgs {
 pub(super) struct Kept {
     path: PathBuf,
     settings: Value,
+    /// For whoever reads the scene in it.
+    trained_with: TrainedWith,
     every: Duration,
-    /// What an earlier run left must be there.
-    resume: bool,
+    restart: bool,
     last: Instant,
     /// It was said that it cannot be written.
     warned: bool,
 }
 
 impl Kept {
-    /// `settings` is everything that the loop depends on.
-    pub(super) fn new(path: PathBuf, settings: Value, every: Duration) -> Kept {
-        Kept { path, settings, every, resume: false, last: Instant::now(), warned: false }
+    /// Of a run that writes `output`. `settings` is everything that it depends on.
+    pub(super) fn new(output: &Path, settings: Value, args: &KeepArgs, trained_with: TrainedWith) -> Kept {
+        let &KeepArgs { checkpoint_every, restart } = args;
+        let (path, every) = (KeepArgs::checkpoint(output), Duration::from_secs(checkpoint_every));
+        Kept { path, settings, trained_with, every, restart, last: Instant::now(), warned: false }
     }
 
-    /// The same of one that has to be there.
-    pub(super) fn demanded(self, resume: bool) -> Kept {
-        Kept { resume, ..self }
-    }
-
-    /// What an earlier run left. One that is damaged is passed over with a note; one of other settings goes to `foreign`, which
-    /// is told why and may fail. Where one is demanded all this is an error.
-    pub(super) fn find(&mut self, foreign: impl FnOnce(&Path, &str) -> Result<()>) -> Result<Option<Checkpoint>> {
-        match Checkpoint::find(&self.path, &mut self.settings)? {
-            Found::Nothing if self.resume => Err(Error::input(&self.path, NOTHING)),
+    /// What an earlier run of the same settings left. A checkpoint that is damaged is passed over with a note.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it is another run's, unless the run is to begin anew.
+    pub(super) fn find(&mut self) -> Result<Option<Checkpoint>> {
+        let (path, found) = (&self.path, Checkpoint::find(&self.path, &mut self.settings)?);
+        let old = path.with_extension("safetensors.old");
+        if self.restart && !matches!(found, Found::Nothing) {
+            fs::rename(path, &old).map_err(|error| Error::io(path, error))?;
+            note(format!("{}: the checkpoint of the earlier run is now {}", path.display(), old.display()));
+            return Ok(None);
+        }
+        match found {
             Found::Nothing => Ok(None),
             Found::Sound(checkpoint) => {
-                note(format!("going on after step {} of {}", checkpoint.step, self.path.display()));
+                let at = if checkpoint.step > 0 { format!(" after step {}", checkpoint.step) } else { String::new() };
+                note(format!("{}: resuming{at}; --restart begins anew", path.display()));
                 Ok(Some(checkpoint))
             }
-            Found::Foreign(why) if self.resume => {
-                let what =
-                    format!("this is the checkpoint of another run: {why}; --resume wants one of the same options");
-                Err(Error::input(&self.path, what))
+            Found::Foreign(why) => {
+                let what = format!(
+                    "this is the checkpoint of another run: {why}; the options of before resume it, --restart begins anew and renames it \
+                     to {}",
+                    old.file_name().unwrap_or_default().to_string_lossy()
+                );
+                Err(Error::input(path, what))
             }
-            Found::Damaged(error) if self.resume => Err(error),
-            Found::Foreign(why) => foreign(&self.path, &why).map(|()| None),
             Found::Damaged(error) => {
                 note(format!("{error}; all steps are done again"));
                 Ok(None)
@@ -106,7 +120,11 @@ impl Kept {
     /// Keeps what `checkpoint` gives; whether there was room for it. A disk or a memory that is full is said once and is no
     /// reason to end: there may be room when the loop is done.
     pub(super) fn keep(&mut self, checkpoint: impl FnOnce() -> Result<Checkpoint>) -> Result<bool> {
-        match checkpoint().and_then(|found| found.write(&self.path, &self.settings)) {
+        let written = checkpoint().and_then(|mut found| {
+            found.trained_with = self.trained_with;
+            found.write(&self.path, &self.settings)
+        });
+        match written {
             Ok(()) => Ok(true),
             Err(error) => {
                 let full = match &error {
@@ -131,7 +149,7 @@ impl Kept {
         let kept = matches!(self.keep(checkpoint), Ok(true));
         if kept || self.path.exists() {
             let what = if kept { "what was learned until now" } else { "the last checkpoint" };
-            note(format!("{what} is in {}: the same command with --resume goes on from there", self.path.display()));
+            note(format!("{what} is in {}: the same command resumes there", self.path.display()));
         }
         error
     }

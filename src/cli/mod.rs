@@ -44,7 +44,7 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dataset, Dropped, SceneFile, Split},
+    data::{self, Dataset, Dropped, Photo, SceneFile, Split, TrainedWith},
     gpu::{Context, ContextOptions, GpuError, Twin},
     pipelines::{
         model::Model,
@@ -53,7 +53,7 @@ use crate::{
     reference,
     scene::{Camera, Scene},
 };
-use dataset::PhotoArgs;
+use dataset::{PhotoArgs, settled};
 use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
@@ -300,6 +300,38 @@ impl DeviceArgs {
     }
 }
 
+/// The first line of a run: what it is on, from what and how long. Where that is a CPU, why it is no GPU.
+fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Display) {
+    let info = context.info();
+    let sizes = photos.iter().map(|photo| [photo.camera.width, photo.camera.height]);
+    let largest = sizes.clone().max_by_key(|[width, height]| width * height).unwrap_or_default();
+    let at_most = if sizes.into_iter().all(|size| size == largest) { "" } else { "at most " };
+    let ([width, height], photos) = (largest, counted(photos.len(), "photo"));
+    progress::tell_run(format_args!(
+        "{what} on {} ({}): {photos} of {at_most}{width} × {height}, {length}",
+        info.name, info.kind
+    ));
+    if info.is_cpu
+        && let Some(why) = no_gpu()
+    {
+        note(why);
+    }
+}
+
+/// Why a GPU that seems to be there is not used.
+fn no_gpu() -> Option<String> {
+    let devices = Context::devices().unwrap_or_default();
+    let mut gpus = devices.iter().filter(|(info, _)| !info.is_cpu).peekable();
+    let hint = "what runs on the CPU takes a hundred times as long";
+    if gpus.peek().is_some() {
+        // One that can be used was not asked for.
+        let (info, refused) = gpus.find_map(|(info, refused)| Some((info, refused.as_ref()?)))?;
+        return Some(format!("{} cannot be used: {refused}; {hint}", info.name));
+    }
+    let node = ["/dev/nvidia0", "/dev/dri/renderD128", "/dev/kfd"].into_iter().find(|node| Path::new(node).exists())?;
+    Some(format!("there is a GPU ({node}), but no Vulkan driver offers it: install its driver (glint devices); {hint}"))
+}
+
 /// What becomes of a device's work, where the validation layers found so many faults.
 fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
     if let Some(bytes) = peak_memory() {
@@ -394,17 +426,23 @@ impl LearnArgs {
 }
 
 /// How Gaussians are drawn.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Copy, Args)]
 struct DrawArgs {
     /// Fade Gaussians smaller than a pixel, so that the 0.3 px² of blur that every Gaussian gets adds no light: for scenes that
-    /// were trained so (gsplat's `antialiased`). Train, enhance, render and eval must agree
-    #[arg(long)]
-    compensate: bool,
+    /// were trained so (gsplat's `antialiased`) [default: as the scene was trained, else not]
+    #[arg(long, value_name = "YES", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    compensate: Option<bool>,
 }
 
 impl DrawArgs {
     fn policy(&self) -> Policy {
-        Policy { compensate: self.compensate, ..Policy::default() }
+        Policy { compensate: self.compensate.unwrap_or_default(), ..Policy::default() }
+    }
+
+    /// The same, with what the scene of this path was trained with where nothing is asked for.
+    fn like(&self, trained_with: TrainedWith, scene: &Path) -> DrawArgs {
+        let both = [self.compensate, trained_with.antialiased];
+        DrawArgs { compensate: settled("--compensate", both, scene, bool::to_string) }
     }
 }
 

@@ -132,24 +132,6 @@ impl OutputArgs {
         OutputArgs { force: self.force || own }
     }
 
-    /// Fails if the checkpoint of another run is in the way; `why` says what is another. With `--force` it is kept under another name.
-    pub(super) fn put_aside(&self, path: &Path, why: &str) -> Result<()> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let old = path.with_file_name(format!("{name}.old"));
-        if self.force {
-            fs::rename(path, &old).map_err(|error| Error::io(path, error))?;
-            let [path, old] = [path, &old].map(Path::display);
-            note(format!("{path}: the checkpoint of another run ({why}) is now {old}"));
-            return Ok(());
-        }
-        let what = format!(
-            "this is the checkpoint of another run: {why}; with the options of before it is gone on from, --force begins anew and \
-             keeps it as {}",
-            old.display()
-        );
-        Err(Error::input(path, what))
-    }
-
     fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         match Identity::of(path) {
             Some(file) if inputs.files.contains(&file) => {

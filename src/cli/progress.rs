@@ -17,6 +17,7 @@ use std::{
 
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use super::deadline::mean;
 use crate::gpu::Context;
 
 /// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
@@ -24,8 +25,9 @@ static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 /// Whether only errors are said.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Between lines in a log file: a run of an hour leaves 120.
+/// Between lines in a log file: a run of an hour leaves 120. The first, which tells how long all will take, comes earlier.
 const LINE_EVERY: Duration = Duration::from_secs(30);
+const FIRST_LINE: Duration = Duration::from_secs(5);
 /// A phase of this length leaves a line in a log file when it ends.
 const WORTH_A_LINE: Duration = Duration::from_secs(10);
 /// Before this part of the work or this time is done, what is left is not guessed: the first steps wait for pipelines.
@@ -39,6 +41,9 @@ pub(super) fn quiet() {
 fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
+
+/// How long one of a phase takes when a fraction of it is done, as a multiple of what any takes.
+type Cost = Arc<dyn Fn(f64) -> f64 + Send + Sync>;
 
 /// How far a phase is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,15 +72,17 @@ impl Pace {
         }
     }
 
-    /// From the mean rate since the phase began or went on. `None` as long as that says little.
-    fn left(&self) -> Option<Duration> {
-        let share = self.new_done() as f64 / self.total.saturating_sub(self.before).max(1) as f64;
-        let known = share >= KNOWN_FROM.0 && self.elapsed >= KNOWN_FROM.1;
-        known.then(|| self.elapsed.mul_f64((1.0 / share - 1.0).max(0.0)))
+    /// From what was done since the phase began or went on took, where one takes `cost`. `None` as long as that says little.
+    fn left(&self, cost: &Cost) -> Option<Duration> {
+        let part = |count: u64| count as f64 / self.total.max(1) as f64;
+        let work = |from: u64, to: u64| (part(to) - part(from)).max(0.0) * mean(&**cost, part(from), part(to));
+        let (done, left) = (work(self.before, self.done), work(self.done, self.total));
+        let known = done >= KNOWN_FROM.0 * (done + left) && done > 0.0 && self.elapsed >= KNOWN_FROM.1;
+        known.then(|| self.elapsed.mul_f64(left / done))
     }
 
-    fn left_text(&self) -> String {
-        self.left().map_or(String::new(), |left| format!(", {} left", HumanDuration(left)))
+    fn left_text(&self, cost: &Cost) -> String {
+        self.left(cost).map_or(String::new(), |left| format!(", {} left", HumanDuration(left)))
     }
 }
 
@@ -90,22 +97,35 @@ pub(super) struct Progress {
     total: Cell<u64>,
     /// What was done before this run or part of it.
     before: Arc<AtomicU64>,
+    cost: Cost,
 }
 
 impl Progress {
     /// `label` says what is done, `unit` what is counted up to `total`.
     pub(super) fn new(label: &'static str, unit: &'static str, total: u64) -> Self {
+        Self::of_cost(label, unit, total, |_| 1.0)
+    }
+
+    /// The same where one takes `cost` when a fraction of all is done, as a multiple of what any takes.
+    pub(super) fn of_cost(
+        label: &'static str,
+        unit: &'static str,
+        total: u64,
+        cost: impl Fn(f64) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        let cost: Cost = Arc::new(cost);
         let (bar, before) = (ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden()), Arc::default());
-        set_style(&bar, label, unit, "", &before);
+        set_style(&bar, [label, unit, ""], &before, &cost);
         let bar = if is_quiet() { bar } else { BARS.add(bar) };
         bar.tick();
         let ended = (BARS.is_hidden() && !is_quiet()).then(|| {
             let (ended, wait) = mpsc::channel();
-            let (shown, before) = (bar.clone(), Arc::clone(&before));
-            thread::spawn(move || every(LINE_EVERY, &wait, || line(heartbeat(label, unit, &shown, &before))));
+            let (shown, before, cost) = (bar.clone(), Arc::clone(&before), Arc::clone(&cost));
+            let beat = move || line(heartbeat([label, unit], &shown, &before, &cost));
+            thread::spawn(move || every([FIRST_LINE, LINE_EVERY], &wait, beat));
             ended
         });
-        Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total), before }
+        Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total), before, cost }
     }
 
     /// So many were done before; rate and time left are those of what comes from now on.
@@ -136,7 +156,7 @@ impl Progress {
     /// What else is to be seen, in a line below the bar.
     pub(super) fn say(&self, text: impl Display) {
         if self.bar.message().is_empty() {
-            set_style(&self.bar, self.label, self.unit, "\n  {wide_msg}", &self.before);
+            set_style(&self.bar, [self.label, self.unit, "\n  {wide_msg}"], &self.before, &self.cost);
         }
         self.bar.set_message(text.to_string());
     }
@@ -155,13 +175,13 @@ impl Drop for Progress {
 }
 
 /// A bar, and `more` behind its line.
-fn set_style(bar: &ProgressBar, label: &str, unit: &str, more: &str, before: &Arc<AtomicU64>) {
-    let before = Arc::clone(before);
+fn set_style(bar: &ProgressBar, [label, unit, more]: [&str; 3], before: &Arc<AtomicU64>, cost: &Cost) {
+    let (before, cost) = (Arc::clone(before), Arc::clone(cost));
     let rate = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
         let (done, total) = (state.pos(), state.len().unwrap_or(0));
         let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: state.elapsed() };
         // A line that cannot be made is a line less.
-        let _ = write!(out, "{}{}", pace.rate(), pace.left_text());
+        let _ = write!(out, "{}{}", pace.rate(), pace.left_text(&cost));
     };
     let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{pace}}{more}");
     // A template that does not parse would leave indicatif's own bar.
@@ -178,19 +198,26 @@ pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context:
 }
 
 /// A line of a log file.
-fn heartbeat(label: &str, unit: &str, bar: &ProgressBar, before: &AtomicU64) -> String {
+fn heartbeat([label, unit]: [&str; 2], bar: &ProgressBar, before: &AtomicU64, cost: &Cost) -> String {
     let (done, total) = (bar.position(), bar.length().unwrap_or(0));
     let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: bar.elapsed() };
     let said = bar.message();
     let more = if said.is_empty() { said } else { format!(", {said}") };
-    format!("{label}: {done}/{total} {unit}, {}{}{more}", pace.rate(), pace.left_text())
+    format!("{label}: {done}/{total} {unit}, {}{}{more}", pace.rate(), pace.left_text(cost))
 }
 
-/// Does `beat` at every interval until the other end of `wait` is gone.
-fn every(interval: Duration, wait: &mpsc::Receiver<()>, mut beat: impl FnMut()) {
-    while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(interval) {
+/// Does `beat` after the first interval and then at each of the second until the other end of `wait` is gone.
+fn every([first, interval]: [Duration; 2], wait: &mpsc::Receiver<()>, mut beat: impl FnMut()) {
+    let mut next = first;
+    while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(next) {
         beat();
+        next = interval;
     }
+}
+
+/// Tells what a run does, in its first line.
+pub(super) fn tell_run(text: impl Display) {
+    line(text.to_string().replace(char::is_control, " "));
 }
 
 /// Tells something that the user would not expect, such as what was left out and why.
@@ -230,29 +257,32 @@ mod tests {
     /// "84,490/s, 0s left" was said of hours.
     #[test]
     fn what_is_left_is_told_when_it_is_known() {
-        assert_eq!(pace(0, 100, 60.0).left(), None);
-        assert_eq!(pace(16, 30_000, 60.0).left(), None);
-        assert_eq!(pace(50, 100, 1.0).left(), None);
-        assert_eq!(pace(25, 100, 10.0).left(), Some(Duration::from_secs(30)));
-        assert_eq!(pace(100, 100, 10.0).left(), Some(Duration::ZERO));
-        // More than was thought to be all.
-        assert_eq!(pace(120, 100, 10.0).left(), Some(Duration::ZERO));
-        assert_eq!(pace(1, 0, 10.0).left(), Some(Duration::ZERO));
-        assert_eq!(pace(25, 100, 10.0).left_text(), ", 30 seconds left");
-        assert_eq!(pace(0, 100, 9.0).left_text(), "");
+        let same: Cost = Arc::new(|_| 1.0);
+        let left = |pace: Pace| pace.left(&same).map(|left| left.as_millis());
+        assert_eq!([pace(0, 100, 60.0), pace(16, 30_000, 60.0), pace(50, 100, 1.0)].map(left), [None; 3]);
+        // At the end, and where more is done than was thought to be all.
+        let known = [pace(25, 100, 10.0), pace(100, 100, 10.0), pace(120, 100, 10.0), pace(1, 0, 10.0)];
+        assert_eq!(known.map(left), [30_000, 0, 0, 0].map(Some));
+        assert_eq!([pace(25, 100, 10.0), pace(0, 100, 9.0)].map(|p| p.left_text(&same)), [", 30 seconds left", ""]);
+        // The second half takes three times as long: a quarter of the steps is an eighth of the work.
+        let more: Cost = Arc::new(|part| if part < 0.5 { 1.0 } else { 3.0 });
+        let far = pace(25, 100, 10.0).left(&more).unwrap().as_secs_f64();
+        assert!((far - 70.0).abs() < 1.0, "{far}");
     }
 
     /// "1112685/s" was said of a joint phase that went on after Gaussians had been placed.
     #[test]
     fn what_was_done_before_makes_nobody_faster() {
         let pace = |done| Pace { before: 600, ..pace(done, 1000, 10.0) };
-        assert_eq!((pace(600).rate(), pace(600).left()), ("–/s".into(), None));
-        assert_eq!((pace(700).rate(), pace(700).left()), ("10.0/s".into(), Some(Duration::from_secs(30))));
+        let same: Cost = Arc::new(|_| 1.0);
+        let left = |pace: &Pace| pace.left(&same).map(|left| left.as_secs_f64().round());
+        assert_eq!((pace(600).rate(), left(&pace(600))), ("–/s".into(), None));
+        assert_eq!((pace(700).rate(), left(&pace(700))), ("10.0/s".into(), Some(30.0)));
         let bar = Progress::new("joining", "steps", 1000);
         bar.goes_on_from(600);
         bar.set_of(601, 1000);
         thread::sleep(Duration::from_millis(20));
-        let said = heartbeat("joining", "steps", &bar.bar, &bar.before);
+        let said = heartbeat(["joining", "steps"], &bar.bar, &bar.before, &bar.cost);
         let rate = said.strip_prefix("joining: 601/1000 steps, ").and_then(|said| said.strip_suffix("/s"));
         // One in 20 ms or more.
         assert!(rate.and_then(|rate| rate.parse::<f64>().ok()).is_some_and(|rate| rate <= 50.0), "{said}");
@@ -274,9 +304,9 @@ mod tests {
         bar.set_message("loss 0.5");
         let shown = bar.clone();
         let thread = thread::spawn(move || {
-            let before = AtomicU64::new(0);
-            every(Duration::from_millis(1), &wait, || {
-                drop(sender.send(heartbeat("joining", "steps", &shown, &before)))
+            let (before, cost): (_, Cost) = (AtomicU64::new(0), Arc::new(|_| 1.0));
+            every([Duration::from_millis(1); 2], &wait, || {
+                drop(sender.send(heartbeat(["joining", "steps"], &shown, &before, &cost)))
             });
         });
         for _ in 0..3 {

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::CameraPath,
+    data::{CameraPath, SceneFile},
     pipelines::{
         layers::{Layer, Layers},
         render::{RenderOptions, Rendered},
@@ -131,7 +131,8 @@ struct Written<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let scene = self.lenient.open(&self.scene)?;
+        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;
+        let (photos, draw) = (self.photos.like(trained_with, &self.scene), self.draw.like(trained_with, &self.scene));
         let path = self.scene.display();
         match (&scene.supplement, self.what) {
             (None, What::Specular) if scene.base.sh_degree == 0 => {
@@ -141,7 +142,7 @@ impl Args {
             (None, What::Base) => note(format!("{path} has no supplement: its base is all there is")),
             _ => {}
         }
-        let (shots, inputs) = self.shots()?;
+        let (shots, inputs) = self.shots(&photos)?;
         let names = shots.iter().map(|shot| &shot.file[..]);
         self.replace.check_files(&self.output, names, &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
@@ -150,7 +151,7 @@ impl Args {
             let options = RenderOptions {
                 depth: self.what == What::Depth,
                 centre_depth: self.centre_depth,
-                policy: self.draw.policy(),
+                policy: draw.policy(),
                 ..Default::default()
             };
             let mut layers = Layers::new(context, &scene, shots.iter().map(|shot| &shot.camera), options)?;
@@ -158,7 +159,7 @@ impl Args {
             let mut written = Vec::with_capacity(shots.len());
             for Shot { name, camera, file } in &shots {
                 let path = self.output.join(file);
-                self.view(&mut layers, camera)?.write(&path, self.format)?;
+                self.view(&mut layers, camera, photos.background())?.write(&path, self.format)?;
                 written.push(Written { name, file: path.to_string_lossy().into_owned() });
                 progress.set(written.len() as u64);
             }
@@ -174,7 +175,7 @@ impl Args {
     }
 
     /// What is rendered, and what is read for it.
-    fn shots(&self) -> Result<(Vec<Shot>, Inputs)> {
+    fn shots(&self, photos: &PhotoArgs) -> Result<(Vec<Shot>, Inputs)> {
         let extension = if self.format == Format::Png { "png" } else { "exr" };
         let inputs = Inputs::default().scene(&self.scene);
         if let Some(path) = &self.path {
@@ -188,7 +189,7 @@ impl Args {
         let Some(dataset) = &self.dataset else {
             return Err(Error::Usage("a dataset or --path is needed, whose cameras are used".into()));
         };
-        let dataset = self.photos.open(dataset)?;
+        let dataset = photos.open(dataset)?;
         // Over all photos, so that a photo's file has the same name whatever the split.
         let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
         let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
@@ -200,8 +201,8 @@ impl Args {
         Ok((shots.collect(), inputs.dataset(&dataset)))
     }
 
-    fn view(&self, layers: &mut Layers, camera: &Camera) -> Result<Picture> {
-        let mut render = |layer| layers.render(layer, camera, self.photos.background);
+    fn view(&self, layers: &mut Layers, camera: &Camera, background: [f32; 3]) -> Result<Picture> {
+        let mut render = |layer| layers.render(layer, camera, background);
         let Rendered { width, height, color, transmittance, depth } =
             render(if self.what == What::Base { Layer::Base } else { Layer::Whole })?;
         let content = match self.what {

@@ -115,10 +115,15 @@ impl Args {
                 Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into()
             );
         }
-        let scenes = self.scenes.iter().map(|named| self.lenient.open(&named.path)).collect::<Result<Vec<_>>>()?;
+        let files = self.scenes.iter().map(|named| self.lenient.open_file(&named.path)).collect::<Result<Vec<_>>>()?;
+        // The first that says something counts, and the others are told to contradict it.
+        let (mut photos, mut draw) = (self.photos.clone(), self.draw);
+        for (file, Named { path, .. }) in files.iter().zip(&self.scenes) {
+            (photos, draw) = (photos.like(file.trained_with, path), draw.like(file.trained_with, path));
+        }
         let told = self.run.iter().map(|path| read_run(path, &self.scenes)).collect::<Result<Vec<_>>>()?;
         let history = self.history.iter().map(read_history).collect::<Result<Vec<_>>>()?.concat();
-        let dataset = self.photos.open(&self.dataset)?;
+        let dataset = photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         let read = self.scenes.iter().map(|named| &named.path).chain(&self.history).chain(&self.run);
         let inputs = read.fold(Inputs::default().dataset(&dataset), |inputs, path| inputs.scene(path));
@@ -126,10 +131,10 @@ impl Args {
         self.replace.make_folder(&self.output, &inputs)?;
         let sizes = self.scenes.iter().map(|Named { path, .. }| fs::metadata(path).map_err(|e| Error::io(path, e)));
         let sizes = sizes.map(|found| found.map(|found| found.len())).collect::<Result<Vec<_>>>()?;
-        let scenes = self.scenes.iter().zip(&scenes).zip(sizes);
+        let scenes = self.scenes.iter().zip(&files).zip(sizes);
         let scenes: Vec<Shown> =
-            scenes.map(|((named, scene), bytes)| Shown { name: &named.name, scene, bytes }).collect();
-        let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
+            scenes.map(|((named, file), bytes)| Shown { name: &named.name, scene: &file.scene, bytes }).collect();
+        let options = RenderOptions { policy: draw.policy(), ..Default::default() };
         let compared =
             self.device.with(|context| Ok(compare(context, &scenes, &photos, options, dataset.background)?))?;
         compared.write(&self.output, &self.dataset.display().to_string(), &history, &told)?;

@@ -14,15 +14,16 @@ use super::{
     deadline::{Deadline, FIRST, MOST, Plan, duration},
     history::{History, Moment},
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, NOTHING, photos_json},
+    kept::{KeepArgs, Kept, photos_json},
     lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, learned, note},
+    tell_run,
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, Split, gaussian_bytes, write_scene},
+    data::{Dataset, Photo, SceneFile, Split, TrainedWith, gaussian_bytes, write_scene_file},
     pipelines::{
         checkpoint::Clock,
         density::{DensityOptions, Strategy},
@@ -49,9 +50,8 @@ Gaussians start at the dataset's sparse points, or at random points if there are
 photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
 
 What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command with --resume goes on from there, gives the same scene as an uninterrupted run, and removes it in the end. \
-With --time it goes on for the time that was left. Where there is no output yet it goes on without --resume as well. With other options \
---force begins anew, and keeps the checkpoint as base.checkpoint.safetensors.old.
+base.ply). The same command resumes there, gives the same scene as an uninterrupted run, and removes it in the end. \
+With --time it goes on for the time that was left. --restart begins anew and renames the checkpoint to base.checkpoint.safetensors.old.
 
 --eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
 and base.history/step-NNNNNN.png: the first test photo, its render and their error.
@@ -59,7 +59,6 @@ and base.history/step-NNNNNN.png: the first test photo, its render and their err
 Examples:
   glint train garden -o base.ply
   glint train garden -o base.ply --time 5m --gaussians 300000
-  glint train garden -o base.ply --resume               # after Ctrl-C or a kill
   glint train garden -o base.ply --eval-every 1000
   glint train garden -o base.ply --exposure
   glint train garden -o better.ply --init base.ply --iterations 7000
@@ -74,8 +73,6 @@ const WRITTEN_PER_SECOND: f64 = 2e8;
 const SCORE_BYTES: u64 = 4 * SCORES as u64;
 /// A request for more Gaussians than this is compared with the device's memory before anything is allocated.
 const MANY: u32 = 1 << 20;
-/// What takes the place of the output's extension.
-const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Train a base scene on photos
 // Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
@@ -250,20 +247,24 @@ impl Args {
         self.check_color()?;
         let sh_degree = self.degree();
         let began = Instant::now();
-        let mut dataset = self.photos.open(&self.dataset)?;
+        let init = self.init_scene()?;
+        let (mut photo_args, mut draw) = (self.photos.clone(), self.draw);
+        if let (Some(file), Some(path)) = (&init, &self.init) {
+            (photo_args, draw) = (photo_args.like(file.trained_with, path), draw.like(file.trained_with, path));
+        }
+        let policy = draw.policy();
+        let exposure = self.exposure.then_some(true);
+        let trained_with = TrainedWith { exposure, ..photo_args.trained_with(policy.compensate) };
+        let mut dataset = photo_args.open(&self.dataset)?;
         self.check_asked(&dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
         if let Some(init) = &self.init {
             inputs = inputs.scene(init);
         }
-        let checkpoint = self.output.with_extension(CHECKPOINT);
-        if self.keep.resume && !checkpoint.exists() {
-            return Err(Error::input(checkpoint, NOTHING).into());
-        }
-        // What stands beside its checkpoint is this run's.
-        self.replace.or(self.keep.resume).check_ply(&self.output, &inputs)?;
+        let replace = self.replace.or(KeepArgs::owns(&self.output));
+        replace.check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
-        let mut first = self.first(&mut dataset)?;
+        let mut first = self.first(&mut dataset, init)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let (count, begins) = (first.gaussians.len(), first.begins);
@@ -283,7 +284,7 @@ impl Args {
         let run = Watched {
             device: &self.device,
             dataset: &dataset,
-            policy: self.draw.policy(),
+            policy,
             background: dataset.background,
             output: &self.output,
         };
@@ -302,7 +303,7 @@ impl Args {
             check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
             let mut session = {
                 let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, self.draw.policy(), cameras, (background, extent, seed))?
+                self.learn.session(context, policy, cameras, (background, extent, seed))?
             };
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
@@ -333,7 +334,9 @@ impl Args {
             let model = Model::upload_around(context, views.origin, &scene, room)?;
             // For --json and -v.
             let timed = self.json || tracing::enabled!(tracing::Level::INFO);
-            let training = Progress::new("training", "steps", iterations.into());
+            let whole = options(1);
+            let cost = move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part));
+            let training = Progress::of_cost("training", "steps", iterations.into(), cost);
             let started = Instant::now();
             let settings = self.settings(
                 &photos,
@@ -343,8 +346,8 @@ impl Args {
                 &options(iterations),
                 &control,
             )?;
-            let mut kept = Kept::new(checkpoint, settings, self.keep.every()).demanded(self.keep.resume);
-            let found = kept.find(|path, why| self.replace.put_aside(path, why))?;
+            let mut kept = Kept::new(&self.output, settings, &self.keep, trained_with);
+            let found = kept.find()?;
             let clock = found.as_ref().and_then(|found| found.clock);
             if let Some(Clock { total, .. }) = clock {
                 iterations = total;
@@ -360,20 +363,24 @@ impl Args {
             let deadline = self.time.map(|time| self.deadline(time, began, control.limit, goes_on));
             let mut deadline = deadline.transpose()?;
             if let (Some(deadline), Some(time)) = (&mut deadline, self.time) {
-                let whole = options(1);
-                deadline.costs(move |part| step_cost(halvings_at(whole.part_of(part), halvings), control.share(part)));
+                deadline.costs(cost);
                 trainer.submit_at_most(time / SUBMISSIONS);
             }
             let mut history =
-                test.map(|test| History::new(context, &self.output, test, background, seed, self.photos.holdout()));
+                test.map(|test| History::new(context, &self.output, test, background, seed, photo_args.holdout()));
             if let Some(history) = &mut history {
-                history.begin(found.as_ref().map(|_| had), &self.replace, &inputs)?;
+                history.begin(found.as_ref().map(|_| had), &replace, &inputs)?;
             }
             match &found {
                 Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
                 None => trainer.start(timed)?,
             }
             drop(found);
+            let length = match self.time {
+                Some(time) => format!("{} s", time.as_secs_f64()),
+                None => counted(iterations as usize, "step"),
+            };
+            tell_run("training", context, &photos, format_args!("{count} to {most} Gaussians, {length}"));
             training.goes_on_from(had.into());
             let interrupt = Interrupt::default();
             interrupt.listen()?;
@@ -398,7 +405,7 @@ impl Args {
                     let losses = trainer.losses(at.done);
                     let loss = pass_loss(&losses[losses.len().saturating_sub(photos.len())..]);
                     let bytes = scene.base.len() as u64 * gaussian_bytes(sh_degree, false);
-                    let options = RenderOptions { policy: self.draw.policy(), ..Default::default() };
+                    let options = RenderOptions { policy, ..Default::default() };
                     history.add(scene, Moment { step: at.taken, seconds, bytes, loss }, options)?;
                     let took = began.elapsed();
                     evaluating.set(evaluating.get() + took);
@@ -449,10 +456,10 @@ impl Args {
                 if interrupt.asked() {
                     kept.keep(|| keep(&mut trainer, at))?;
                 }
-                let scene = model.download()?;
-                gaussians = scene.base.len();
-                write_scene(&self.output, &scene)?;
-                if interrupt.asked() { Ok(()) } else { look(at, &trainer, &scene).map(drop) }
+                let file = SceneFile { trained_with, ..model.download()?.into() };
+                gaussians = file.scene.base.len();
+                write_scene_file(&self.output, &file)?;
+                if interrupt.asked() { Ok(()) } else { look(at, &trainer, &file.scene).map(drop) }
             };
             if let Err(error) = train() {
                 drop(training);
@@ -519,7 +526,7 @@ impl Args {
             if ended {
                 // With --time nobody knows how many there would have been.
                 let of = self.time.map_or(format!(" of {}", at.total), |_| String::new());
-                let goes_on = "the same command with --resume goes on";
+                let goes_on = "the same command resumes there";
                 let what =
                     format!("ended after {}{of} steps; {output} has what was learned in them, and {goes_on}", at.taken);
                 return Err(Failure::Interrupted(what));

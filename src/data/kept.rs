@@ -8,7 +8,9 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::Value;
 
+use super::scene_file::SceneFile;
 use super::tensors::{Tensor, Values, parse_tensors_about};
+use super::trained_with::TrainedWith;
 use crate::scene::layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, sh_planes};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
@@ -26,6 +28,9 @@ pub const LOBES: &str = "lobes";
 /// Where means count from: the words of x, y and z as float64, the lower one first.
 pub const ORIGIN: &str = "origin";
 
+/// What the scene in it is trained with, in what a checkpoint says of itself.
+pub const TRAINED_WITH: &str = "trained_with";
+
 /// Of a checkpoint's tensors and what it says of itself, but for its settings and this number.
 pub fn checksum(about: &Value, tensors: &BTreeMap<String, Tensor>) -> u32 {
     let number = |of: &Value| of.as_u64().unwrap_or_default();
@@ -34,6 +39,9 @@ pub fn checksum(about: &Value, tensors: &BTreeMap<String, Tensor>) -> u32 {
     if !about["clock"].is_null() {
         let [total, taken, milliseconds] = ["total", "taken", "milliseconds"].map(|key| number(&about["clock"][key]));
         hasher.update(format!("{total} {taken} {milliseconds}").as_bytes());
+    }
+    if !about[TRAINED_WITH].is_null() {
+        hasher.update(about[TRAINED_WITH].to_string().as_bytes());
     }
     for (name, Tensor { shape, values }) in tensors {
         hasher.update(format!("{name} {shape:?}").as_bytes());
@@ -52,7 +60,7 @@ pub fn origin_words(origin: DVec3) -> [u32; 6] {
 }
 
 /// The scene that a checkpoint's bytes hold. `path` is only named in errors.
-pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<Scene> {
+pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let (tensors, about) = parse_tensors_about(bytes, path)?;
     let about = about.and_then(|text| serde_json::from_str::<Value>(&text).ok()).unwrap_or_default();
     let fail = |what: &str| Error::input(path, what);
@@ -82,7 +90,9 @@ pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<Scene> {
         false => None,
     };
     let supplement = supplement.map(|(gaussians, lobes)| Supplement { gaussians, lobes });
-    Ok(Scene { base, supplement: supplement.filter(|supplement| !supplement.gaussians.is_empty()), origin })
+    let supplement = supplement.filter(|supplement| !supplement.gaussians.is_empty());
+    let trained_with = TrainedWith::from_json(&about[TRAINED_WITH]);
+    Ok(SceneFile { trained_with, ..Scene { base, supplement, origin }.into() })
 }
 
 /// The tensors of a checkpoint.
@@ -182,7 +192,7 @@ mod tests {
     fn the_scene_of_a_checkpoint_has_the_numbers_that_were_kept() {
         let read = |tensors: &_| {
             let about = json!({"step": 5, "clock": {"total": 9, "taken": 70, "milliseconds": 4}, "settings": {}});
-            parse_kept(&bytes_of(tensors, about), Path::new("x")).unwrap()
+            parse_kept(&bytes_of(tensors, about), Path::new("x")).unwrap().scene
         };
         for (degree, supplement) in [(0, 0), (3, 4), (BETAS, 0)] {
             let scene = random_scene(1, 7, supplement, degree);

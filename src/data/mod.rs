@@ -53,6 +53,7 @@ mod sound;
 pub mod srgb;
 #[cfg(feature = "train")]
 pub mod tensors;
+mod trained_with;
 #[cfg(feature = "train")]
 mod transforms;
 #[cfg(feature = "train")]
@@ -75,7 +76,7 @@ pub use kind::Kind;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
 #[cfg(feature = "train")]
-pub use ply_write::{gaussian_bytes, scene_bytes, write_augmented, write_scene};
+pub use ply_write::{gaussian_bytes, scene_bytes, write_scene};
 pub use points::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use reduce::Reduce;
@@ -93,6 +94,7 @@ pub(crate) use sound::make_finite;
 pub use sound::{Dropped, check_scene};
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
+pub use trained_with::TrainedWith;
 #[cfg(feature = "train")]
 pub use write::{
     to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,

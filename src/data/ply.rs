@@ -218,8 +218,8 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
     let ply = Ply::parse(bytes, path)?;
     #[cfg(feature = "formats")]
     if super::formats::is_packed(&ply) {
-        let base = super::formats::unpack(&ply, path)?;
-        return Ok(Scene { base, supplement: None, origin: ply.origin }.into());
+        let scene = Scene { base: super::formats::unpack(&ply, path)?, supplement: None, origin: ply.origin };
+        return Ok(SceneFile { trained_with: ply.trained_with, ..scene.into() });
     }
     if let Some(kind) = describe_non_splats(&ply) {
         return Err(fail(format!("is {kind}, not a 3DGS PLY")));
@@ -272,7 +272,7 @@ pub(super) fn parse_rows(bytes: &[u8], path: &Path) -> Result<SceneFile> {
             "positions are `double` and lie far from the world's origin: they are read to count from ({x}, {y}, {z})"
         ));
     }
-    Ok(SceneFile { shown, notes, ..scene.into() })
+    Ok(SceneFile { shown, trained_with: ply.trained_with, notes, ..scene.into() })
 }
 
 /// What a PLY without a single splat property seems to be.
@@ -297,6 +297,7 @@ mod tests {
 
     use proptest::prelude::*;
 
+    use super::super::ply_write::write_file;
     use super::*;
     use crate::data::ply_write::*;
     use crate::data::points::parse_points;
@@ -505,6 +506,10 @@ mod tests {
         );
         let fewer = Scene { base: gaussians(2, 2, 0.5), ..Default::default() };
         assert!(write_augmented(&path, &original.base, &fewer).unwrap_err().to_string().contains("begin with"));
+    }
+
+    fn write_augmented(path: &Path, shown: &Gaussians, scene: &Scene) -> Result<()> {
+        write_file(path, &SceneFile { shown: Some(shown.clone()), ..scene.clone().into() })
     }
 
     /// As a reader sees it that takes one element and no comments.

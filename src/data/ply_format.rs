@@ -7,7 +7,7 @@
 //! in comments: `comment glint element NAME ROWS` and `comment glint property TYPE NAME` say what they would say without the first two
 //! words. A tool that keeps comments and drops the block leaves a sound file.
 //!
-//! `comment origin X Y Z` says where in the world the positions begin, in decimal numbers.
+//! `comment origin X Y Z` says where in the world the positions begin, in decimal numbers; for others see `trained_with`.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -15,6 +15,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::kind::Kind;
+use super::trained_with::TrainedWith;
 use crate::{Error, Result};
 
 /// A header longer than this is not one: splats of SH degree 3 need 1.6 KB.
@@ -141,11 +142,18 @@ impl Element {
     }
 }
 
-/// The comment that [`Ply::origin`] comes from; none for the world's origin.
+/// The comments that [`Ply::origin`] and [`Ply::trained_with`] come from; none for the world's origin.
 #[cfg(feature = "train")]
-pub(super) fn write_origin(out: &mut impl std::io::Write, origin: DVec3) -> std::io::Result<()> {
+pub(super) fn write_comments(
+    out: &mut impl std::io::Write,
+    origin: DVec3,
+    trained_with: &TrainedWith,
+) -> std::io::Result<()> {
     let [x, y, z] = origin.to_array();
-    if origin == DVec3::ZERO { Ok(()) } else { writeln!(out, "comment origin {x} {y} {z}") }
+    if origin != DVec3::ZERO {
+        writeln!(out, "comment origin {x} {y} {z}")?;
+    }
+    trained_with.write_comments(out)
 }
 
 /// A parsed header and the bytes after it.
@@ -155,6 +163,7 @@ pub(super) struct Ply<'a> {
     pub(super) elements: Vec<Element>,
     /// What positions count from: `comment origin X Y Z`.
     pub(super) origin: DVec3,
+    pub(super) trained_with: TrainedWith,
     body: &'a [u8],
 }
 
@@ -165,7 +174,7 @@ impl<'a> Ply<'a> {
         if Kind::of(bytes, path) != Kind::Ply {
             return Err(fail(format!("is {}, not a PLY", Kind::of(bytes, path))));
         }
-        let (mut encoding, mut origin) = (None, DVec3::ZERO);
+        let (mut encoding, mut origin, mut trained_with) = (None, DVec3::ZERO, TrainedWith::default());
         let mut elements: Vec<Element> = Vec::new();
         // Of the elements, and of the properties of the last one: a megabyte of header has a hundred thousand.
         let (mut names, mut property_names) = (HashSet::new(), HashSet::new());
@@ -193,7 +202,8 @@ impl<'a> Ply<'a> {
                         origin = DVec3::new(x, y, z);
                     }
                 }
-                ["comment" | "obj_info", ..] => {}
+                ["comment", ref words @ ..] => trained_with.read_comment(words),
+                ["obj_info", ..] => {}
                 ["format", kind, "1.0"] => {
                     encoding = Some(match kind {
                         "ascii" => Encoding::Ascii,
@@ -247,7 +257,7 @@ impl<'a> Ply<'a> {
         }
         // Wherever a tool has put the comments, the block is the last.
         elements.sort_by_key(|element| element.announced);
-        let mut ply = Ply { path, encoding, elements, origin, body: &bytes[at..] };
+        let mut ply = Ply { path, encoding, elements, origin, trained_with, body: &bytes[at..] };
         // guard: PLY: a block that is gone
         if ply.elements.iter().any(|element| element.announced) && ply.has_no_block() {
             ply.elements.retain(|element| !element.announced || element.rows == 0);

@@ -5,24 +5,29 @@ use std::path::Path;
 
 use super::atomic::write_whole;
 use super::ply::{ANNOUNCED, BASE, DC, FIXED, LEARNED, LOBE, SHAPE, SUPPLEMENT, beyond};
-use super::ply_format::write_origin;
+use super::ply_format::write_comments;
+use super::scene_file::SceneFile;
 use super::sound;
+use super::trained_with::TrainedWith;
 use crate::scene::{Gaussians, Lobes, Scene, layout};
 use crate::{Error, Result};
 
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
-    write_augmented(path, &scene.base, scene)
+    write(path.as_ref(), &scene.base, scene, &TrainedWith::default())
 }
 
-/// Writes `scene`, whose base begins with what became of `original`. Other viewers show `original`; [`super::read_scene`] gives `scene`.
-/// Both count from the scene's origin.
+/// The same of a scene whose base begins with what became of what others show: they find that, [`super::read_scene`] gives the scene. Both
+/// count from the scene's origin.
 ///
 /// # Errors
-/// [`Error::Usage`] where the base has fewer Gaussians than `original`, or another SH degree, or a number that is not finite.
-pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Scene) -> Result<()> {
-    let path = path.as_ref();
+/// [`Error::Usage`] where the base has fewer Gaussians than what is shown, or another SH degree, or a number that is not finite.
+pub(super) fn write_file(path: &Path, file: &SceneFile) -> Result<()> {
+    write(path, file.shown.as_ref().unwrap_or(&file.scene.base), &file.scene, &file.trained_with)
+}
+
+fn write(path: &Path, original: &Gaussians, scene: &Scene, trained_with: &TrainedWith) -> Result<()> {
     let refuse = |what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display()));
     sound::check(scene).map_err(refuse)?;
     if original.len() > scene.base.len() || original.sh_degree != scene.base.sh_degree {
@@ -34,7 +39,7 @@ pub fn write_augmented(path: impl AsRef<Path>, original: &Gaussians, scene: &Sce
     let elements = [(BASE, Some(vertex)), (SUPPLEMENT, supplement), (LEARNED, learned)];
     write_whole(path, |file| {
         writeln!(file, "ply\nformat binary_little_endian 1.0")?;
-        write_origin(file, scene.origin)?;
+        write_comments(file, scene.origin, trained_with)?;
         for (name, rows) in &elements {
             let prefix = if *name == BASE { "" } else { ANNOUNCED };
             rows.iter().try_for_each(|rows| rows.write_header(file, prefix, name))?;

@@ -13,6 +13,7 @@ use super::ply;
 #[cfg(feature = "train")]
 use super::ply_write;
 use super::sound::{self, Dropped};
+use super::trained_with::TrainedWith;
 #[cfg(feature = "train")]
 use crate::scene::layout::colour_name;
 use crate::scene::{Gaussians, Scene, layout::BETAS};
@@ -33,15 +34,15 @@ pub struct SceneFile {
     pub scene: Scene,
     /// The base for other viewers, where it is not that of the scene.
     pub shown: Option<Gaussians>,
-    /// Whether the file says that Gaussians smaller than a pixel are to be faded (see `Policy::compensate`).
-    pub antialiased: bool,
+    /// What it was trained with, as far as the file says.
+    pub trained_with: TrainedWith,
     /// What was read in another way than it looks, or not read although it changes the picture: a sentence each.
     pub notes: Vec<String>,
 }
 
 impl From<Scene> for SceneFile {
     fn from(scene: Scene) -> Self {
-        SceneFile { scene, shown: None, antialiased: false, notes: Vec::new() }
+        SceneFile { scene, shown: None, trained_with: TrainedWith::default(), notes: Vec::new() }
     }
 }
 
@@ -50,7 +51,7 @@ impl SceneFile {
     pub fn into_base(self) -> SceneFile {
         let origin = self.scene.origin;
         let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None, origin };
-        SceneFile { antialiased: self.antialiased, ..scene.into() }
+        SceneFile { trained_with: self.trained_with, ..scene.into() }
     }
 }
 
@@ -98,7 +99,7 @@ impl SceneFormat {
         matches!(self, SceneFormat::Ply | SceneFormat::Gltf)
     }
 
-    /// Whether the file says where in the world its coordinates begin ([`Scene::origin`]).
+    /// Whether the file says where in the world its coordinates begin ([`Scene::origin`]) and what it was trained with.
     pub fn keeps_origin(self) -> bool {
         !matches!(self, SceneFormat::Spz { .. } | SceneFormat::Splat)
     }
@@ -130,8 +131,8 @@ pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<
 
 #[cfg(feature = "train")]
 /// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all. Returns what the
-/// format changes that nobody would expect, a sentence each: positions on a coarse grid, floaters that were moved, an origin that is not
-/// kept ([`SceneFormat::keeps_origin`]).
+/// format changes that nobody would expect, a sentence each: positions on a coarse grid, floaters that were moved, an origin or
+/// settings that are not kept ([`SceneFormat::keeps_origin`]).
 ///
 /// # Errors
 /// [`Error::Usage`] where the format has no room for the supplement that the scene has or for a number, and where a number is not finite.
@@ -140,7 +141,7 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
     let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
     let Scene { base, supplement, origin } = &file.scene;
     if format == SceneFormat::Ply {
-        ply_write::write_augmented(path, file.shown.as_ref().unwrap_or(base), &file.scene)?;
+        ply_write::write_file(path, file)?;
         return Ok(Vec::new());
     }
     if let (Some(supplement), false) = (supplement, format.keeps_lobes()) {
@@ -160,20 +161,28 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
             "positions count from ({x}, {y}, {z}), which this format does not keep; .ply, .glb and .sog do"
         ));
     }
+    let lost = file.trained_with.options_beyond(matches!(format, SceneFormat::Spz { .. }));
+    if !format.keeps_origin() && !lost.is_empty() {
+        let options = lost.join(" ");
+        notes.push(format!(
+            "what it was trained with is not kept: give {options} to glint; .ply, .glb and .sog keep it"
+        ));
+    }
     Ok(notes)
 }
 
 #[cfg(feature = "formats")]
 fn write_other(path: &Path, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
     use super::{atomic::write_whole, formats};
-    let Scene { base, origin, .. } = &file.scene;
+    let base = &file.scene.base;
+    let antialiased = file.trained_with.antialiased == Some(true);
     let (bytes, notes) = match format {
-        SceneFormat::Ply => return ply_write::write_scene(path, &file.scene).map(|()| Vec::new()),
-        SceneFormat::PackedPly => formats::write_packed_ply(base, *origin),
+        SceneFormat::Ply => return ply_write::write_file(path, file).map(|()| Vec::new()),
+        SceneFormat::PackedPly => formats::write_packed_ply(file),
         SceneFormat::Gltf => (formats::write_gltf(file, path)?, Vec::new()),
-        SceneFormat::Sog => (formats::write_sog(base, *origin, file.antialiased, path)?, Vec::new()),
+        SceneFormat::Sog => (formats::write_sog(file, path)?, Vec::new()),
         SceneFormat::Splat => (formats::write_splat(base), Vec::new()),
-        SceneFormat::Spz { version } => formats::write_spz(base, file.antialiased, version, path)?,
+        SceneFormat::Spz { version } => formats::write_spz(base, antialiased, version, path)?,
     };
     write_whole(path, |out| out.write_all(&bytes))?;
     Ok(notes)
@@ -276,7 +285,7 @@ fn parse_as_it_is(bytes: &[u8], path: &Path) -> Result<(SceneFile, bool)> {
     match kind {
         Kind::Ply => Ok((ply::parse_rows(bytes, path)?, true)),
         #[cfg(feature = "train")]
-        Kind::Safetensors => Ok((super::kept::parse_kept(bytes, path)?.into(), false)),
+        Kind::Safetensors => Ok((super::kept::parse_kept(bytes, path)?, false)),
         kind => Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice()))),
     }
 }
@@ -290,13 +299,15 @@ fn parse_other(kind: Kind, bytes: &[u8], folder: Option<&Path>, path: &Path) -> 
         Kind::Splat => plain(formats::parse_splat(bytes, path)?),
         Kind::Gltf => formats::parse_gltf(bytes, folder, path)?,
         Kind::Zip | Kind::Sog => {
-            let (base, origin, antialiased) = formats::parse_sog(bytes, folder, path)?;
-            SceneFile { antialiased, ..Scene { base, origin, ..Default::default() }.into() }
+            let (base, origin, trained_with) = formats::parse_sog(bytes, folder, path)?;
+            SceneFile { trained_with, ..Scene { base, origin, ..Default::default() }.into() }
         }
         // Version 3 and before are gzip data.
         Kind::Spz | Kind::Gzip => {
             let (base, antialiased) = formats::parse_spz(bytes, path)?;
-            SceneFile { antialiased, ..plain(base) }
+            // Programs that know nothing of it leave the flag unset.
+            let trained_with = TrainedWith { antialiased: antialiased.then_some(true), ..Default::default() };
+            SceneFile { trained_with, ..plain(base) }
         }
         _ => return Ok(None),
     }))

@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 
 use crate::{
     data::{
-        Kind,
-        kept::{ORIGIN, checksum, origin_words},
+        Kind, TrainedWith,
+        kept::{ORIGIN, TRAINED_WITH, checksum, origin_words},
         read_tensors_about,
         tensors::{Tensor, Values, ValuesRef},
         write_tensors_about,
@@ -42,6 +42,8 @@ pub struct Checkpoint {
     pub step: u32,
     /// Of a run that has a time; whoever keeps it says so.
     pub clock: Option<Clock>,
+    /// For whoever reads the scene in it; whoever keeps it says so.
+    pub trained_with: TrainedWith,
     tensors: BTreeMap<String, Tensor>,
 }
 
@@ -60,7 +62,7 @@ pub enum Found {
 
 impl Checkpoint {
     pub(super) fn new(step: u32) -> Self {
-        Checkpoint { step, clock: None, tensors: BTreeMap::new() }
+        Checkpoint { step, clock: None, trained_with: TrainedWith::default(), tensors: BTreeMap::new() }
     }
 
     /// Where the coordinates of the scene in it begin.
@@ -71,6 +73,18 @@ impl Checkpoint {
 
     pub(super) fn put(&mut self, name: String, shape: [usize; 2], values: Vec<f32>) {
         self.tensors.insert(name, Tensor { shape: shape.to_vec(), values: Values::F32(values) });
+    }
+
+    pub(super) fn put_words(&mut self, name: String, values: Vec<u32>) {
+        self.tensors.insert(name, Tensor { shape: vec![values.len()], values: Values::U32(values) });
+    }
+
+    /// The words of a tensor, if it is there.
+    pub(super) fn words(&self, name: &str) -> Option<&[u32]> {
+        match &self.tensors.get(name)?.values {
+            Values::U32(words) => Some(words),
+            Values::F32(_) => None,
+        }
     }
 
     /// Elements of the last dimension of a tensor: Gaussians, where it holds their planes.
@@ -91,6 +105,9 @@ impl Checkpoint {
     /// Writes it whole or not at all. `settings` is everything that the run depends on.
     pub fn write(&self, path: &Path, settings: &Value) -> Result<()> {
         let mut about = json!({"step": self.step, "clock": self.clock, "settings": settings});
+        if !self.trained_with.is_unknown() {
+            about[TRAINED_WITH] = json!(self.trained_with);
+        }
         about["crc32"] = checksum(&about, &self.tensors).into();
         let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], Borrowed(t))).collect();
         write_tensors_about(path, &list, Some(&about.to_string()))
@@ -135,7 +152,8 @@ impl Checkpoint {
         if about["crc32"].as_u64() != Some(checksum(&about, &tensors).into()) {
             return damaged("is damaged: its checksum is another");
         }
-        Ok(Found::Sound(Checkpoint { step, clock, tensors }))
+        let trained_with = TrainedWith::from_json(&about[TRAINED_WITH]);
+        Ok(Found::Sound(Checkpoint { step, clock, trained_with, tensors }))
     }
 }
 
@@ -208,6 +226,8 @@ mod tests {
         }
 
         kept.clock = Some(Clock { total: 9, taken: 70, milliseconds: 1 << 40 });
+        kept.trained_with =
+            TrainedWith { background: Some([1.0, 0.5, 0.25]), max_size: Some(56), ..Default::default() };
         kept.write(&path, &settings).unwrap();
         assert!(matches!(find(&settings), Found::Sound(found) if found == kept));
 

@@ -124,7 +124,7 @@ impl EnhanceOptions {
 pub enum Event {
     /// The base was rendered in every view; how many 2D Gaussians each may have is known.
     Base,
-    /// A batch of views is next. [`Enhancer::resume`] may now give what an earlier run lifted from it.
+    /// A batch of views is next. [`Enhancer::resume`] may now give what an earlier run lifted from it ([`kept_lifts`]).
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
@@ -225,6 +225,8 @@ pub struct Enhancer {
     lift: LiftPhase,
     next: Next,
     lifted: Option<Lifted>,
+    /// Of [`Method::Augs`]: what each batch was lifted to, for checkpoints.
+    lifts: Vec<(Range<usize>, Vec<Lift>)>,
     base_losses: Vec<f64>,
     budgets: Vec<u32>,
     refined: u32,
@@ -284,6 +286,7 @@ impl Enhancer {
             worse_alone: false,
             next: Next::Base,
             lifted: None,
+            lifts: Vec::new(),
             base_losses: Vec::new(),
             budgets: Vec::new(),
             refined: 0,
@@ -301,6 +304,11 @@ impl Enhancer {
     /// The scene as it is by now, which what is on its way may still change.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Of the base in each view, once [`Event::Base`] has told of it: 0.8 L1 + 0.2 (1 − SSIM).
+    pub fn base_losses(&self) -> &[f64] {
+        &self.base_losses
     }
 
     /// Goes on until there is something to tell; `None` once all is done. `views` are those that it was made for.
@@ -428,7 +436,9 @@ impl Enhancer {
                     self.times.screen += started.elapsed();
                     let started = Instant::now();
                     let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
-                    self.lifted = Some(self.lift.lift(refiner, views, unit, &mut self.model)?);
+                    let lifted = self.lift.lift(refiner, views, unit, &mut self.model)?;
+                    self.lifts.push((range.clone(), lifted.lifts.clone()));
+                    self.lifted = Some(lifted);
                     self.times.lift += started.elapsed();
                     self.next = Next::Batch(batch + 1);
                     return Ok(Some(Event::Lifted { views: range }));
@@ -467,19 +477,24 @@ impl Enhancer {
         let Next::Screen(batch) = self.next else {
             return Err(Error::Usage("lifts are taken up when a batch is about to begin".into()));
         };
-        self.resumed += self.batch(batch).map_or(0, |(_, views)| views.len());
+        let views = self.batch(batch).map_or(0..0, |(_, views)| views);
+        self.resumed += views.len();
         self.refined += lifts.len() as u32;
         self.lift.append_lifts(lifts, &mut self.model)?;
+        self.lifts.push((views, lifts.to_vec()));
         self.next = Next::Batch(batch + 1);
         Ok(())
     }
 
-    /// When the joint phase is about to begin: goes on from where [`Enhancer::checkpoint`] left off. Waits.
+    /// When the joint phase is about to begin: goes on from where [`Enhancer::checkpoint`] left off, if that was in this phase. Waits.
     ///
     /// # Errors
     /// [`Error::Usage`] where the checkpoint is of another scene or schedule, upon which the phase can still begin anew.
     pub fn resume_join(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
+        if checkpoint.step == 0 {
+            return Ok(());
+        }
         if self.options.method == Method::Augs {
             return trainer.resume(&self.model, checkpoint, true);
         }
@@ -501,12 +516,20 @@ impl Enhancer {
         trainer.lately(step, views.cameras.len())
     }
 
-    /// What the joint phase has learned so far. Waits; it can go on.
+    /// What there is to go on from: the lifts of whole batches, and what the joint phase has learned so far. Waits; it can go on.
     pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
-        let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
-        let mut checkpoint = trainer.checkpoint(&self.model, views)?;
-        if self.options.method == Method::Pursuit {
-            checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.placed.len() as f32]);
+        let mut checkpoint = match &mut self.next {
+            Next::Join(trainer) => trainer.checkpoint(&self.model, views)?,
+            _ if self.lifts.is_empty() => return Err(not_joining()),
+            _ => Checkpoint::new(0),
+        };
+        match self.options.method {
+            Method::Pursuit => checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.placed.len() as f32]),
+            Method::Augs => {
+                for (views, lifts) in &self.lifts {
+                    checkpoint.put_words(batch_name(views), bytemuck::cast_slice(lifts).to_vec());
+                }
+            }
         }
         Ok(checkpoint)
     }
@@ -663,6 +686,17 @@ const PLACEMENTS: &str = "placements";
 /// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
 fn pause(steps: u32, done: u32, placements: u32) -> u32 {
     if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
+}
+
+/// What a batch of these views had been lifted to when [`Enhancer::checkpoint`] made this; `None` where it was not yet, or where a device
+/// with other batches made it.
+pub fn kept_lifts<'a>(checkpoint: &'a Checkpoint, views: &Range<usize>) -> Option<&'a [Lift]> {
+    bytemuck::try_cast_slice(checkpoint.words(&batch_name(views))?).ok()
+}
+
+/// Name of a batch's lifts in a checkpoint.
+fn batch_name(views: &Range<usize>) -> String {
+    format!("lifts.{}-{}", views.start, views.end)
 }
 
 fn not_joining() -> Error {

@@ -39,5 +39,3 @@ pub mod steps;
 #[cfg(feature = "train")]
 pub mod train;
 pub mod views;
-#[cfg(feature = "train")]
-pub mod work;

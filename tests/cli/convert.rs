@@ -3,7 +3,7 @@
 use std::fs;
 
 use glint::{
-    data::{read_scene, read_scene_file, write_augmented, write_scene},
+    data::{SceneFile, read_scene, read_scene_file, write_scene, write_scene_file},
     reference::sample::random_scene,
     scene::Scene,
 };
@@ -109,7 +109,8 @@ fn lobes_are_kept_refused_or_left_out_when_asked() {
     let scene = visible(30);
     let mut shown = scene.base.clone();
     shown.opacities.iter_mut().for_each(|v| *v -= 1.0);
-    write_augmented(work.path("augmented.ply"), &shown, &scene).unwrap();
+    let file = SceneFile { shown: Some(shown.clone()), ..scene.clone().into() };
+    write_scene_file(work.path("augmented.ply"), &file).unwrap();
     for ending in ENDINGS {
         let out = format!("a.{ending}");
         if ["ply", "glb"].contains(&ending) {

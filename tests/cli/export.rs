@@ -43,5 +43,5 @@ fn pages_are_not_written_over_and_bad_input_is_named() {
     work.refused("export --html a.txt base.ply", &["a.txt", "a page", "a.html"]);
     work.refused("export --html b.html nowhere.ply", &["nowhere.ply"]);
     work.refused("export --html b.html base.ply nowhere", &["nowhere"]);
-    work.refused("export --html b.html data base.ply", &["base.ply"]);
+    work.refused("export --html b.html data base.ply", &["data", "the scene comes before the dataset"]);
 }

@@ -14,8 +14,7 @@ use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
 const TRAIN: &str = "train data --iterations 400 --sh-degree 1 --deterministic";
-const ENHANCE: &str =
-    "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic --work kept";
+const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic";
 
 impl Work {
     /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.
@@ -123,7 +122,7 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     // And a file that never was one is somebody's.
     fs::write(work.path(CHECKPOINT), "notes").unwrap();
     fs::remove_file(work.path("out.ply")).unwrap();
-    work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "--force begins anew"]);
+    work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "--restart begins anew"]);
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
@@ -147,9 +146,9 @@ fn a_checkpoint_is_a_scene() {
     let said = work.said(&format!("train data --init {CHECKPOINT} -o on.ply --iterations 2"));
     assert!(!said.contains("note: "), "{said}");
     // An augmentation keeps its base and what was placed.
-    let enhance = "enhance data --base copy.ply -o more.ply --ratio 0.2 --work kept";
-    work.killed(enhance, "kept/joint.safetensors");
-    let info = work.json("info kept/joint.safetensors --json");
+    let enhance = "enhance data --base copy.ply -o more.ply --ratio 0.2";
+    work.killed(enhance, "more.checkpoint.safetensors");
+    let info = work.json("info more.checkpoint.safetensors --json");
     assert!(info["base"]["count"].as_u64().unwrap() >= 300 && info["supplement"].is_object(), "{info}");
 
     let mut bytes = fs::read(work.path(CHECKPOINT)).unwrap();
@@ -167,27 +166,24 @@ fn a_checkpoint_is_a_scene() {
 fn a_second_run_to_one_place_is_refused() {
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
-    for (arguments, file, place) in [
-        (format!("{TRAIN} -o out.ply"), CHECKPOINT, "out.ply"),
-        (format!("{ENHANCE} -o out.ply"), "kept/joint.safetensors", "kept"),
-    ] {
+    for arguments in [format!("{TRAIN} -o out.ply"), format!("{ENHANCE} -o out.ply")] {
         let mut command = work.command(&format!("{arguments} --checkpoint-every 0"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        while !work.path(file).exists() {
+        while !work.path(CHECKPOINT).exists() {
             assert!(child.try_wait().unwrap().is_none());
             thread::sleep(Duration::from_millis(2));
         }
-        for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --resume")] {
+        for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --restart")] {
             let said = String::from_utf8(work.run(&second).stderr).unwrap();
             assert!(
-                said.contains("error: ") && said.contains(place) && said.contains("another run that is going on"),
+                said.contains("error: ") && said.contains("out.ply") && said.contains("another run that is going on"),
                 "{said}"
             );
         }
         child.kill().unwrap();
         run::finish(child);
         // A killed one holds nobody up.
-        work.ok(&format!("{arguments} --resume"));
+        work.ok(&arguments);
         fs::remove_file(work.path("out.ply")).unwrap();
     }
 }
@@ -274,7 +270,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(400, "--max-size 16"), "camera_crc32"),
         (train(400, "--holdout none"), "`photos."),
     ] {
-        work.refused(&command, &[CHECKPOINT, "another run", key, "--force begins anew"]);
+        work.refused(&format!("{command} --force"), &[CHECKPOINT, "another run", key, "--restart begins anew"]);
     }
     let points = work.path("data/sparse/0/points3D.txt");
     let text = fs::read_to_string(&points).unwrap();
@@ -287,75 +283,80 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     work.refused(&train(400, ""), &[CHECKPOINT, "`photos.d.png.pixels_crc32`"]);
     // Nobody's.
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
-    work.refused(&train(400, ""), &[CHECKPOINT, "--force"]);
+    work.refused(&train(400, ""), &[CHECKPOINT, "--restart"]);
 
     // What was begun stays, whoever begins anew.
     let somebodys = fs::read(work.path(CHECKPOINT)).unwrap();
     let old = format!("{CHECKPOINT}.old");
-    let said = work.said(&train(32, "--force"));
-    assert!(said.contains("the checkpoint of another run") && said.contains(&old), "{said}");
+    let said = work.said(&train(32, "--restart"));
+    assert!(said.contains("the checkpoint of the earlier run is now") && said.contains(&old), "{said}");
     assert!(fs::read(work.path(&old)).unwrap() == somebodys && !work.path(CHECKPOINT).exists());
 }
 
 #[test]
-fn resuming_wants_a_checkpoint_of_the_same_run_and_replaces_its_output_only() {
+fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
     let work = Work::new();
     work.ok(&format!("{TRAIN} -o whole.ply"));
-    let resume = format!("{TRAIN} -o out.ply --resume");
-    work.refused(&resume, &[CHECKPOINT, "is not there", "--resume"]);
-    // An output stands beside it, as Ctrl-C leaves it.
-    work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
-    fs::write(work.path("out.ply"), "what was learned until then").unwrap();
-    work.refused(&format!("{TRAIN} -o out.ply"), &["out.ply", "--force"]);
-    work.refused(&format!("{resume} --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
-    work.refused(&format!("{resume} --force --seed 1"), &[CHECKPOINT, "another run", "`options.seed`", "--resume"]);
-    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
-    fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
-    work.refused(&resume, &[CHECKPOINT]);
-    fs::write(work.path(CHECKPOINT), kept).unwrap();
-    let said = work.said(&resume);
-    assert!(said.contains("going on after step"), "{said}");
-    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
-    assert!(!work.path(CHECKPOINT).exists());
-    // The same of an augmentation.
-    work.refused("enhance data --base whole.ply -o more.ply --resume", &["--work"]);
-    work.refused("enhance data --base whole.ply -o more.ply --work kept --resume", &["settings.json", "is not there"]);
+    // An output stands beside its checkpoint, as Ctrl-C leaves it.
+    let ended = || {
+        work.killed(&format!("{TRAIN} -o out.ply --force"), CHECKPOINT);
+        fs::write(work.path("out.ply"), "what was learned until then").unwrap();
+    };
+    let whole = || fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap();
+    ended();
+    let said = work.said(&format!("{TRAIN} -o out.ply"));
+    assert!(said.contains("resuming after step") && said.contains("--restart"), "{said}");
+    assert!(whole() && !work.path(CHECKPOINT).exists());
+    // What is whole is another thing, and there is nothing to begin anew.
+    for options in ["", "--restart"] {
+        work.refused(&format!("{TRAIN} -o out.ply {options}"), &["out.ply", "is there already; --force replaces it"]);
+    }
+    ended();
+    let report = work.json(&format!("{TRAIN} -o out.ply --restart --json"));
+    assert!(report["iterations_resumed"] == 0 && whole(), "{report}");
+    assert_eq!(files(work.0.path()), ["data", "out.checkpoint.safetensors.old", "out.ply", "whole.ply"]);
 }
 
 #[test]
-fn a_joint_stage_that_was_killed_goes_on_to_the_same_bits() {
+fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
     work.ok(&format!("{ENHANCE} -o whole.ply"));
-    let whole = fs::read(work.path("whole.ply")).unwrap();
-    let listing = files(&work.path("kept"));
-    assert!(!listing.iter().any(|name| name.starts_with("joint")), "{listing:?}");
+    let whole = || fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap();
+    assert_eq!(files(work.0.path()), ["base.ply", "data", "whole.ply"]);
 
-    const JOINT: &str = "kept/joint.safetensors";
-    work.killed(&format!("{ENHANCE} -o out.ply"), JOINT);
-    let kept = fs::read(work.path(JOINT)).unwrap();
-    let output = work.run(&format!("{ENHANCE} -o out.ply --json"));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("going on after step"), "{said}");
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(report["photos_resumed"], 7);
-    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
-    assert_eq!(files(&work.path("kept")), listing);
+    // Once the photos' Gaussians are lifted, and then in the joint phase.
+    work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
+    let lifted = fs::read(work.path(CHECKPOINT)).unwrap();
+    work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
+    let kept = fs::read(work.path(CHECKPOINT)).unwrap();
+    assert!(kept.len() > lifted.len());
+    for bytes in [&lifted, &kept] {
+        fs::write(work.path(CHECKPOINT), bytes).unwrap();
+        let report = work.json(&format!("{ENHANCE} -o out.ply --json --force"));
+        assert!(report["photos_resumed"] == 7 && whole(), "{report}");
+        assert_eq!(files(work.0.path()), ["base.ply", "data", "out.ply", "whole.ply"]);
+    }
+    fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
+    let said = work.said(&format!("{ENHANCE} -o out.ply"));
+    assert!(said.contains("all steps are done again") && whole(), "{said}");
 
-    // Damaged, or of other lifts.
-    fs::write(work.path(JOINT), &kept[..kept.len() - 1]).unwrap();
-    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
-    assert!(said.contains("all steps are done again"), "{said}");
-    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
-    fs::write(work.path(JOINT), &kept).unwrap();
-    let lifts = work.path("kept/d.lifted.safetensors");
-    let mut bytes = fs::read(&lifts).unwrap();
-    // The lowest bit of a float of the last tensor.
-    let at = bytes.len() - 4;
-    bytes[at] ^= 1;
-    fs::write(&lifts, bytes).unwrap();
-    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
-    assert!(said.contains("of another joint phase (`lifts_crc32`") && !work.path(JOINT).exists(), "{said}");
+    // Every option is in the settings unless it says that it is not, and is called by its name.
+    fs::write(work.path(CHECKPOINT), &kept).unwrap();
+    for (option, key) in [
+        ("--seed 5", "`options.seed` was 0 and is 5"),
+        ("--depth-threshold 0.7", "`options.depth-threshold`"),
+        ("--cluster-failure smallest", "`options.cluster-failure`"),
+        ("--pca-weights plain", "`options.pca-weights`"),
+        ("--bias-correction", "`options.bias-correction` was false and is true"),
+        ("--background white", "`resolved`"),
+        ("--max-size 16", "`photos.b/c.png.camera_crc32`"),
+        ("--holdout 3", "`photos."),
+    ] {
+        work.refused(&format!("{ENHANCE} -o out.ply {option}"), &[CHECKPOINT, "another run", key]);
+    }
+    work.ok("train data -o base.ply --iterations 61 --sh-degree 1 --force");
+    work.refused(&format!("{ENHANCE} -o out.ply"), &[CHECKPOINT, "`base."]);
 }
 
 /// It ended with nothing.
@@ -368,7 +369,8 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let mut child =
         work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0")).stderr(Stdio::piped()).spawn().unwrap();
     let started = Instant::now();
-    while !work.path("kept/joint.safetensors").exists() && child.try_wait().unwrap().is_none() {
+    let joins = || work.path(CHECKPOINT).exists() && about(&work.path(CHECKPOINT))["step"].as_u64() > Some(0);
+    while !joins() && child.try_wait().unwrap().is_none() {
         assert!(started.elapsed() < Duration::from_secs(200));
         thread::sleep(Duration::from_millis(2));
     }
@@ -376,14 +378,17 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let output = run::finish(child);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{said}");
-    assert!(said.contains("joint steps; out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
+    assert!(
+        said.contains("joint steps; out.ply has what was learned") && said.contains("same command resumes"),
+        "{said}"
+    );
     let ended = glint::data::read_scene(work.path("out.ply")).unwrap();
     let whole = glint::data::read_scene(work.path("whole.ply")).unwrap();
     assert_eq!(ended.supplement.unwrap().gaussians.len(), whole.supplement.unwrap().gaussians.len());
-    let said = work.said(&format!("{ENHANCE} -o out.ply --resume"));
-    assert!(said.contains("going on after step"), "{said}");
+    let said = work.said(&format!("{ENHANCE} -o out.ply"));
+    assert!(said.contains("resuming after step"), "{said}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
-    assert!(!work.path("kept/joint.safetensors").exists());
+    assert!(!work.path(CHECKPOINT).exists());
 }
 
 /// The terminal was closed. Under nohup that is nothing to it, and only a second signal, of another kind, ends it.
@@ -413,8 +418,8 @@ fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
         let output = run::finish(child);
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(130), "{said}");
-        assert!(said.contains("out.ply has what was learned") && said.contains("--resume goes on"), "{said}");
-        work.ok(&format!("{TRAIN} -o out.ply --resume"));
+        assert!(said.contains("out.ply has what was learned") && said.contains("same command resumes"), "{said}");
+        work.ok(&format!("{TRAIN} -o out.ply"));
         assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
         fs::remove_file(work.path("out.ply")).unwrap();
     }
@@ -527,19 +532,10 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
 
     // The same of what other commands write.
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
-    for arguments in [
-        "enhance data --base base.ply --method augs --preset quick -o x.ply",
-        "enhance data --base base.ply --method augs --preset quick -o x.ply --work full",
-    ] {
-        let output = full(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "glint {arguments}: {said}");
-        assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
-    }
-    // Whatever was whole is gone on with.
-    work.ok("enhance data --base base.ply --method augs --preset quick -o y.ply --deterministic");
-    work.ok("enhance data --base base.ply --method augs --preset quick -o x.ply --work full --deterministic");
-    assert!(fs::read(work.path("x.ply")).unwrap() == fs::read(work.path("y.ply")).unwrap());
+    let output = full("enhance data --base base.ply --method augs --preset quick -o x.ply");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
 }
 
 /// A scene of 20 Gaussians is smaller than a picture.
@@ -559,22 +555,19 @@ fn a_disk_without_room_for_a_picture_does_not_end_a_run() {
 
 #[test]
 fn pursuit_that_was_killed_goes_on_to_the_same_bits_and_places_what_is_lacking() {
-    const PURSUE: &str = "enhance data --base base.ply --ratio 0.3 --deterministic --work kept";
+    const PURSUE: &str = "enhance data --base base.ply --ratio 0.3 --deterministic";
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
     let report = work.json(&format!("{PURSUE} -o whole.ply --json"));
     let added = report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap();
     assert!(added > 0 && added <= report["budget"].as_u64().unwrap(), "{report}");
-    assert_eq!(files(&work.path("kept")), ["settings.json"]);
+    assert_eq!(files(work.0.path()), ["base.ply", "data", "whole.ply"]);
     // Before the second placement and, most likely, after it.
-    work.killed(&format!("{PURSUE} -o out.ply"), "kept/joint.safetensors");
-    work.killed(&format!("{PURSUE} -o out.ply"), "kept/joint.safetensors");
+    work.killed(&format!("{PURSUE} -o out.ply"), CHECKPOINT);
+    work.killed(&format!("{PURSUE} -o out.ply"), CHECKPOINT);
+    work.refused(&format!("{PURSUE} -o out.ply --method augs"), &[CHECKPOINT, "`options.method`"]);
     let said = work.said(&format!("{PURSUE} -o out.ply"));
-    assert!(said.contains("going on after step"), "{said}");
+    assert!(said.contains("resuming"), "{said}");
     assert_eq!(fs::read(work.path("out.ply")).unwrap(), fs::read(work.path("whole.ply")).unwrap());
-    // A run by the clock is not gone on with.
-    assert_eq!(work.run(&format!("{PURSUE} -o x.ply --time 9s")).status.code(), Some(2));
-    // Another method is another folder.
-    work.refused(&format!("{PURSUE} -o x.ply --method augs"), &["settings.json", "method"]);
     work.refused("enhance data --base base.ply -o x.ply --preset quick", &["--preset", "--method augs"]);
 }

@@ -29,7 +29,6 @@ fn what_a_command_reads_is_never_written_over() {
         work.refused(&format!("render base.ply data -o data/images --format exr{force}"), &["data/images", reads]);
         work.refused(&format!("render base.ply data -o data/images/../images{force}"), &["images"]);
         work.refused(&format!("enhance data --base base.ply -o base.ply{force}"), &["base.ply", "command reads"]);
-        work.refused(&format!("enhance data --base base.ply -o x.ply --work data/images{force}"), &[reads]);
         work.refused(&format!("train data -o data/images/a.png{force}"), &["a.png", "a PLY scene", "a.ply"]);
     }
     work.refused("render base.ply data -o data/images --force", &["a.png", "command reads"]);
@@ -81,7 +80,6 @@ fn names_say_what_files_are() {
     work.ok("train data -o x.PLY --iterations 1");
 }
 
-/// Both were told apart: 2 for `-o`, 1 for `--work`.
 #[test]
 fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     let work = Work::new();
@@ -89,8 +87,7 @@ fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     fs::write(work.path("file"), "").unwrap();
     work.refused("train data -o file/x.ply", &["file/x.ply", "cannot be written"]);
     work.refused("render base.ply data -o file/x", &["file/x", "cannot be made"]);
-    work.refused("enhance data --base base.ply -o x.ply --work file/x", &["file/x", "cannot be made"]);
-    work.refused("enhance data --base base.ply -o x.ply --work file", &["file", "expected a folder"]);
+    work.refused("render base.ply data -o file", &["file", "expected a folder"]);
 }
 
 /// Photos of headers alone, so many pixels that a Gaussian for each 256 would fill the disk, and far more than find room in memory: that

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::*;
-use glint::data::{SceneFormat, write_scene_as};
 
 const UTM: DVec3 = DVec3::new(5e5, 4.5e6, 120.125);
 

@@ -1,9 +1,6 @@
 //! glTF and GLB.
 
-use glint::{
-    data::{SceneFormat, read_scene_file, write_augmented, write_scene_as},
-    scene::Supplement,
-};
+use glint::scene::Supplement;
 use serde_json::{Value, json};
 
 use super::*;
@@ -69,7 +66,10 @@ fn changed(change: impl FnOnce(&mut Value)) -> Result<SceneFile, String> {
 #[test]
 fn an_spz_scene_in_a_buffer_view_is_read() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = SceneFile { antialiased: true, ..sample(7, 40, 2).into() };
+    let scene = SceneFile {
+        trained_with: TrainedWith { antialiased: Some(true), ..Default::default() },
+        ..sample(7, 40, 2).into()
+    };
     let path = folder.path().join("a.spz");
     for version in [2, 3, 4] {
         write_scene_as(&path, SceneFormat::Spz { version }, &scene).unwrap();
@@ -225,7 +225,7 @@ fn all_of_an_augmented_scene_comes_back() {
         shown.quats.truncate(250);
         shown.opacities.truncate(250);
         shown.sh.truncate(16 * 250);
-        write_augmented(&ply, &shown, &scene).unwrap();
+        write_scene_file(&ply, &SceneFile { shown: Some(shown.clone()), ..scene.clone().into() }).unwrap();
         let file = read_scene_file(&ply).unwrap();
         assert_eq!((&file.scene, file.shown.as_ref()), (&scene, Some(&shown)));
         write_scene_file(&path, &file).unwrap();

@@ -14,7 +14,10 @@ mod spz;
 use std::{fs, path::Path};
 
 use glint::{
-    data::{SceneFile, parse_scene, read_scene, read_scene_file, read_scene_file_leniently, write_scene_file},
+    data::{
+        SceneFile, SceneFormat, TrainedWith, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
+        write_scene_as, write_scene_file,
+    },
     reference::sample::random_scene,
     scene::{Gaussians, Scene},
 };
@@ -145,4 +148,42 @@ fn a_name_says_what_is_written_and_others_are_refused() {
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     assert_eq!(glint::data::SceneFormat::of(Path::new("a/b.PLY")), Some(glint::data::SceneFormat::Ply));
+}
+
+/// Whoever draws a scene need not be told again what it was trained with, or is told what the format forgot.
+#[test]
+fn what_a_scene_was_trained_with_is_kept_or_missed() {
+    let folder = tempfile::tempdir().unwrap();
+    let trained_with = TrainedWith {
+        background: Some([1.0, 0.5, 0.0]),
+        antialiased: Some(true),
+        max_size: Some(400),
+        exposure: Some(true),
+    };
+    for (ending, format) in SceneFormat::ALL {
+        for supplementary in if format.keeps_lobes() { &[0, 3][..] } else { &[0] } {
+            let path = folder.path().join(format!("a.{ending}"));
+            let file = SceneFile { trained_with, ..random_scene(1, 20, *supplementary, 1).into() };
+            let notes = write_scene_as(&path, format, &file).unwrap();
+            let (found, said) = (read_scene_file(&path).unwrap().trained_with, notes.join("; "));
+            match format {
+                SceneFormat::Spz { .. } => {
+                    assert_eq!(found, TrainedWith { antialiased: Some(true), ..Default::default() });
+                    assert!(said.contains("give --background 1,0.5,0 --max-size 400 to glint"), "{said}");
+                }
+                SceneFormat::Splat => {
+                    assert_eq!(found, TrainedWith::default());
+                    assert!(said.contains("--background 1,0.5,0 --compensate --max-size 400"), "{said}");
+                }
+                _ => assert_eq!((found, &said[..]), (trained_with, ""), "{ending}"),
+            }
+        }
+        // Of the defaults nothing is missed.
+        let plain = TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), ..Default::default() };
+        let file = SceneFile { trained_with: plain, ..sample(1, 20, 1).into() };
+        let path = folder.path().join(format!("b.{ending}"));
+        assert_eq!(write_scene_as(&path, format, &file).unwrap(), [""; 0], "{ending}");
+        let found = read_scene_file(&path).unwrap().trained_with;
+        assert!(found == if format.keeps_origin() { plain } else { TrainedWith::default() }, "{ending}: {found:?}");
+    }
 }

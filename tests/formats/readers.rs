@@ -4,7 +4,6 @@
 use std::{collections::BTreeMap, process::Command};
 
 use ::gltf::{Semantic, json::validation::Error};
-use glint::data::write_augmented;
 use ply_rs_bw::{
     parser::Parser,
     ply::{DefaultElement, Property},
@@ -20,10 +19,11 @@ fn augmented() -> (SceneFile, Vec<u8>) {
     shown.opacities.iter_mut().for_each(|v| *v -= 0.5);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("augmented.ply");
-    write_augmented(&path, &shown, &scene).unwrap();
+    let file = SceneFile { shown: Some(shown), ..scene.into() };
+    write_scene_file(&path, &file).unwrap();
     let bytes = fs::read(&path).unwrap();
     assert!(bytes.windows(15).any(|text| text == b"element learned"), "nothing is behind the base");
-    (SceneFile { shown: Some(shown), ..scene.into() }, bytes)
+    (file, bytes)
 }
 
 /// The properties of Gaussian `i` by name, as a PLY of the reference trainer has them.

@@ -79,7 +79,7 @@ fn changed(change: impl FnOnce(&mut Value, &mut BTreeMap<String, Vec<u8>>)) -> R
 fn pixels_are_read_as_described() {
     let file = changed(|_, _| {}).unwrap();
     let base = &file.scene.base;
-    assert_eq!((base.len(), base.sh_degree, file.antialiased), (2, 1, false));
+    assert_eq!((base.len(), base.sh_degree, file.trained_with.antialiased), (2, 1, None));
     // sign(v) (e^|v| − 1) of 0, 1, and −2 + 4/3; then of 1, −1 and −2 + 4 · 0x8000/65535.
     let value = |v: f64| v.signum() * (v.abs().exp() - 1.0);
     let wanted =
@@ -223,16 +223,6 @@ fn what_is_written_comes_back_within_half_a_step() {
         "shN_labels.webp",
     ] {
         assert!(names.iter().any(|found| found == name), "{name}: {names:?}");
-    }
-}
-
-#[test]
-fn the_flag_for_antialiasing_is_kept() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.sog");
-    for antialiased in [false, true] {
-        write_scene_file(&path, &SceneFile { antialiased, ..SceneFile::from(sample(1, 2, 0)) }).unwrap();
-        assert_eq!(read_scene_file(&path).unwrap().antialiased, antialiased);
     }
 }
 

@@ -2,8 +2,6 @@
 
 use std::io::{Read, Write};
 
-use glint::data::{SceneFormat, write_scene_as};
-
 use super::*;
 
 /// A stream of one Gaussian of degree 1 in versions 1 to 3, put together from the format's description.
@@ -217,14 +215,15 @@ fn far_scenes_have_fewer_bits_and_too_far_ones_are_refused() {
 fn the_flag_for_antialiasing_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.spz");
-    for antialiased in [false, true] {
-        let file = SceneFile { antialiased, ..SceneFile::from(sample(1, 2, 0)) };
-        write_scene_file(&path, &file).unwrap();
-        assert_eq!(read_scene_file(&path).unwrap().antialiased, antialiased);
+    // A flag that is not set is of a program that may know nothing of it.
+    for (antialiased, told) in [(None, None), (Some(false), None), (Some(true), Some(true))] {
+        let trained_with = TrainedWith { antialiased, ..Default::default() };
+        write_scene_file(&path, &SceneFile { trained_with, ..SceneFile::from(sample(1, 2, 0)) }).unwrap();
+        assert_eq!(read_scene_file(&path).unwrap().trained_with.antialiased, told);
     }
     let mut stream = legacy(2, 1);
     stream[14] = 1;
-    assert!(read("b.spz", &zipped(&stream)).unwrap().antialiased);
+    assert_eq!(read("b.spz", &zipped(&stream)).unwrap().trained_with.antialiased, Some(true));
 }
 
 /// A file of version 4 with these bytes between header and table.

@@ -6,9 +6,10 @@ use std::{
 };
 
 use crate::{
-    Error, Result,
+    Result,
     cli::{
         Look,
+        dataset::note_foreign_base,
         deadline::{Deadline, MOST},
         interrupt::Interrupt,
         kept::Kept,
@@ -16,11 +17,11 @@ use crate::{
         progress::{Progress, learned, note},
     },
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, Method},
+        checkpoint::Checkpoint,
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, kept_lifts},
         screen::{self, Schedule},
         session::Session,
         views::Views,
-        work::WorkDir,
     },
     report::spending,
     scene::Scene,
@@ -29,8 +30,10 @@ use crate::{
 /// What an augmentation has to do with while it goes on.
 #[derive(Default)]
 pub(in crate::cli) struct Beside<'a> {
-    /// Keeps what it can, the joint phase at such intervals, and is gone on from.
-    pub(in crate::cli) work: Option<(&'a WorkDir, Duration)>,
+    /// The base's file.
+    pub(in crate::cli) base: Option<&'a Path>,
+    /// Keeps what it can, and what an earlier run kept.
+    pub(in crate::cli) kept: Option<(&'a mut Kept, Option<Checkpoint>)>,
     /// Ends the joint phase when it is asked to; must live until the result is written.
     pub(in crate::cli) interrupt: Option<&'a Interrupt>,
     /// When the joint phase is to end.
@@ -45,10 +48,11 @@ pub(in crate::cli) fn run_with_progress(
     scene: &Scene,
     views: &Views,
     options: &EnhanceOptions,
-    beside: &Beside,
+    beside: Beside,
     look_at: &mut Look<'_>,
 ) -> Result<Enhanced> {
-    let &Beside { work, interrupt, end, silent } = beside;
+    let Beside { base, kept, interrupt, end, silent } = beside;
+    let (mut kept, mut found) = kept.map_or((None, None), |(kept, found)| (Some(kept), found));
     let mut bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let mut show = |label: &'static str, done: u64, total: u64, said: Option<String>| {
         if total == 0 {
@@ -71,7 +75,6 @@ pub(in crate::cli) fn run_with_progress(
         }
     };
     let mut enhancer = Enhancer::new(session, scene, views, options)?;
-    let mut kept: Option<Kept> = None;
     let (mut told, mut begun) = (0, Instant::now());
     let mut clock: Option<Deadline> = None;
     // When the placement that is being made began, and how long the last one took.
@@ -98,7 +101,12 @@ pub(in crate::cli) fn run_with_progress(
         }
         match event {
             // The next event brings a bar of its own.
-            Event::Base => begun = Instant::now(),
+            Event::Base => {
+                begun = Instant::now();
+                if let Some(base) = base {
+                    note_foreign_base(base, enhancer.base_losses());
+                }
+            }
             Event::Weigh { step, steps } => show("weighing", step.into(), steps.into(), None),
             Event::Weighed => {
                 if let Some(end) = end {
@@ -119,10 +127,8 @@ pub(in crate::cli) fn run_with_progress(
                 show("placing", at.step.into(), at.steps.into(), None);
             }
             Event::Batch { views: range, .. } => {
-                let Some((work, _)) = work else { continue };
-                let damaged = |error: &Error| note(format!("{error}; the views of its batch are done again"));
-                if let Some(lifts) = work.resume(range, damaged)? {
-                    enhancer.resume(&lifts)?;
+                if let Some(lifts) = found.as_ref().and_then(|found| kept_lifts(found, &range)) {
+                    enhancer.resume(lifts)?;
                 }
             }
             Event::Screen { batch, batches, progress } => {
@@ -132,8 +138,8 @@ pub(in crate::cli) fn run_with_progress(
                 show("refining", done, total, said);
             }
             Event::Lifted { .. } => {
-                if let (Some((work, _)), Some((refiner, lifted))) = (work, enhancer.lifted()) {
-                    work.keep(&views.cameras, refiner, lifted)?;
+                if let Some(kept) = &mut kept {
+                    kept.keep(|| enhancer.checkpoint(views))?;
                 }
             }
             Event::Join { step, steps } => {
@@ -171,21 +177,8 @@ pub(in crate::cli) fn run_with_progress(
                 }
                 let lately = enhancer.lately(step, views);
                 show("joining", step.into(), steps.into(), Some(learned(lately, None, &session.context)));
-                if let (0, None, Some((work, every))) = (step, &kept, work) {
-                    let (path, settings) = match options.method {
-                        Method::Pursuit => work.joint_without_lifts(),
-                        Method::Augs => work.joint()?,
-                    };
-                    let mut found = Kept::new(path, settings, every);
-                    // The folder's settings are its own: of lifts that were made anew, or nothing of ours.
-                    let other = |path: &Path, why: &str| {
-                        note(format!("{}: of another joint phase ({why}); all steps are done again", path.display()));
-                        Ok(())
-                    };
-                    if let Some(checkpoint) = found.find(other)? {
-                        enhancer.resume_join(&checkpoint)?;
-                    }
-                    kept = Some(found);
+                if let (0, Some(found)) = (step, found.take()) {
+                    enhancer.resume_join(&found)?;
                 }
                 if let Some(interrupt) = interrupt {
                     interrupt.listen()?;

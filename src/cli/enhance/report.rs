@@ -1,5 +1,7 @@
 //! What an augmentation tells of itself in the end.
 
+use std::time::Duration;
+
 use serde::Serialize;
 
 use crate::{
@@ -11,10 +13,14 @@ use crate::{
     },
     data::{Dataset, Photo, Split},
     pipelines::{
-        enhance::{Enhanced, Method, Times},
+        enhance::{EnhanceOptions, Enhanced, Method, Times},
+        join::{JoinOptions, join_for},
+        model::{Model, Room},
         render::RenderOptions,
         session::Session,
         spend::Spending,
+        train::TrainReport,
+        views::Views,
     },
     report::{evaluate::evaluate, metrics::Quality, runs::StageMean},
     scene::Scene,
@@ -77,6 +83,34 @@ pub(super) struct Gain {
     pub(super) after: Quality,
     /// The `vertex` part of the result, which other viewers show: the base as it was given where what it became is worse alone.
     pub(super) base_alone: Quality,
+    /// What the base gains by as many more steps alone, dB; null where that is not known.
+    pub(super) longer_training: Option<Longer>,
+}
+
+/// What longer training gains, dB.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct Longer {
+    psnr: f64,
+    /// On the test views, by training the base for as many steps; else it is an estimate from its first steps, of the training views.
+    measured: bool,
+}
+
+/// A joint phase that took no longer is repeated without what was added, to measure what longer training gains.
+const REPEATED: Duration = Duration::from_secs(30);
+
+/// Trains the base on as a joint phase does, with nothing added.
+pub(in crate::cli) fn train_longer(
+    session: &Session,
+    base: &Scene,
+    views: &Views,
+    options: &JoinOptions,
+    steps: u32,
+) -> Result<(Scene, TrainReport)> {
+    let model = Model::upload_around(&session.context, views.origin, base, Room::default())?;
+    let bar = Progress::new("longer training", "steps", steps.into());
+    let mut trainer = join_for(session, &model, views, options, steps)?;
+    let trained = trainer.run(&model, views, true, |done| bar.set(done.into()))?;
+    Ok((model.download()?, trained))
 }
 
 #[derive(Serialize)]
@@ -135,12 +169,25 @@ pub(in crate::cli) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
 }
 
 /// Compares the base and what became of it with the test views.
-pub(super) fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &Dataset) -> Result<Option<Gain>> {
+pub(super) fn gain(
+    session: &Session,
+    base: &Scene,
+    found: &Enhanced,
+    dataset: &Dataset,
+    views: &Views,
+) -> Result<Option<Gain>> {
     let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
     if photos.is_empty() {
         return Ok(None);
     }
-    let bar = Progress::new("comparing", "views", 2 * photos.len() as u64);
+    let measured = found.join.as_ref().filter(|_| found.times.join <= REPEATED);
+    let longer = measured.map(|join| {
+        let (options, steps) = (EnhanceOptions::pursuit().join, join.losses.len() as u32);
+        Ok::<_, Error>(train_longer(session, base, views, &options, steps)?.0)
+    });
+    let longer = longer.transpose()?;
+    let compared = 2 + u64::from(longer.is_some());
+    let bar = Progress::new("comparing", "views", compared * photos.len() as u64);
     let options = RenderOptions { policy: session.policy, ..Default::default() };
     let compare = |scene: &Scene| {
         evaluate(&session.context, scene, &photos, options, dataset.background, |_| {
@@ -161,15 +208,26 @@ pub(super) fn gain(session: &Session, base: &Scene, found: &Enhanced, dataset: &
     let views = after.views.len();
     note_uncounted(photos.len() - views);
     let (before, after) = (before.augmented, after.augmented);
-    Ok(Some(Gain { views, before, after, base_alone }))
+    let longer_training = match &longer {
+        Some(longer) => Some(Longer { psnr: compare(longer)?.augmented.psnr - before.psnr, measured: true }),
+        None => {
+            let estimate = found.spending.as_ref().and_then(|plan| plan.training_on_db);
+            estimate.map(|psnr| Longer { psnr, measured: false })
+        }
+    };
+    Ok(Some(Gain { views, before, after, base_alone, longer_training }))
 }
 
 impl Gain {
     fn text(&self) -> String {
-        let Gain { views, before, after, base_alone } = self;
+        let Gain { views, before, after, base_alone, longer_training } = self;
+        let longer = longer_training.map_or(String::new(), |Longer { psnr, measured }| {
+            let how = if measured { "measured" } else { "estimated from its first steps, training views" };
+            format!("longer training in its place, as many steps: {psnr:+.2} dB ({how})\n")
+        });
         format!(
             "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
-             the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n",
+             the base part alone, as other viewers show it: {:.2} dB ({:+.2})\n{longer}",
             counted(*views, "test view"),
             before.psnr,
             after.psnr,

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{Args, Error, Result, StrategyArg};
 use crate::{
-    data::{Dataset, PointCloud, Split, is_point_cloud, read_points},
+    data::{Dataset, PointCloud, SceneFile, Split, is_point_cloud, read_points},
     gpu::Context,
     pipelines::{
         start::{RANDOM_NTH, first_points},
@@ -87,14 +87,22 @@ pub(super) fn checksum(of: &Gaussians) -> u32 {
 }
 
 impl Args {
+    /// The scene that the run begins with, if it does not begin with points.
+    pub(super) fn init_scene(&self) -> Result<Option<SceneFile>> {
+        match &self.init {
+            Some(file) if file.is_dir() || !is_point_cloud(file)? => self.lenient.open_file(file).map(Some),
+            _ => Ok(None),
+        }
+    }
+
     /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
-    pub(super) fn first(&self, dataset: &mut Dataset) -> Result<First> {
+    pub(super) fn first(&self, dataset: &mut Dataset, init: Option<SceneFile>) -> Result<First> {
         let limit = self.gaussians.map(|n| n as usize);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         let mut notes = Vec::new();
-        let points = match &self.init {
-            Some(file) if !file.is_dir() && is_point_cloud(file)? => {
+        let points = match (&self.init, init) {
+            (Some(file), None) => {
                 let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
                     return Err(Error::input(file, "has no points to begin with"));
@@ -102,8 +110,8 @@ impl Args {
                 dataset.points = Some(cloud);
                 "points in the file"
             }
-            Some(file) => {
-                let Scene { base, supplement, .. } = self.lenient.open(file)?.around(origin);
+            (Some(file), Some(init)) => {
+                let Scene { base, supplement, .. } = init.scene.around(origin);
                 if let Some(limit) = limit.filter(|&limit| limit < base.len()) {
                     let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
                     return Err(Error::input(file, what));
@@ -127,7 +135,7 @@ impl Args {
                 let most = limit.unwrap_or(gaussians.len());
                 return Ok(First { most, gaussians, origin, begins: LEARNED, notes });
             }
-            None => "sparse points",
+            (None, _) => "sparse points",
         };
         let wanted = [self.points, self.gaussians].into_iter().flatten().min();
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);

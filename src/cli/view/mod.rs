@@ -13,7 +13,7 @@ use glam::DVec3;
 use window::Desk;
 
 use super::{DeviceArgs, DrawArgs, Failure, Look, Outcome, PhotoArgs, SceneArgs, Watched, output::writable};
-use crate::{Error, Result, gpu::Context};
+use crate::{Error, Result, data::SceneFile, gpu::Context};
 
 const EXAMPLES: &str = "\
 Keys:
@@ -118,14 +118,15 @@ impl Args {
             return Err(Error::input(&self.output, "expected a folder, for screenshots and camera paths").into());
         }
         writable(&self.output).map_err(|error| Error::input(&self.output, format!("cannot be written to: {error}")))?;
-        let scene = self.lenient.open(&self.scene)?;
-        let dataset = self.dataset.as_deref().map(|path| self.photos.open(path)).transpose()?;
+        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;
+        let (photos, draw) = (self.photos.like(trained_with, &self.scene), self.draw.like(trained_with, &self.scene));
+        let dataset = self.dataset.as_deref().map(|path| photos.open(path)).transpose()?;
         let desk = Desk {
             device: &self.device,
             dataset: dataset.as_ref(),
             lenient: &self.lenient,
-            policy: self.draw.policy(),
-            background: self.photos.background,
+            policy: draw.policy(),
+            background: photos.background(),
             size: self.size,
             up: self.up,
             folder: &self.output,

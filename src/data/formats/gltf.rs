@@ -18,14 +18,14 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use serde::Deserialize;
-use serde_json::value::RawValue;
+use serde_json::value::{RawValue, Value};
 
 pub(in crate::data) use write::write;
 
 use super::axes::{self, Signs};
 use super::turn::Placing;
 use super::{inflate, quantise, spz};
-use crate::data::{SceneFile, ply_variants::far_origin};
+use crate::data::{SceneFile, TrainedWith, ply_variants::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 use document::Document;
@@ -129,6 +129,7 @@ struct Node<'a> {
     scale: Option<[f64; 3]>,
     #[serde(borrow)]
     extensions: Option<&'a RawValue>,
+    extras: Option<Value>,
 }
 
 impl Node<'_> {
@@ -161,7 +162,11 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
         return Err(format!("requires the extension `{unknown}`, which is not read"));
     }
     let mut found = Found::default();
-    for (mesh, matrix) in placed_meshes(&document)? {
+    for Placed { mesh, matrix, trained_with } in placed_meshes(&document)? {
+        // One scene has one: the first that is said.
+        if found.trained_with.is_unknown() {
+            found.trained_with = trained_with;
+        }
         // A mesh that many nodes name is read as often, and text takes longer than numbers: a byte of it as long as eight of these.
         let text = document.root.meshes.get(mesh).map_or(0, |text| text.get().len());
         found.promise(&document, 8 * text as u64, "meshes")?;
@@ -184,8 +189,16 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     found.finish().map_err(|what| format!("{what} (it requires {:?})", document.root.extensions_required))
 }
 
-/// Every mesh of the scene, with where its nodes put it.
-fn placed_meshes(document: &Document) -> Result<Vec<(usize, DMat4)>, String> {
+/// A mesh of the scene.
+struct Placed {
+    mesh: usize,
+    /// Where its nodes put it.
+    matrix: DMat4,
+    trained_with: TrainedWith,
+}
+
+/// Every mesh of the scene.
+fn placed_meshes(document: &Document) -> Result<Vec<Placed>, String> {
     let root = &document.root;
     let roots = match (root.scene, root.scenes.is_empty()) {
         (None, true) => return Err("has no scene".into()),
@@ -204,7 +217,8 @@ fn placed_meshes(document: &Document) -> Result<Vec<(usize, DMat4)>, String> {
             return Err(format!("has instances at node {index} (EXT_mesh_gpu_instancing), which are not read"));
         }
         let here = above * node.matrix();
-        meshes.extend(node.mesh.map(|mesh| (mesh, here)));
+        let trained_with = node.extras.map_or_else(Default::default, |extras| TrainedWith::from_json(&extras["glint"]));
+        meshes.extend(node.mesh.map(|mesh| Placed { mesh, matrix: here, trained_with }));
         open.extend(node.children.iter().rev().map(|&child| (child, here)));
     }
     Ok(meshes)
@@ -224,8 +238,7 @@ struct Found {
     promised: u64,
     /// What means count from, in glTF's frame: known once there are any.
     origin: Option<DVec3>,
-    /// As an SPZ scene says.
-    antialiased: bool,
+    trained_with: TrainedWith,
     shown: Option<Gaussians>,
     /// Where any primitive has such.
     learned: Option<Gaussians>,
@@ -314,7 +327,9 @@ impl Found {
         let (mut out, antialiased) = spz::read(bytes).map_err(|what| format!("bufferView {view} {what}"))?;
         let each = size_of::<[f32; 11]>() + size_of::<[f32; 3]>() * out.sh_coefficients();
         self.promise(document, (each * out.len()) as u64, &format!("{} Gaussians", out.len()))?;
-        self.antialiased |= antialiased;
+        if antialiased {
+            self.trained_with.antialiased = Some(true);
+        }
         axes::flip(&mut out, X_LEFT_Y_UP);
         Ok(self.placed(out, placing))
     }
@@ -386,7 +401,7 @@ impl Found {
         // Without −0.
         let origin = flipped + DVec3::ZERO;
         let scene = Scene { base, supplement: self.supplement, origin };
-        Ok(SceneFile { shown, antialiased: self.antialiased, ..scene.into() })
+        Ok(SceneFile { shown, trained_with: self.trained_with, ..scene.into() })
     }
 }
 

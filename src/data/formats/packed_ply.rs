@@ -10,10 +10,9 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 
-use glam::DVec3;
-
-use super::super::ply_format::{Element, Ply, write_origin};
+use super::super::ply_format::{Element, Ply, write_comments};
 use super::{floaters, order, quantise, room};
+use crate::data::SceneFile;
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
@@ -183,7 +182,8 @@ fn harmonic_byte(value: f32) -> u8 {
 
 /// The file's bytes, and what the format changes that nobody would expect. Gaussians are put into another order, in which those of a chunk
 /// are neighbours. Floaters have chunks of their own.
-pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3) -> (Vec<u8>, Vec<String>) {
+pub(in crate::data) fn write(file: &SceneFile) -> (Vec<u8>, Vec<String>) {
+    let gaussians = &file.scene.base;
     let (order, fill) = chunks(gaussians);
     let mut sorted = order::take(gaussians, &order);
     let mut notes = Vec::new();
@@ -199,7 +199,7 @@ pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3) -> (Vec<u8>, 
     }
     let mut out = Vec::new();
     // Writing to memory does not fail.
-    let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1, origin);
+    let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1, file);
     let (mut words, mut harmonics): (Vec<u32>, Vec<u8>) = Default::default();
     let k = sorted.sh_coefficients();
     let colour = |i: usize| sorted.sh[i * k].map(|v| (quantise::C0 * f64::from(v) + 0.5) as f32);
@@ -249,9 +249,9 @@ fn chunks(gaussians: &Gaussians) -> (Vec<usize>, Range<usize>) {
     (order, fill)
 }
 
-fn write_header(out: &mut Vec<u8>, count: usize, higher: usize, origin: DVec3) -> std::io::Result<()> {
+fn write_header(out: &mut Vec<u8>, count: usize, higher: usize, file: &SceneFile) -> std::io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
-    write_origin(out, origin)?;
+    write_comments(out, file.scene.origin, &file.trained_with)?;
     writeln!(out, "element chunk {}", count.div_ceil(CHUNK))?;
     BOUNDS.iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
     writeln!(out, "element vertex {count}")?;

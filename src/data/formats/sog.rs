@@ -30,6 +30,7 @@ use serde::{Deserialize, Serialize};
 pub(in crate::data) use write::write;
 
 use super::{inflate, quantise, room};
+use crate::data::TrainedWith;
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 use files::Files;
@@ -50,6 +51,12 @@ struct Meta {
     /// What positions count from, in the world; other programs pass it over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     origin: Option<[f64; 3]>,
+    #[serde(
+        default,
+        skip_serializing_if = "TrainedWith::is_unknown",
+        deserialize_with = "TrainedWith::deserialize_leniently"
+    )]
+    glint: TrainedWith,
     means: Means,
     scales: Coded,
     quats: Images,
@@ -91,13 +98,17 @@ struct Version {
     version: Option<serde_json::Number>,
 }
 
-/// The Gaussians, what their positions count from, and whether they were trained with antialiasing. `bytes` are an archive's, or a description's whose images are in
-/// `folder`; `path` is only named in errors.
-pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<(Gaussians, DVec3, bool)> {
+/// The Gaussians, what their positions count from, and what they were trained with. `bytes` are an archive's, or a description's whose images
+/// are in `folder`; `path` is only named in errors.
+pub(in crate::data) fn parse(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    path: &Path,
+) -> Result<(Gaussians, DVec3, TrainedWith)> {
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
 
-fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool), String> {
+fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, TrainedWith), String> {
     let mut files = Files::open(bytes, folder)?;
     let text = files.read(META)?;
     let understand = |error: serde_json::Error| format!("`{META}` is not understood: {error}");
@@ -165,7 +176,9 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, bool),
         }
     }
     let origin = meta.origin.map_or(DVec3::ZERO, DVec3::from_array);
-    Ok((out, if origin.is_finite() { origin } else { DVec3::ZERO }, meta.antialias))
+    let antialiased = meta.glint.antialiased.or(meta.antialias.then_some(true));
+    let trained_with = TrainedWith { antialiased, ..meta.glint };
+    Ok((out, if origin.is_finite() { origin } else { DVec3::ZERO }, trained_with))
 }
 
 /// What bytes stand for, by channel.

@@ -134,6 +134,9 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
     if origin != [0.0; 3] {
         node["translation"] = json!(origin);
     }
+    if !file.trained_with.is_unknown() {
+        node["extras"] = json!({ "glint": file.trained_with });
+    }
     let document = json!({
         "asset": {"version": "2.0", "generator": concat!("glint ", env!("CARGO_PKG_VERSION"))},
         "extensionsUsed": used,

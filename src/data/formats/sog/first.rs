@@ -3,6 +3,7 @@
 use serde::{Deserialize, de::Error};
 
 use super::{Coded, Images, Means, Meta, Palette, Tables};
+use crate::data::TrainedWith;
 
 #[derive(Deserialize)]
 struct First {
@@ -62,6 +63,7 @@ pub(super) fn understand(text: &[u8]) -> Result<(Meta, Tables), serde_json::Erro
         count,
         antialias: false,
         origin: None,
+        glint: TrainedWith::default(),
         means: Means { mins, maxs, files: means.files },
         scales: plain(scales.files),
         quats,

@@ -13,7 +13,8 @@ use zip::{CompressionMethod, ZipWriter};
 use super::codebook::Codebook;
 use super::{Coded, FIRST_LARGEST, Images, META, Means, Meta, PALETTE_ROW, Palette, cluster};
 use crate::data::formats::{name, order, quantise};
-use crate::scene::Gaussians;
+use crate::data::{SceneFile, TrainedWith};
+use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
 
 /// What a label of 16 bits can say.
@@ -25,7 +26,8 @@ const LONGEST_SIDE: usize = 16383;
 ///
 /// # Errors
 /// [`Error::Usage`] where they are more than an image has pixels.
-pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3, antialiased: bool, path: &Path) -> Result<Vec<u8>> {
+pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
+    let Scene { base: gaussians, origin, .. } = &file.scene;
     let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
     // Nearly square, both sides whole blocks of four.
@@ -39,8 +41,9 @@ pub(in crate::data) fn write(gaussians: &Gaussians, origin: DVec3, antialiased: 
         )));
     }
     let mut archive = Archive { zip: ZipWriter::new(Cursor::new(Vec::new())), size: [width, height] };
-    let mut meta = archive.fill(&sorted, antialiased).map_err(|error| Error::io(path, error))?;
-    meta.origin = Some(origin.to_array()).filter(|_| origin != DVec3::ZERO);
+    let mut meta = archive.fill(&sorted).map_err(|error| Error::io(path, error))?;
+    meta.origin = Some(origin.to_array()).filter(|_| *origin != DVec3::ZERO);
+    (meta.antialias, meta.glint) = (file.trained_with.antialiased == Some(true), file.trained_with);
     let text = serde_json::to_vec(&meta).map_err(|error| Error::io(path, error.into()))?;
     archive.finish(&text).map_err(|error| Error::io(path, error))
 }
@@ -52,14 +55,15 @@ struct Archive {
 }
 
 impl Archive {
-    fn fill(&mut self, gaussians: &Gaussians, antialiased: bool) -> std::io::Result<Meta> {
+    fn fill(&mut self, gaussians: &Gaussians) -> std::io::Result<Meta> {
         let k = gaussians.sh_coefficients();
         let higher: Vec<[f32; 3]> = gaussians.sh.chunks_exact(k).flat_map(|row| row[1..].to_vec()).collect();
         Ok(Meta {
             version: 2,
             count: gaussians.len(),
-            antialias: antialiased,
+            antialias: false,
             origin: None,
+            glint: TrainedWith::default(),
             means: self.means(&gaussians.means)?,
             scales: {
                 let book = Codebook::of(gaussians.log_scales.as_flattened().iter().copied());

@@ -1,0 +1,150 @@
+//! What a scene was trained with, which is how it is to be drawn and judged: kept in the scene's file.
+//!
+//! PLY files say it in comments: `SplatRenderMode: mip` or `default`, as Brush writes (Postshot's `antialiased 1` is read, too), and glint's
+//! own `glint background R G B`, `glint max_size PIXELS` and `glint exposure 1`. SOG has an object `glint` beside its `antialias`, glTF one
+//! in the extras of a node. SPZ has a flag for `antialiased` and no place for the rest.
+
+#[cfg(feature = "train")]
+use serde::{Deserialize, Serialize};
+
+/// What the file of a scene says of its training; `None` of what it does not say.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "train", derive(Serialize, Deserialize), serde(default))]
+pub struct TrainedWith {
+    /// Colour behind the scene: sRGB values from 0 to 1.
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub background: Option<[f32; 3]>,
+    /// Whether Gaussians smaller than a pixel fade (`Policy::compensate`).
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub antialiased: Option<bool>,
+    /// Pixels that the longer side of a photo had at most, where somebody asked for a limit.
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub max_size: Option<u32>,
+    /// Whether each photo had a colour map of its own, which the scene does not contain.
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub exposure: Option<bool>,
+}
+
+impl TrainedWith {
+    /// Takes up what a PLY header's comment says, given without the word `comment`. Of a comment nothing is demanded.
+    pub(super) fn read_comment(&mut self, words: &[&str]) {
+        let flag = |text: &str| matches!(text, "0" | "1").then_some(text == "1");
+        match *words {
+            ["SplatRenderMode:", mode @ ("mip" | "default")] => self.antialiased = Some(mode == "mip"),
+            ["antialiased", yes] => self.antialiased = flag(yes).or(self.antialiased),
+            ["glint", "background", r, g, b] => {
+                let [r, g, b] = [r, g, b].map(|text| text.parse().unwrap_or(f32::NAN));
+                self.background = Some([r, g, b]);
+            }
+            ["glint", "max_size", pixels] => self.max_size = pixels.parse().ok(),
+            ["glint", "exposure", yes] => self.exposure = flag(yes),
+            _ => {}
+        }
+        *self = self.sound();
+    }
+
+    /// Without numbers that nothing can have been trained with.
+    fn sound(self) -> Self {
+        let colour = |rgb: &[f32; 3]| rgb.iter().all(|v| (0.0..=1.0).contains(v));
+        TrainedWith {
+            background: self.background.filter(colour),
+            max_size: self.max_size.filter(|&pixels| pixels > 0),
+            ..self
+        }
+    }
+}
+
+#[cfg(feature = "train")]
+impl TrainedWith {
+    /// The comments that [`Self::read_comment`] reads.
+    pub(super) fn write_comments(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
+        let TrainedWith { background, antialiased, max_size, exposure } = *self;
+        if let Some(antialiased) = antialiased {
+            writeln!(out, "comment SplatRenderMode: {}", if antialiased { "mip" } else { "default" })?;
+        }
+        if let Some([r, g, b]) = background {
+            writeln!(out, "comment glint background {r} {g} {b}")?;
+        }
+        if let Some(pixels) = max_size {
+            writeln!(out, "comment glint max_size {pixels}")?;
+        }
+        exposure.map_or(Ok(()), |exposure| writeln!(out, "comment glint exposure {}", u8::from(exposure)))
+    }
+
+    /// As serde wants [`Self::from_json`].
+    ///
+    /// # Errors
+    /// Where this is no JSON at all.
+    #[cfg(feature = "formats")]
+    pub(super) fn deserialize_leniently<'a, D: serde::Deserializer<'a>>(from: D) -> Result<Self, D::Error> {
+        let value = serde_json::Value::deserialize(from)?;
+        Ok(Self::from_json(&value))
+    }
+
+    /// An object that another program may have written, of which nothing is demanded.
+    pub(crate) fn from_json(value: &serde_json::Value) -> Self {
+        Self::deserialize(value).unwrap_or_default().sound()
+    }
+
+    /// Whether there is nothing to say.
+    pub fn is_unknown(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The options of `glint` that say what a file of a format does not, which has a flag for antialiasing or not.
+    pub(super) fn options_beyond(&self, flag: bool) -> Vec<String> {
+        let TrainedWith { background, antialiased, max_size, .. } = *self;
+        let background = background.filter(|rgb| *rgb != [0.0; 3]).map(|[r, g, b]| format!("--background {r},{g},{b}"));
+        let compensate = antialiased.filter(|&yes| yes && !flag).map(|_| "--compensate".to_owned());
+        let max_size = max_size.map(|pixels| format!("--max-size {pixels}"));
+        [background, compensate, max_size].into_iter().flatten().collect()
+    }
+}
+
+#[cfg(all(test, feature = "train"))]
+mod tests {
+    use super::*;
+
+    fn read(comments: &str) -> TrainedWith {
+        let mut found = TrainedWith::default();
+        comments.lines().for_each(|line| found.read_comment(&line.split_whitespace().skip(1).collect::<Vec<_>>()));
+        found
+    }
+
+    #[test]
+    fn comments_come_back() {
+        let all = TrainedWith {
+            background: Some([1.0, 0.1, 0.0]),
+            antialiased: Some(true),
+            max_size: Some(400),
+            exposure: Some(true),
+        };
+        for trained in [all, TrainedWith { antialiased: Some(false), ..all }, TrainedWith::default()] {
+            let mut written = Vec::new();
+            trained.write_comments(&mut written).unwrap();
+            assert_eq!(read(&String::from_utf8(written).unwrap()), trained);
+            assert_eq!(TrainedWith::from_json(&serde_json::to_value(trained).unwrap()), trained);
+        }
+    }
+
+    #[test]
+    fn what_others_write_is_read_and_what_is_wrong_is_passed_over() {
+        assert_eq!(read("comment antialiased 1").antialiased, Some(true));
+        assert_eq!(read("comment antialiased 0\ncomment SplatRenderMode: 2dgs").antialiased, Some(false));
+        let wrong = "comment glint background 1 nan 1\ncomment glint max_size 0\ncomment glint exposure maybe\ncomment antialiased yes";
+        assert_eq!(read(wrong), TrainedWith::default());
+        for json in ["5", "{\"background\": [2, 0, 0]}", "{\"background\": \"white\"}", "{\"max_size\": -1}", "null"] {
+            assert!(TrainedWith::from_json(&serde_json::from_str(json).unwrap()).is_unknown(), "{json}");
+        }
+    }
+
+    #[test]
+    fn what_a_format_does_not_keep_is_named_as_options() {
+        let trained = TrainedWith { background: Some([1.0; 3]), antialiased: Some(true), ..Default::default() };
+        assert_eq!(trained.options_beyond(true), ["--background 1,1,1"]);
+        assert_eq!(trained.options_beyond(false), ["--background 1,1,1", "--compensate"]);
+        let plain =
+            TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), exposure: Some(true), max_size: None };
+        assert!(plain.options_beyond(false).is_empty());
+    }
+}

@@ -1,0 +1,98 @@
+//! What a scene was trained with is said once, to `train`.
+
+use super::*;
+
+const SAID: &str = "--background 0.2,0.9,0.6 --compensate --max-size 24";
+
+fn psnr(work: &Work, arguments: &str) -> f64 {
+    work.json(&format!("eval {arguments} --json"))["augmented"]["psnr"].as_f64().unwrap()
+}
+
+fn said(work: &Work, arguments: &str) -> String {
+    String::from_utf8(work.run(arguments).stderr).unwrap()
+}
+
+#[test]
+fn settings_are_said_once_and_travel_through_every_command_and_format() {
+    let work = Work::new();
+    work.ok(&format!("train data -o base.ply --iterations 60 --points 100 --sh-degree 1 {SAID}"));
+    work.ok("enhance data --base base.ply -o more.ply --ratio 0.2");
+    let info = work.json("info more.ply --json")["trained_with"].clone();
+    let known = serde_json::json!({"background": [0.2, 0.9, 0.6], "antialiased": true, "max_size": 24});
+    assert_eq!(info, known);
+    assert!(work.ok("info more.ply").contains("background 0.2,0.9,0.6, photos of at most 24 pixels, antialiasing"));
+    for scene in ["base.ply", "more.ply"] {
+        let found = psnr(&work, &format!("{scene} data"));
+        assert_eq!(found, psnr(&work, &format!("{scene} data {SAID}")));
+        // Each of them counts, and is told where it is another.
+        for (option, was) in [
+            ("--background black", "--background 0.2,0.9,0.6, and here it is 0,0,0"),
+            ("--compensate=false", "--compensate true, and here it is false"),
+            ("--max-size 32", "--max-size 24, and here it is 32"),
+        ] {
+            let arguments = format!("eval {scene} data {option}");
+            let text = said(&work, &arguments);
+            assert!(text.contains(&format!("{scene} was trained with {was}")), "{arguments}: {text}");
+            assert_ne!(found, psnr(&work, &format!("{scene} data {option}")), "{arguments}");
+        }
+        assert_eq!(said(&work, &format!("eval {scene} data {SAID}")), said(&work, &format!("eval {scene} data")));
+    }
+    // Pictures, pages and training that begins with the scene, too.
+    work.ok("render more.ply data -o told");
+    work.ok(&format!("render more.ply data -o given {SAID}"));
+    for view in ["a.png", "i.png"] {
+        assert_eq!(fs::read(work.path("told").join(view)).unwrap(), fs::read(work.path("given").join(view)).unwrap());
+    }
+    work.ok("report data base=base.ply more=more.ply -o page");
+    let numbers: Value = serde_json::from_slice(&fs::read(work.path("page/report.json")).unwrap()).unwrap();
+    assert_eq!(numbers["scenes"][1]["psnr"].as_f64(), Some(psnr(&work, "more.ply data")), "{numbers}");
+    for options in ["", SAID] {
+        work.ok(&format!("export --html page{}.html more.ply data {options}", options.len()));
+        work.ok(&format!("train data --init base.ply -o on{}.ply --iterations 5 {options}", options.len()));
+    }
+    let same = |a: &str, b: &str| fs::read(work.path(a)).unwrap() == fs::read(work.path(b)).unwrap();
+    let n = SAID.len();
+    assert!(same("page0.html", &format!("page{n}.html")) && same("on0.ply", &format!("on{n}.ply")));
+
+    // Formats keep it, or say what is to be said again.
+    let whole = psnr(&work, "more.ply data");
+    for ending in ["ply", "glb"] {
+        work.ok(&format!("convert more.ply copy.{ending} --force"));
+        // glTF has opacities and scales as they are, not their logits and logarithms.
+        let off = (psnr(&work, &format!("copy.{ending} data")) - whole).abs();
+        assert!(off <= if ending == "glb" { 1e-5 } else { 0.0 }, "{ending}: {off}");
+    }
+    let base = psnr(&work, "base.ply data");
+    for (ending, again) in [
+        ("compressed.ply", ""),
+        ("sog", ""),
+        ("spz", "--background 0.2,0.9,0.6 --max-size 24"),
+        ("splat", "--background 0.2,0.9,0.6 --compensate --max-size 24"),
+    ] {
+        let text = said(&work, &format!("convert base.ply copy.{ending}"));
+        assert!(again.is_empty() != text.contains(&format!("give {again} to glint")), "{ending}: {text}");
+        let found = psnr(&work, &format!("copy.{ending} data {again}"));
+        assert_eq!(found, psnr(&work, &format!("copy.{ending} data {SAID}")), "{ending}");
+        assert_ne!(found, psnr(&work, &format!("copy.{ending} data --background black")), "{ending}");
+        // What bytes cost; .splat has the constant colours alone.
+        assert!((found - base).abs() < if ending == "splat" { 1.0 } else { 0.1 }, "{ending}: {found} and {base}");
+    }
+}
+
+#[test]
+fn a_run_says_what_it_is_on_and_what_it_was_worth() {
+    let work = Work::new();
+    let text = said(&work, "train data -o base.ply --iterations 20 --points 50 --gaussians 60 --sh-degree 3");
+    let line = |begin: &str| text.lines().find(|line| line.starts_with(begin)).unwrap_or_default().to_owned();
+    assert!(line("training on ").contains("): 7 photos of 32 × 24, 50 to 60 Gaussians, 20 steps"), "{text}");
+    let text = said(&work, "enhance data --base base.ply -o more.ply --ratio 0.2");
+    let line = text.lines().find(|line| line.starts_with("enhancing on ")).unwrap();
+    assert!(line.contains("): 7 photos of 32 × 24, 60 Gaussians, "), "{text}");
+    assert!(said(&work, "train data -o x.ply --iterations 2 -q").is_empty());
+    // What was gained stands beside what as many more steps gain.
+    let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --json --force");
+    let longer = &report["gain"]["longer_training"];
+    assert!(longer["measured"] == true && longer["psnr"].as_f64().is_some_and(f64::is_finite), "{report}");
+    let text = work.ok("enhance data --base base.ply -o x.ply --ratio 0.2 --force");
+    assert!(text.contains("longer training in its place, as many steps: ") && text.contains("dB (measured)"), "{text}");
+}
