@@ -16,7 +16,6 @@ use glint::{
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
     gpu::{Context, ContextOptions, Kernel},
     pipelines::{
-        calibrate::{Load, random_task},
         model::{Model, Room},
         raster::TileShape,
         render::{Needs, RenderOptions, Renderer},
@@ -29,6 +28,7 @@ use glint::{
     report::table::{Cell, Column, Table},
     scene::{Scene, from_points},
     stages::step_done,
+    verify::task::{Load, random_task},
 };
 use serde_json::json;
 

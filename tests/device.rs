@@ -18,8 +18,8 @@ use glint::{
             opcode, shared_bytes, with_modes, words,
         },
     },
-    pipelines::calibrate::{Load, random_task, time_tiles},
     stages::{blend, kernels, radix_upsweep, status, step_done},
+    verify::task::{Load, random_task},
 };
 
 /// What the validator says of a module; nothing where it is valid.
@@ -396,5 +396,4 @@ fn a_load_of_no_gaussians_is_refused() {
     let load = Load { width: 64, height: 64, gaussians: 0 };
     let gpu = Gpu::new();
     assert!(matches!(random_task(&gpu, load, 1.0, 3), Err(Error::Usage(_))));
-    assert!(matches!(time_tiles(&gpu, load, || ()), Err(Error::Usage(_))));
 }

@@ -331,7 +331,7 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     let glint = |arguments: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
-        command.current_dir(folder.path()).args(arguments.split_whitespace()).env("XDG_CONFIG_HOME", path("config"));
+        command.current_dir(folder.path()).args(arguments.split_whitespace());
         let output = run::run(&mut command);
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
         output.stdout

@@ -55,16 +55,8 @@ fn the_command_says_the_same() {
     let text = String::from_utf8(explained.stdout).unwrap();
     assert!(explained.status.success() && BOUNDS.iter().all(|bound| text.contains(bound.reason)));
 
-    let folder = tempfile::tempdir().unwrap();
-    let plot = folder.path().join("verify.svg");
-    let judged = glint(&["--quick", "--json", "--plot", plot.to_str().unwrap()]);
+    let judged = glint(&["--quick", "--json"]);
     assert_eq!(judged.status.code(), Some(0), "{}", String::from_utf8_lossy(&judged.stderr));
     let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
-    let svg = std::fs::read_to_string(&plot).unwrap();
-    for row in json["rows"].as_array().unwrap() {
-        assert_eq!(row["breaches"], serde_json::json!([]));
-        assert!(row["time"].is_null() || svg.contains(row["stage"].as_str().unwrap()));
-    }
-    let nowhere = glint(&["--quick", "--plot", "/no/such/folder/verify.svg"]);
-    assert_eq!(nowhere.status.code(), Some(2), "before minutes of work");
+    assert!(json["rows"].as_array().unwrap().iter().all(|row| row["breaches"] == serde_json::json!([])), "{json}");
 }

@@ -286,8 +286,6 @@ fn glint(folder: &Path, arguments: &str) -> Command {
     command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command.current_dir(folder).args(arguments.split_whitespace());
     command.env_remove("RUST_LOG").env_remove("DISPLAY");
-    // Whoever runs this may have calibrated.
-    command.env("XDG_CONFIG_HOME", folder.join("config"));
     command
 }
 

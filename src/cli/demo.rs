@@ -162,9 +162,8 @@ impl Args {
         let train = photos_of(dataset, Some(Split::Train))?;
         let test = photos_of(dataset, Some(Split::Test))?;
         let background = dataset.background;
-        let cameras = train.iter().map(|photo| &photo.camera);
-        let rest = (background, dataset.extent() as f32, self.seed.into());
-        let session = self.learn.session(context, Policy::default(), cameras, rest)?;
+        let extent = dataset.extent() as f32;
+        let session = self.learn.session(context, Policy::default(), background, extent, self.seed.into());
         let views = upload_photos(context, &train, background, 0, |_, _| ())?;
 
         let base = self.train("base", &session, dataset, &views, points, iterations)?;

@@ -308,10 +308,7 @@ impl Args {
         let background = dataset.background;
         let run = Watched { device: &self.device, dataset: &dataset, policy, background, output: &self.output };
         self.watch.with(&run, |context, look_at| {
-            let mut session = {
-                let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, policy, cameras, (background, extent, self.seed.into()))?
-            };
+            let session = self.learn.session(context, policy, background, extent, self.seed.into());
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, 0, |done, words| {
@@ -328,9 +325,6 @@ impl Args {
                 kept = Some(Kept::new(&self.output, settings, &self.keep, trained_with));
             }
             let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
-            if let Some(kept) = &kept {
-                session.policy.tile = kept.tile(context)?;
-            }
             let joins = options.join.steps_per_view as usize * photos.len();
             let length = match self.time {
                 Some(time) => format!("{} s", time.as_secs_f64()),
@@ -500,8 +494,6 @@ impl Args {
             "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
             "photos": photos_json(photos, pixels),
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
-            // A run that goes on keeps its own, whatever was calibrated since.
-            "tile": policy.tile.map(|tile| [tile.width, tile.height]),
             // What they mean in this version, presets and all.
             "resolved": format!("{options:?} {:?}", (resolved, background, extent, seed)),
         }))

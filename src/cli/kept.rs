@@ -9,15 +9,11 @@ use std::{
 
 use serde_json::{Map, Value, json};
 
-use super::{calibrate, progress::note};
+use super::progress::note;
 use crate::{
     Error, Result,
     data::{Photo, TrainedWith},
-    gpu::Context,
-    pipelines::{
-        checkpoint::{Checkpoint, Found},
-        raster::TileShape,
-    },
+    pipelines::checkpoint::{Checkpoint, Found},
 };
 
 /// What takes the place of the output's extension.
@@ -73,7 +69,7 @@ impl Kept {
     /// # Errors
     /// [`Error::Input`] where it is another run's, unless the run is to begin anew.
     pub(super) fn find(&mut self) -> Result<Option<Checkpoint>> {
-        let (path, found) = (&self.path, Checkpoint::find(&self.path, &mut self.settings)?);
+        let (path, found) = (&self.path, Checkpoint::find(&self.path, &self.settings)?);
         let old = path.with_extension("safetensors.old");
         if self.restart && !matches!(found, Found::Nothing) {
             fs::rename(path, &old).map_err(|error| Error::io(path, error))?;
@@ -100,11 +96,6 @@ impl Kept {
                 Ok(None)
             }
         }
-    }
-
-    /// The tile that the loop is to learn by: where something was found, as it did until then.
-    pub(super) fn tile(&self, context: &Context) -> Result<Option<TileShape>> {
-        calibrate::tile_of(&self.settings, &self.path, context)
     }
 
     /// Keeps what `checkpoint` gives if it is time.

@@ -2,7 +2,6 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
-mod calibrate;
 mod check;
 mod convert;
 mod dataset;
@@ -51,7 +50,7 @@ use crate::{
         session::{Policy, Reduction, Session},
     },
     reference,
-    scene::{Camera, Scene},
+    scene::Scene,
 };
 use dataset::{PhotoArgs, settled};
 use progress::{LogWriter, note};
@@ -106,7 +105,6 @@ enum Command {
     Report(report::Args),
     Synth(synth::Args),
     Devices(devices::Args),
-    Calibrate(calibrate::Args),
     Verify(verify::Args),
     Completions(pages::CompletionsArgs),
     Man(pages::ManArgs),
@@ -187,7 +185,6 @@ fn run(command: &Command) -> Outcome {
         Command::Report(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Devices(args) => args.run(),
-        Command::Calibrate(args) => args.run(),
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),
         Command::Man(args) => args.run(),
@@ -409,19 +406,11 @@ enum Precision {
 }
 
 impl LearnArgs {
-    /// What everything on `context` is run with, for photographs of these cameras.
-    fn session<'a>(
-        &self,
-        context: &Context,
-        policy: Policy,
-        cameras: impl IntoIterator<Item = &'a Camera>,
-        (background, extent, seed): ([f32; 3], f32, u64),
-    ) -> Result<Session> {
+    /// What everything on `context` is run with.
+    fn session(&self, context: &Context, policy: Policy, background: [f32; 3], extent: f32, seed: u64) -> Session {
         let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
-        let pixels = cameras.into_iter().map(|c| f64::from(c.width) * f64::from(c.height)).fold(0.0, f64::max);
-        let tile = calibrate::calibrated_tile(context, pixels)?;
-        let policy = Policy { reduction, packed: self.precision == Precision::Half, tile, ..policy };
-        Ok(Session { policy, background, extent, seed, ..Session::new(context) })
+        let policy = Policy { reduction, packed: self.precision == Precision::Half, ..policy };
+        Session { policy, background, extent, seed, ..Session::new(context) }
     }
 }
 

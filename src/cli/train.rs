@@ -301,10 +301,7 @@ impl Args {
             let control = density(self.iterations);
             let scene = u64::from(control.limit) * gaussian_bytes(sh_degree, false);
             check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
-            let mut session = {
-                let cameras = photos.iter().map(|photo| &photo.camera);
-                self.learn.session(context, policy, cameras, (background, extent, seed))?
-            };
+            let session = self.learn.session(context, policy, background, extent, seed);
             let reading = Progress::new("reading", "photos", photos.len() as u64);
             let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
             let views = upload_photos(context, &photos, background, halvings, |done, words| {
@@ -352,7 +349,6 @@ impl Args {
             if let Some(Clock { total, .. }) = clock {
                 iterations = total;
             }
-            session.policy.tile = kept.tile(context)?;
             let mut trainer = dense_trainer(&session, &model, &views, &options(iterations), &control)?;
             if self.exposure {
                 trainer.correct_exposure(&session, &views)?;
@@ -639,8 +635,6 @@ impl Args {
             "photos": photos_json(photos, pixels),
             "points": {"count": first, "crc32": checksum},
             "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
-            // A run that goes on keeps its own, whatever was calibrated since.
-            "tile": policy.tile.map(|tile| [tile.width, tile.height]),
             "resolved": format!("{options:?} {density:?} {halvings} {:?}", (resolved, background, extent, seed)),
         }))
     }

@@ -1,11 +1,5 @@
-use std::path::PathBuf;
-
-use super::{
-    DeviceArgs, Failure, Outcome,
-    output::{Inputs, OutputArgs},
-    print, print_json,
-};
-use crate::verify::{Options, explain, plot, run};
+use super::{DeviceArgs, Failure, Outcome, print, print_json};
+use crate::verify::{Options, explain, run};
 
 /// Check a device and its driver: every stage's error against float64, and its time against what the hardware allows
 ///
@@ -22,17 +16,12 @@ pub(super) struct Args {
     /// times in seconds
     #[arg(long)]
     json: bool,
-    /// Write an SVG with error on one axis and time on the other, one labelled point for each row
-    #[arg(long, value_name = "SVG")]
-    plot: Option<PathBuf>,
-    #[command(flatten)]
-    replace: OutputArgs,
     /// Show that the bounds notice: put this relative error into every reference result, upon which rows must break; with 0.002
     /// all do
     #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
     perturb: f64,
     /// Print the bounds and their reasons, and do nothing else
-    #[arg(long, conflicts_with_all = ["quick", "json", "plot", "perturb"])]
+    #[arg(long, conflicts_with_all = ["quick", "json", "perturb"])]
     explain: bool,
 }
 
@@ -45,18 +34,12 @@ impl Args {
         if self.explain {
             return Ok(print(explain())?);
         }
-        if let Some(path) = &self.plot {
-            self.replace.check_file(path, "svg", "an SVG", &Inputs::default())?;
-        }
         self.device.with_unchecked(|context| {
             let report = run(context, &Options { quick: self.quick, perturb: self.perturb })?;
             if self.json {
                 print_json(&report)?;
             } else {
                 print(&report)?;
-            }
-            if let Some(path) = &self.plot {
-                plot(&report, path)?;
             }
             match report.broken() {
                 0 => Ok(()),

@@ -21,9 +21,6 @@ use crate::{
     error::{Error, Result},
 };
 
-/// Of settings: what a subgroup covers, width and height in pixels, or null for what suits the device.
-const TILE: &str = "tile";
-
 /// How a run stood that has a time and no number of steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
@@ -113,12 +110,11 @@ impl Checkpoint {
         write_tensors_about(path, &list, Some(&about.to_string()))
     }
 
-    /// What an earlier run left at `path`, if it was one of the same `settings`. Their `tile` may be another; it becomes that of the
-    /// earlier run.
+    /// What an earlier run left at `path`, if it was one of the same `settings`.
     ///
     /// # Errors
     /// [`Error::Io`] where what is there cannot be read.
-    pub fn find(path: &Path, settings: &mut Value) -> Result<Found> {
+    pub fn find(path: &Path, settings: &Value) -> Result<Found> {
         let (tensors, about) = match read_tensors_about(path) {
             Ok(found) => found,
             Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
@@ -135,7 +131,9 @@ impl Checkpoint {
         let Ok(about) = serde_json::from_str::<Value>(&about) else {
             return damaged("is damaged: what it was made from cannot be read");
         };
-        if let Some(what) = another_run(&about["settings"], settings) {
+        // As it is read back, since a number may differ in its last digit from what was written.
+        let now: Value = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
+        if let Some(what) = difference(&about["settings"], &now, "") {
             return Ok(Found::Foreign(what));
         }
         let Some(step) = about["step"].as_u64().and_then(|step| u32::try_from(step).ok()) else {
@@ -170,24 +168,6 @@ impl<'a> From<Borrowed<'a>> for ValuesRef<'a> {
     }
 }
 
-/// The first place where the settings of an earlier run differ from these. Where they do not, these take over its tile, which changes what
-/// is learned: the user may have calibrated since.
-pub(super) fn another_run(found: &Value, settings: &mut Value) -> Option<String> {
-    // As it is read back, since a number may differ in its last digit from what was written.
-    let mut now: Value = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
-    let take_over = |settings: &mut Value| {
-        if let Some(tile) = settings.get_mut(TILE) {
-            *tile = found[TILE].clone();
-        }
-    };
-    take_over(&mut now);
-    let what = difference(found, &now, "");
-    if what.is_none() {
-        take_over(settings);
-    }
-    what
-}
-
 /// The first place where two JSON values differ, and what is there.
 fn difference(found: &Value, now: &Value, place: &str) -> Option<String> {
     if let (Value::Object(a), Value::Object(b)) = (found, now) {
@@ -212,7 +192,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         let settings = json!({"options": {"seed": 0, "ratio": 0.1}, "photos": {"a.png": 7}});
-        let find = |settings: &Value| Checkpoint::find(&path, &mut settings.clone()).unwrap();
+        let find = |settings: &Value| Checkpoint::find(&path, settings).unwrap();
         assert!(matches!(find(&settings), Found::Nothing));
         let mut kept = Checkpoint::new(5);
         kept.put("losses".into(), [1, 3], vec![0.5, f32::INFINITY, -0.0]);
@@ -259,20 +239,6 @@ mod tests {
         crate::data::write_tensors(&path, &[("losses", &[1], &[1.0f32][..])]).unwrap();
         assert!(matches!(find(&settings), Found::Foreign(_)));
         // A folder is nobody's checkpoint.
-        assert!(Checkpoint::find(folder.path(), &mut settings.clone()).is_err());
-    }
-
-    #[test]
-    fn whoever_goes_on_takes_over_the_tile_of_the_same_run_only() {
-        let of = |seed: u32, tile: Value| json!({"seed": seed, "tile": tile});
-        let after = |found: &Value, mut now: Value| (another_run(found, &mut now), now);
-        for tile in [json!([8, 16]), Value::Null] {
-            assert_eq!(after(&of(1, tile.clone()), of(1, json!([16, 16]))), (None, of(1, tile)));
-        }
-        assert_eq!(after(&of(1, json!([8, 16])), of(1, Value::Null)).1, of(1, json!([8, 16])));
-        let (what, kept) = after(&of(1, json!([8, 16])), of(2, Value::Null));
-        assert_eq!((what.unwrap().as_str(), kept), ("`seed` was 1 and is 2", of(2, Value::Null)));
-        // What has none gets none.
-        assert_eq!(after(&json!({"seed": 1}), json!({"seed": 1})), (None, json!({"seed": 1})));
+        assert!(Checkpoint::find(folder.path(), &settings).is_err());
     }
 }

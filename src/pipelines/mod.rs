@@ -1,8 +1,6 @@
 //! Order of recording: which stages run, on what, and when the host looks.
 
 #[cfg(feature = "train")]
-pub mod calibrate;
-#[cfg(feature = "train")]
 pub mod checkpoint;
 #[cfg(feature = "train")]
 pub mod density;

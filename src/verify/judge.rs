@@ -169,11 +169,6 @@ impl Row {
         raise(&mut self.errors.flips, count as f64 / of.max(1) as f64);
     }
 
-    /// Largest error as one number, for the plot: of the measures that are relative to what is wanted.
-    pub fn error(&self) -> Option<f64> {
-        self.errors.relative_l2
-    }
-
     /// Time relative to the floor.
     pub fn ratio(&self) -> Option<f64> {
         Some(self.time? / self.floor.filter(|&f| f > 0.0)?)

@@ -11,13 +11,12 @@ mod judge;
 pub mod lift;
 pub mod loss;
 mod model;
-#[cfg(feature = "cli")]
-mod plot;
 mod pursuit;
 mod raster;
 pub mod screen;
 mod sort;
 mod step;
+pub mod task;
 
 use std::{fmt, time::Instant};
 
@@ -26,8 +25,6 @@ use serde::Serialize;
 pub use bounds::{BOUNDS, Bound, NEAR_THRESHOLD};
 pub use floor::Rates;
 pub use judge::{Breach, Errors, Row, Work};
-#[cfg(feature = "cli")]
-pub use plot::plot;
 
 use crate::{
     error::Result,

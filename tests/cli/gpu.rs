@@ -48,7 +48,6 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("frame is not packed") && said.contains("no dataset bonsai"), "{said}");
     assert!(found["verify"][0]["name"].is_string());
-    assert_eq!(found["scenes"][0]["train"]["tile"], found["calibrate"]["sizes"][0]["tile"], "{found}");
     assert_eq!(
         (&found["tests"], &found["frames"], &found["steps"]),
         (&Value::Array(vec![]), &Value::Array(vec![]), &Value::Array(vec![]))
@@ -112,54 +111,4 @@ assert g.schedule(7000, 9) == {'cap_max': 9, 'refine_start_iter': 116, 'refine_s
         let theirs = DMat3::from_cols_array_2d(rotation).transpose();
         assert!((theirs - camera.rotation).to_cols_array().iter().all(|v| v.abs() < 1e-12), "{name}");
     }
-}
-
-#[test]
-fn calibrated_tiles_are_what_learns() {
-    let work = Work::new();
-    let train = "train data --iterations 20 --sh-degree 0 --deterministic";
-    let tile = |name: &str| work.json(&format!("{train} -o {name}.ply --json"))["tile"].clone();
-    let usual = tile("usual");
-    let found = work.json("calibrate --quick --json");
-    let file = work.path("config/glint/calibration.json");
-    assert_eq!(found["output"], file.to_str().unwrap());
-    let size = &found["sizes"][0];
-    assert_eq!((&size["width"], &size["height"]), (&256.into(), &256.into()));
-    let times = size["times"].as_array().unwrap();
-    assert_eq!(times[0]["tile"], usual, "the usual one is the first");
-    assert!(times.iter().any(|of| of["tile"] == size["tile"]));
-    let positive = |of: &Value| of["milliseconds"].as_array().unwrap().iter().all(|t| t.as_f64().unwrap() > 0.0);
-    assert!(times.len() > 1 && times.iter().all(positive), "{found}");
-
-    // As if another shape had been faster.
-    let other = times.iter().map(|of| &of["tile"]).find(|tile| **tile != usual).unwrap();
-    let mut kept: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
-    let sides: Vec<u32> = other.as_str().unwrap().split('×').map(|side| side.parse().unwrap()).collect();
-    kept["devices"][0]["sizes"][0]["tile"] = sides.into();
-    // A run that was killed before that goes on as it began.
-    fs::remove_file(&file).unwrap();
-    let long = "train data --iterations 400 --sh-degree 0 --deterministic";
-    work.killed(&format!("{long} -o resumed.ply"), "resumed.checkpoint.safetensors");
-    fs::write(&file, kept.to_string()).unwrap();
-    let resumed = work.json(&format!("{long} -o resumed.ply --json"));
-    assert!(resumed["tile"] == usual && resumed["iterations_resumed"].as_u64() > Some(0), "{resumed}");
-    assert_eq!(tile("other"), *other);
-    // Another driver, version or device knows nothing of it.
-    kept["devices"][0]["driver"] = "another".into();
-    fs::write(&file, kept.to_string()).unwrap();
-    assert_eq!(tile("foreign"), usual);
-    assert!(fs::read(work.path("foreign.ply")).unwrap() == fs::read(work.path("usual.ply")).unwrap());
-
-    // What cannot be read stops nothing, and is no calibration.
-    fs::remove_file(&file).unwrap();
-    fs::create_dir(&file).unwrap();
-    let output = work.run(&format!("{train} -o unread.ply"));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("note: tiles are of the usual shape"), "{said}");
-    assert!(fs::read(work.path("unread.ply")).unwrap() == fs::read(work.path("usual.ply")).unwrap());
-    fs::remove_dir(&file).unwrap();
-
-    fs::write(&file, "{\"devices\": 3}").unwrap();
-    work.refused("train data -o never.ply --iterations 2", &["calibration.json", "glint calibrate"]);
-    work.refused("calibrate --quick", &["calibration.json", "glint calibrate"]);
 }

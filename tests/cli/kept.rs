@@ -51,7 +51,7 @@ impl Work {
         let mut command = Command::new("sh");
         // A signal that is ignored stays so in the program that follows.
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
-        command.current_dir(self.0.path()).args(["-c", &script]).env("XDG_CONFIG_HOME", self.path("config"));
+        command.current_dir(self.0.path()).args(["-c", &script]);
         run::run(&mut command)
     }
 

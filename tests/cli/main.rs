@@ -82,8 +82,7 @@ impl Work {
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).env_remove("RUST_LOG");
-        // Whoever runs this may have calibrated.
-        command.env("XDG_CONFIG_HOME", self.path("config")).env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         command
     }
 

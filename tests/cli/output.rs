@@ -53,12 +53,10 @@ fn files_that_are_there_are_replaced_only_with_force() {
     fs::write(work.path("views/i.png"), "mine").unwrap();
     fs::create_dir(work.path("here")).unwrap();
     fs::write(work.path("here/augmented.ply"), "mine").unwrap();
-    fs::write(work.path("plot.svg"), "mine").unwrap();
     work.refused("train data -o out.ply", &["out.ply", "--force"]);
     work.refused("enhance data --base base.ply -o out.ply", &["out.ply", "--force"]);
     work.refused("render base.ply data -o views", &["views/i.png", "--force"]);
     work.refused("demo -o here", &["here/augmented.ply", "--force"]);
-    work.refused("verify --quick --plot plot.svg", &["plot.svg", "--force"]);
     work.ok("train data -o out.ply --iterations 2 --force");
     work.ok("render base.ply data -o views --force");
     assert!(fs::read(work.path("out.ply")).unwrap().starts_with(b"ply"));
@@ -76,7 +74,6 @@ fn names_say_what_files_are() {
     work.refused("train data -o x.png", &["x.png", "a PLY scene", "x.ply"]);
     work.refused("train data -o x", &["a PLY scene", "x.ply"]);
     work.refused("enhance data --base base.ply -o x.splat", &["x.splat", "a PLY scene", "x.ply"]);
-    work.refused("verify --quick --plot x.png", &["x.png", "an SVG", "x.svg"]);
     work.ok("train data -o x.PLY --iterations 1");
 }
 
