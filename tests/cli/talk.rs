@@ -41,7 +41,8 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
     let said = stderr(&work, "train data -o z.ply --iterations 3");
-    assert!(said.lines().count() == 1 && said.starts_with("training on "), "{said}");
+    // A slow machine tells how far it is, too.
+    assert!(said.contains("training on ") && said.lines().all(|line| line.starts_with("training")), "{said}");
 }
 
 /// `script` makes a terminal for a command and prints what would be seen there.
