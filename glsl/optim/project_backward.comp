@@ -7,7 +7,7 @@
 // With ACCUMULATE the gradients are added to planes of their own, bound where the moments are, and nothing else changes: `adam`
 // steps when all views of the step are in. Plane GEOMETRY_PLANES counts the views that blend the Gaussian.
 // With NEWTON steps go by the curvature that records of a loss_probe have told before; those change no parameter.
-// EWA backward as in 3DGS, in the whitened form of ARCHITECTURE.md; Adam (Kingma 2014), SparseAdam where SPARSE.
+// EWA backward as in 3DGS, in the whitened form of docs/design-notes.md; Adam (Kingma 2014), SparseAdam where SPARSE.
 // Limits: a Gaussian whose gradient is not finite is left as it is; where coefficients so large that their product with it is not finite
 // make it so, they alone step. Nothing moves once status says that a step did not fit.
 #extension GL_GOOGLE_include_directive : require

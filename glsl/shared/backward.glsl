@@ -4,7 +4,7 @@
 // One subgroup takes one tile, see shared/tile.glsl, and goes front to back again with the forward pass's arithmetic, so
 // every decision is the same bit for bit and no transmittance is divided back. What lies behind a Gaussian is the final
 // colour less what has been passed. Sums over a tile's pixels are subgroup reductions.
-// The record is in whitened coordinates, see ARCHITECTURE.md. With SCORES image_grad is what density_image makes, and of the record the
+// The record is in whitened coordinates, see docs/design-notes.md. With SCORES image_grad is what density_image makes, and of the record the
 // first two of `colour` are wanted, its sums by blend weight: what else there is then compiles to nothing.
 #include "common.glsl"
 #include "splat.glsl"

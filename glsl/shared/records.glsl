@@ -1,5 +1,5 @@
 // The gradient record of an intersection, or, where blend_backward_atomic has added them up, of a Gaussian: nine sums over
-// pixels in whitened coordinates (see ARCHITECTURE.md), in three buffers so that each holds three times as many.
+// pixels in whitened coordinates (see docs/design-notes.md), in three buffers so that each holds three times as many.
 // A Gaussian that learns its opacity alone has record_centres only, with 1 in x where a pixel blends it.
 // Where the kernel has a binding RECORD_WORDS and PACKED_RECORDS says so, those of intersections are packed into it instead.
 //

@@ -149,7 +149,7 @@ typedef struct glint_buffer {
     uint32_t reserved;
     VkBuffer buffer;
     uint64_t bytes;
-    char name[32]; /* as in ARCHITECTURE.md's table of buffers */
+    char name[32]; /* as in docs/design-notes.md's table of buffers */
 } glint_buffer;
 
 /* Scenes in PLY files, base and supplement; in all that glint reads where the library was made with --features formats (tools/c-library). A

@@ -1,5 +1,5 @@
-//! The explicit Vulkan layer and the only home of `unsafe`: a device (own or borrowed), typed buffers, pipelines made from
-//! reflected kernels, and a recorder that turns stages into commands with barriers, labels and timestamps.
+//! The explicit Vulkan layer: a device (own or borrowed), typed buffers, pipelines made from reflected kernels, and a recorder that
+//! turns stages into commands with barriers, labels and timestamps. `unsafe` is here and where a caller hands over handles.
 
 mod context;
 mod device;

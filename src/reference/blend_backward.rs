@@ -1,4 +1,4 @@
-//! The blend's gradient: front to back again with the forward's decisions (3DGS, section 6; `ARCHITECTURE.md`).
+//! The blend's gradient: front to back again with the forward's decisions (3DGS, section 6; `docs/design-notes.md`).
 //!
 //! What lies behind a Gaussian is what is left of the final colour after taking away, one by one, what lies
 //! before it and itself. So the forward pass need store nothing but its image.

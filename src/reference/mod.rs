@@ -2,7 +2,7 @@
 //! judged against these functions, and these are judged against central differences (`tests/gradients.rs`). [`host`] has
 //! them stand in for stages.
 //!
-//! Layouts are those of `ARCHITECTURE.md`: parameters are planes, base Gaussians come first.
+//! Layouts are those of `docs/design-notes.md`: parameters are planes, base Gaussians come first.
 //! Slices must have the lengths their docs give; the twins do not check what the stages check.
 
 // The house guards positively, so that NaN fails: `!(x >= lo)` is meant, here as in the kernels.
@@ -106,7 +106,7 @@ pub const FLOAT_MAX: f64 = f32::MAX as f64;
 /// "No Gaussian" wherever a Gaussian index is expected.
 pub const NONE: u32 = u32::MAX;
 
-/// What projection leaves of a Gaussian in a view; `ARCHITECTURE.md` defines the factor L.
+/// What projection leaves of a Gaussian in a view; `docs/design-notes.md` defines the factor L.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Splat {
     /// Centre, px.

@@ -32,7 +32,7 @@ impl Default for Options {
     }
 }
 
-/// What the blend walks over; `ARCHITECTURE.md` names the buffers.
+/// What the blend walks over; `docs/design-notes.md` names the buffers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Intersections {
     /// Which tiles there are.
