@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use glam::DVec3;
 
 use super::progress::note;
@@ -28,16 +28,8 @@ pub(super) struct DatasetArgs {
     #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
     holdout: Option<Holdout>,
     /// What transparent pixels of photos mean
-    #[arg(long, value_enum, default_value_t = AlphaArg::Background, help_heading = "Dataset")]
-    alpha: AlphaArg,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum AlphaArg {
-    /// They show the background
-    Background,
-    /// Pixels with alpha below a half are ignored
-    Mask,
+    #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
+    alpha: Alpha,
 }
 
 impl DatasetArgs {
@@ -47,10 +39,7 @@ impl DatasetArgs {
             images: self.images.clone(),
             model: self.model.clone(),
             holdout: self.holdout.unwrap_or_default(),
-            alpha: match self.alpha {
-                AlphaArg::Background => Alpha::Background,
-                AlphaArg::Mask => Alpha::Mask,
-            },
+            alpha: self.alpha,
             ..options
         };
         let dataset = Dataset::open(path, &options)?;
@@ -139,19 +128,11 @@ pub(super) struct PhotoArgs {
     max_size: Option<u32>,
     /// How photos are downscaled [default: area]
     #[arg(long, value_enum)]
-    reduce: Option<ReduceArg>,
+    reduce: Option<Reduce>,
     /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1 [default: as the scene was
     /// trained, else black]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     background: Option<[f32; 3]>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ReduceArg {
-    /// By the mean over each pixel's area
-    Area,
-    /// By a bicubic filter, as the code of 3DGS does it: for comparing with published figures
-    Bicubic,
 }
 
 /// 3DGS trains on photos of at most this width.
@@ -208,10 +189,7 @@ impl PhotoArgs {
 
     /// Reads the dataset and tells what its user would not expect.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
-        let reduce = match self.reduce {
-            None | Some(ReduceArg::Area) => Reduce::Area,
-            Some(ReduceArg::Bicubic) => Reduce::Bicubic,
-        };
+        let reduce = self.reduce.unwrap_or_default();
         let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background());
         let reduced_folders = self.max_size.is_some() && self.reduce.is_none();
         let options =

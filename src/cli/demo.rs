@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{
     DeviceArgs, LearnArgs, Outcome,
     enhance::{
-        ChoiceArgs, Preset, Way,
+        ChoiceArgs, Preset,
         bars::{Beside, run_with_progress},
         report::{joint_stages, train_longer},
     },
@@ -22,7 +22,7 @@ use crate::{
     },
     gpu::Context,
     pipelines::{
-        enhance::{EnhanceOptions, Enhanced, Times},
+        enhance::{EnhanceOptions, Enhanced, Method, Times},
         join::JoinOptions,
         layers::{Layer, Layers},
         model::{Model, Room},
@@ -81,8 +81,8 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
     /// How Gaussians are placed
-    #[arg(long, value_enum, default_value_t = Way::Pursuit)]
-    method: Way,
+    #[arg(long, value_enum, default_value_t)]
+    method: Method,
     /// Seed of the draws and of the order of photos
     #[arg(long, default_value_t = 0)]
     seed: u32,
@@ -183,8 +183,8 @@ impl Args {
         write(AUGMENTED, &augmented.scene, enhanced.original.as_ref())?;
 
         let (other, choices) = match self.method {
-            Way::Pursuit => (Way::Augs, EnhanceOptions::quick()),
-            Way::Augs => (Way::Pursuit, EnhanceOptions::pursuit()),
+            Method::Pursuit => (Method::Augs, EnhanceOptions::quick()),
+            Method::Augs => (Method::Pursuit, EnhanceOptions::pursuit()),
         };
         let choices = EnhanceOptions {
             median_threshold: options.median_threshold,
@@ -268,15 +268,15 @@ impl Args {
 
     fn augment(
         &self,
-        way: Way,
+        method: Method,
         session: &Session,
         base: &Made,
         views: &Views,
         options: &EnhanceOptions,
     ) -> Result<(Made, Enhanced)> {
-        let what = match way {
-            Way::Pursuit => "augmented by pursuit",
-            Way::Augs => "augmented by augs",
+        let what = match method {
+            Method::Pursuit => "augmented by pursuit",
+            Method::Augs => "augmented by augs",
         };
         session.context.count_most_anew();
         let started = Instant::now();

@@ -62,16 +62,6 @@ Examples:
 What the joint phase has learned, and with --method augs what photos were lifted to, is saved every minute, on an error and on Ctrl-C in \
 augmented.checkpoint.safetensors. The same command resumes there, unless it has --time, and removes it in the end.";
 
-/// How Gaussians are placed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Way {
-    /// By what they gain in all photos at once; then everything learns
-    Pursuit,
-    /// The paper's: fitted in each photo, lifted by its depth; then the base learns its opacities only
-    Augs,
-}
-
 /// How many steps the 2D phase of the paper's method takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -129,8 +119,8 @@ impl ChoiceArgs {
     ///
     /// # Errors
     /// [`Error::Usage`] for a choice that the method does not have.
-    pub(super) fn options(&self, way: Way, preset: Preset) -> Result<EnhanceOptions> {
-        if way == Way::Pursuit {
+    pub(super) fn options(&self, method: Method, preset: Preset) -> Result<EnhanceOptions> {
+        if method == Method::Pursuit {
             let of_augs = [
                 ("--preset", self.preset.is_some()),
                 ("--shared-steps", self.shared_steps),
@@ -142,15 +132,15 @@ impl ChoiceArgs {
                 return Err(Error::Usage(format!("{name} is a choice of --method augs")));
             }
         }
-        let preset = match (way, self.preset.unwrap_or(preset)) {
-            (Way::Pursuit, _) => {
+        let preset = match (method, self.preset.unwrap_or(preset)) {
+            (Method::Pursuit, _) => {
                 return Ok(EnhanceOptions {
                     median_threshold: self.depth_threshold,
                     centre_depth: self.centre_depth,
                     ..EnhanceOptions::pursuit()
                 });
             }
-            (Way::Augs, preset) => preset,
+            (Method::Augs, preset) => preset,
         };
         let preset = match preset {
             Preset::Quick => EnhanceOptions::quick(),
@@ -192,8 +182,8 @@ pub(super) struct Args {
     #[serde(skip)]
     output: PathBuf,
     /// How Gaussians are placed
-    #[arg(long, value_enum, default_value_t = Way::Pursuit)]
-    method: Way,
+    #[arg(long, value_enum, default_value_t)]
+    method: Method,
     /// Gaussians that may be added, per Gaussian of the base [default: with --method augs 0.1, else as many as gain more than training
     /// on, 0.25 at most]
     #[arg(long, value_parser = parse_ratio)]
@@ -454,13 +444,13 @@ impl Args {
 
     /// Whether the way and the budget are left to glint.
     fn asks_for_nothing(&self) -> bool {
-        self.method == Way::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
+        self.method == Method::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
     }
 
     /// What is to be done within the budget that was given.
     fn options(&self) -> Result<EnhanceOptions> {
         let options = self.choices.options(self.method, Preset::Paper)?;
-        if self.method == Way::Augs {
+        if self.method == Method::Augs {
             let of_pursuit = [("--bytes", self.bytes.is_some()), ("--time", self.time.is_some())];
             if let Some((name, _)) = of_pursuit.into_iter().find(|(_, given)| *given) {
                 return Err(Error::Usage(format!("{name} is a choice of --method pursuit")));

@@ -126,7 +126,7 @@ pub(super) struct Args {
     gaussians: Option<u32>,
     /// How Gaussians are pruned and multiplied
     #[arg(long, value_enum, default_value_t)]
-    strategy: StrategyArg,
+    strategy: Strategy,
     /// Learn an affine map of colours for each training photo beside the scene, for photos of changing exposure or white balance. Their
     /// mean stays the identity; test photos, eval and render have none
     #[arg(long)]
@@ -164,31 +164,6 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
-}
-
-#[derive(Debug, Clone, Copy, Default, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum StrategyArg {
-    /// Not at all
-    Fixed,
-    /// As 3DGS-MCMC: transparent ones move to opaque ones, 5 % more at each refinement
-    Mcmc,
-    /// As 3DGS: those with large gradients are cloned or split, opacities are reset
-    Adc,
-    /// More over the run up to --gaussians, and transparent ones move, to where errors are
-    #[default]
-    Budget,
-}
-
-impl From<StrategyArg> for Strategy {
-    fn from(arg: StrategyArg) -> Self {
-        match arg {
-            StrategyArg::Fixed => Strategy::Fixed,
-            StrategyArg::Mcmc => Strategy::Mcmc,
-            StrategyArg::Adc => Strategy::Adc,
-            StrategyArg::Budget => Strategy::Budget,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, clap::ValueEnum, Serialize)]
@@ -268,7 +243,7 @@ impl Args {
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let test = self.eval_every.map(|_| photos_of(&dataset, Some(Split::Test))).transpose()?;
         let (count, begins) = (first.gaussians.len(), first.begins);
-        let own = || if Strategy::from(self.strategy).is_newton() { halvings_for(&photos) } else { 0 };
+        let own = || if self.strategy.is_newton() { halvings_for(&photos) } else { 0 };
         let halvings = self.halvings.unwrap_or_else(own);
         let options = |iterations| BaseOptions { iterations, sh_degree, begins };
         check_sight(&dataset, first.origin, &first.gaussians.means)?;
@@ -291,7 +266,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| {
             let (background, seed) = (dataset.background, self.seed);
             let packed = self.learn.precision == super::Precision::Half;
-            let bytes = learning_bytes(sh_degree, packed, Strategy::from(self.strategy).is_newton());
+            let bytes = learning_bytes(sh_degree, packed, self.strategy.is_newton());
             let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
             if self.gaussians.is_none() {
                 first.fit(context, bytes, pixels).into_iter().for_each(note);
@@ -566,7 +541,7 @@ impl Args {
         if self.color == ColorArg::Sh {
             return Ok(());
         }
-        if Strategy::from(self.strategy).is_newton() {
+        if self.strategy.is_newton() {
             return Err(Error::Usage("--color sb learns by Adam's steps: expected --strategy mcmc or adc".into()));
         }
         if self.sh_degree != BaseOptions::default().sh_degree {
@@ -583,7 +558,7 @@ impl Args {
         let most = asked.into_iter().filter_map(|(option, n)| Some((n.filter(|&n| n > MANY)?, option))).max();
         let Some((n, option)) = most else { return Ok(()) };
         let packed = self.learn.precision == super::Precision::Half;
-        let bytes = learning_bytes(self.degree(), packed, Strategy::from(self.strategy).is_newton());
+        let bytes = learning_bytes(self.degree(), packed, self.strategy.is_newton());
         self.device.with_unchecked(|context| {
             let fit = context.memory_at_most() / bytes;
             if u64::from(n) <= fit {
@@ -598,7 +573,7 @@ impl Args {
 
     /// Of a run that begins with the first number of Gaussians and comes to the second where nothing else is asked for.
     fn density(&self, [first, most]: [usize; 2], iterations: u32) -> DensityOptions {
-        DensityOptions { strategy: self.strategy.into(), limit: most as u32, first: first as u32, iterations }
+        DensityOptions { strategy: self.strategy, limit: most as u32, first: first as u32, iterations }
     }
 
     /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the

@@ -89,11 +89,12 @@ impl fmt::Display for Holdout {
 
 /// What transparency means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Alpha {
-    /// The background shines through.
+    /// They show the background
     #[default]
     Background,
-    /// Pixels of less than a half do not count.
+    /// Pixels with alpha below a half are ignored
     Mask,
 }
 

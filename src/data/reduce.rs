@@ -2,12 +2,14 @@
 
 /// How a larger photo is made smaller.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Reduce {
-    /// The mean over the area of each pixel, as a sensor with fewer, larger cells would see it.
+    /// By the mean over each pixel's area, as a sensor with fewer, larger cells would see it
     #[default]
     Area,
-    /// Keys' cubic with a = −1/2, as wide as the photo is reduced: what the code of 3DGS reduces photos with (Pillow's `BICUBIC`,
-    /// but for Pillow's rounding to bytes between the two directions).
+    /// By a bicubic filter, as the code of 3DGS does it: for comparing with published figures
+    // Keys' cubic with a = −1/2, as wide as the photo is reduced: Pillow's `BICUBIC`, but for its rounding to bytes between the two
+    // directions.
     Bicubic,
 }
 

@@ -28,15 +28,17 @@ use crate::{
 };
 
 /// How the number of Gaussians changes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum Strategy {
-    /// It does not.
+    /// Not at all
     Fixed,
-    /// 3DGS-MCMC (Kheradmand 2024).
+    /// As 3DGS-MCMC (Kheradmand 2024): transparent ones move to opaque ones, 5 % more at each refinement
     Mcmc,
-    /// Adaptive density control of 3DGS (Kerbl 2023).
+    /// As 3DGS (Kerbl 2023): those with large gradients are cloned or split, opacities are reset
     Adc,
-    /// A budget in closed form over the run, spent where errors are.
+    /// More over the run up to the limit, and transparent ones move, to where errors are
     #[default]
     Budget,
 }

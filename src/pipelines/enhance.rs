@@ -33,12 +33,16 @@ use crate::{
 };
 
 /// How Gaussians are placed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// By what they gain in all views at once (method, section 7).
+    /// By what they gain in all photos at once; then everything learns
+    // Method, section 7.
     #[default]
     Pursuit,
-    /// The paper's: fitted in each view alone, then lifted (sections 3 and 4).
+    /// The paper's: fitted in each photo, lifted by its depth; then the base learns its opacities only
+    // Method, sections 3 and 4.
     Augs,
 }
 

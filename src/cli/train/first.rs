@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Args, Error, Result, StrategyArg};
+use super::{Args, Error, Result, Strategy};
 use crate::{
     data::{Dataset, PointCloud, SceneFile, Split, is_point_cloud, read_points},
     gpu::Context,
@@ -141,7 +141,7 @@ impl Args {
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
         // The other strategies' papers begin with as many points as they say, anywhere.
-        if first.sparse.is_none() && matches!(self.strategy, StrategyArg::Budget) {
+        if first.sparse.is_none() && self.strategy == Strategy::Budget {
             let few = match self.points {
                 Some(_) => first.cloud.positions.len(),
                 None => (first.cloud.positions.len() / RANDOM_NTH).max(1),
@@ -170,7 +170,7 @@ impl Args {
         };
         let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
-        let fixed = matches!(self.strategy, StrategyArg::Fixed);
+        let fixed = self.strategy == Strategy::Fixed;
         let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
         notes.extend([said, grey, far].into_iter().flatten());
         Ok(First { gaussians, origin, most, begins: 0.0, notes })
