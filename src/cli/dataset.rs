@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use glam::DVec3;
 
-use super::progress::note;
+use super::progress::{Progress, note};
 use crate::{
     Error, Result,
-    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, PixelSource, Reduce, Split, TrainedWith},
+    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, Photo, PixelSource, Reduce, Split, TrainedWith},
+    gpu::Context,
+    pipelines::{start::upload_photos, views::Views},
     report::summary::DatasetSummary,
 };
 
@@ -58,9 +60,23 @@ impl DatasetArgs {
     }
 }
 
-/// Whether masks leave out all of a photo, given packed.
-pub(super) fn is_uncounted(packed: &[u32]) -> bool {
-    packed.iter().all(|pixel| pixel >> 24 == 0)
+/// Reads photos to the device. With their views goes the checksum of each as the device has it: after lens, mask and reduction.
+pub(super) fn upload(
+    context: &Context,
+    photos: &[&Photo],
+    background: [f32; 3],
+    halvings: u32,
+) -> Result<(Views, Vec<u32>)> {
+    let reading = Progress::new("reading", "photos", photos.len() as u64);
+    let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
+    let views = upload_photos(context, photos, background, halvings, |done, words| {
+        checksums.push(crc32fast::hash(bytemuck::cast_slice(words)));
+        uncounted += usize::from(words.iter().all(|pixel| pixel >> 24 == 0));
+        reading.set(done as u64);
+    })?;
+    drop(reading);
+    note_uncounted(uncounted);
+    Ok((views, checksums))
 }
 
 /// Tells how many photos are left out.

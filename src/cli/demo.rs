@@ -6,7 +6,7 @@ use super::{
     DeviceArgs, LearnArgs, Outcome,
     enhance::{
         ChoiceArgs, Preset,
-        bars::{Beside, run_with_progress},
+        drive::{Beside, run_with_progress},
         report::{joint_stages, train_longer},
     },
     output::{Inputs, OutputArgs},

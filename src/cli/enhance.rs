@@ -4,45 +4,47 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bars::{Beside, run_with_progress};
+use drive::{Beside, run_with_progress};
 use clap::ValueEnum;
 use glam::DVec3;
-use report::{Placement, Report, Seconds, gain, joint_stages, pass_loss};
+use report::{Gain, Placement, Report, Seconds, gain, joint_stages, pass_loss};
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
-    dataset::{check_sight, is_uncounted, note_uncounted},
+    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
+    counted,
+    dataset::{check_sight, upload},
     deadline::duration,
     interrupt::Interrupt,
-    kept::{KeepArgs, Kept, photos_json},
+    kept::{KeepArgs, Kept, settings},
     lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
-    progress::{Progress, note},
+    progress::note,
     tell_run,
 };
 use crate::{
     Error, Result,
-    data::{Photo, SceneFile, Split, TrainedWith, write_scene_file},
+    data::{Dataset, Photo, SceneFile, Split, TrainedWith, write_scene_file},
+    gpu::Context,
     pipelines::{
-        enhance::{EnhanceOptions, Method},
+        enhance::{EnhanceOptions, Enhanced, Method},
         join::JoinOptions,
         lift::LiftOptions,
         screen::Schedule,
-        session::{Policy, Reduction, Session},
+        session::{Policy, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
-        start::{photos_of, upload_photos},
-        views::scene_origin_for,
+        start::photos_of,
+        views::{Views, scene_origin_for},
     },
     scene::{
         Camera, Gaussians, Scene,
-        layout::{self, BETAS, colour_name},
+        layout::{BETAS, colour_name},
     },
 };
 
-pub(super) mod bars;
+pub(super) mod drive;
 pub(super) mod report;
 
 const EXAMPLES: &str = "\
@@ -255,18 +257,21 @@ fn parse_share(text: &str) -> Result<f32, String> {
 /// (docs/results.md), so that what is only chance is kept.
 const WORSE_DB: f64 = 0.02;
 
+/// What an augmentation is made of.
+struct Task<'a> {
+    dataset: &'a Dataset,
+    photos: Vec<&'a Photo>,
+    /// The base.
+    scene: &'a Scene,
+    options: EnhanceOptions,
+    policy: Policy,
+    trained_with: TrainedWith,
+}
+
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let end = self.time.map(|time| Instant::now() + time);
-        let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.base)?;
-        if scene.supplement.is_some() {
-            let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
-            return Err(Error::input(&self.base, what).into());
-        }
-        if scene.base.sh_degree == BETAS {
-            let what = format!("has {}, expected a base of harmonics", colour_name(BETAS));
-            return Err(Error::input(&self.base, what).into());
-        }
+        let SceneFile { scene, trained_with, .. } = self.base_scene()?;
         let (photo_args, draw) = (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
         let dataset = photo_args.open(&self.dataset)?;
         let policy = draw.policy();
@@ -280,15 +285,14 @@ impl Args {
         self.replace.or(KeepArgs::owns(&self.output)).check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
-        // Each view may round its share up.
         let options = self.options()?;
+        // Each view may round its share up.
         let allowance = options.allowance(&scene.base);
         let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
         check_room(&self.output, base + added, 0)?;
         check_sight(&dataset, scene.origin, &scene.base.means)?;
-        let extent = dataset.extent() as f32;
         if scene.base.sh_degree < 3 {
             note(format!(
                 "the base has SH degree {}: higher bands are neither stored nor evaluated",
@@ -297,148 +301,157 @@ impl Args {
         }
         let background = dataset.background;
         let run = Watched { device: &self.device, dataset: &dataset, policy, background, output: &self.output };
-        self.watch.with(&run, |context, look_at| {
-            let session = self.learn.session(context, policy, background, extent, self.seed.into());
-            let reading = Progress::new("reading", "photos", photos.len() as u64);
-            let (mut pixels, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
-            let views = upload_photos(context, &photos, background, 0, |done, words| {
-                pixels.push(crc32fast::hash(bytemuck::cast_slice(words)));
-                uncounted += usize::from(is_uncounted(words));
-                reading.set(done as u64);
-            })?;
-            drop(reading);
-            note_uncounted(uncounted);
-            // How many steps a run by the clock has would not be the same.
-            let mut kept = None;
-            if self.time.is_none() {
-                let settings = self.settings(&photos, &pixels, &session, &options)?;
-                kept = Some(Kept::new(&self.output, settings, &self.keep, trained_with));
+        let task = Task { dataset: &dataset, photos, scene: &scene, options, policy, trained_with };
+        self.watch.with(&run, |context, look_at| self.augment(context, look_at, &task, end))
+    }
+
+    /// The base, which must be one.
+    fn base_scene(&self) -> Result<SceneFile> {
+        let file = self.lenient.open_file(&self.base)?;
+        if file.scene.supplement.is_some() {
+            let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
+            return Err(Error::input(&self.base, what));
+        }
+        if file.scene.base.sh_degree == BETAS {
+            return Err(Error::input(&self.base, format!("has {}, expected a base of harmonics", colour_name(BETAS))));
+        }
+        Ok(file)
+    }
+
+    /// The augmentation itself, which has until `end`, and what is told of it.
+    fn augment(&self, context: &Context, look_at: &mut Look<'_>, task: &Task<'_>, end: Option<Instant>) -> Outcome {
+        let Task { dataset, photos, scene, options, policy, trained_with } = task;
+        let (background, extent) = (dataset.background, dataset.extent() as f32);
+        let session = self.learn.session(context, *policy, background, extent, self.seed.into());
+        let (views, checksums) = upload(context, photos, background, 0)?;
+        // How many steps a run by the clock has would not be the same.
+        let mut kept = None;
+        if self.time.is_none() {
+            let base = fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
+            let base = ("base", json!({"crc32": crc32fast::hash(&base), "bytes": base.len()}));
+            let settings = settings(&session, photos, &checksums, self, &format!("{options:?}"), base)?;
+            kept = Some(Kept::new(&self.output, settings, &self.keep, *trained_with));
+        }
+        let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
+        let joins = options.join.steps_per_view as usize * photos.len();
+        let length = self.time.map_or_else(|| counted(joins, "joint step"), |time| format!("{time:?}"));
+        let base_count = counted(scene.base.len(), "Gaussian");
+        tell_run("enhancing", context, photos, format_args!("{base_count}, {length}"));
+        let interrupt = Interrupt::default();
+        let beside = Beside {
+            base: Some(&self.base),
+            kept: kept.as_mut().map(|kept| (kept, earlier)),
+            interrupt: Some(&interrupt),
+            end,
+            silent: self.json,
+        };
+        let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
+        // Before anything else can fail: what was learned is kept.
+        self.write(&found.scene, found.original.as_ref(), *trained_with)?;
+        let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
+        let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
+        drop(interrupt);
+        if let (Some(kept), false) = (&kept, ended) {
+            kept.remove()?;
+        }
+        // Whoever ends it early waits for nothing more.
+        let (gain, discarded) = if ended { (None, false) } else { self.judge(&session, &views, task, &mut found)? };
+        let report = self.report(context, task, &found, gain, discarded)?;
+        match self.json {
+            true => print_json(&report)?,
+            false => print(report.text(options.method))?,
+        }
+        if ended {
+            let (output, steps) = (report.output, found.steps);
+            let on = if kept.is_some() { ", and the same command resumes there" } else { "" };
+            return Err(Ended::Interrupted(format!(
+                "ended after {joint_steps} of {steps} joint steps; {output} has what was learned in them{on}"
+            )));
+        }
+        Ok(())
+    }
+
+    fn write(&self, scene: &Scene, shown: Option<&Gaussians>, trained_with: TrainedWith) -> Result<()> {
+        let (scene, shown) = (scene.clone(), shown.cloned());
+        write_scene_file(&self.output, &SceneFile { shown, trained_with, ..scene.into() }).map(drop)
+    }
+
+    /// What the test photos say of the augmentation, and whether it was discarded for that.
+    fn judge(
+        &self,
+        session: &Session,
+        views: &Views,
+        task: &Task<'_>,
+        found: &mut Enhanced,
+    ) -> Result<(Option<Gain>, bool)> {
+        let &Task { dataset, scene, trained_with, .. } = task;
+        let mut gain = match gain(session, scene, found, dataset, views) {
+            // What was made is made, whether or not it can be judged.
+            Err(error @ Error::Input { .. }) => {
+                note(format!("what was gained on the test photos is not known: {error}"));
+                None
             }
-            let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
-            let joins = options.join.steps_per_view as usize * photos.len();
-            let length = match self.time {
-                Some(time) => format!("{} s", time.as_secs_f64()),
-                None => counted(joins, "joint step"),
-            };
-            let base_count = counted(scene.base.len(), "Gaussian");
-            tell_run("enhancing", context, &photos, format_args!("{base_count}, {length}"));
-            let interrupt = Interrupt::default();
-            let beside = Beside {
-                base: Some(&self.base),
-                kept: kept.as_mut().map(|kept| (kept, earlier)),
-                interrupt: Some(&interrupt),
-                end,
-                silent: self.json,
-            };
-            let mut found = run_with_progress(&session, &scene, &views, &options, beside, look_at)?;
-            let write = |scene: &Scene, shown: Option<&Gaussians>| {
-                let (scene, shown) = (scene.clone(), shown.cloned());
-                write_scene_file(&self.output, &SceneFile { shown, trained_with, ..scene.into() })
-            };
-            // Before anything else can fail: what was learned is kept.
-            write(&found.scene, found.original.as_ref())?;
-            let asked = interrupt.asked();
-            drop(interrupt);
-            let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
-            let all_steps = found.steps;
-            let ended = asked && found.join.is_some() && joint_steps < all_steps;
-            if let (Some(kept), false) = (&kept, ended) {
-                kept.remove()?;
-            }
-            // Whoever ends it early waits for nothing more.
-            let judged = if ended { Ok(None) } else { gain(&session, &scene, &found, &dataset, &views) };
-            let mut gain = match judged {
-                // What was made is made, whether or not it can be judged.
-                Err(error @ Error::Input { .. }) => {
-                    note(format!("what was gained on the test photos is not known: {error}"));
-                    None
-                }
-                judged => judged?,
-            };
-            let mut discarded = false;
-            if let Some(gain) = gain.as_mut().filter(|_| found.join.is_some()) {
-                let change = gain.after.psnr - gain.before.psnr;
-                discarded = self.asks_for_nothing() && change < -WORSE_DB;
-                if discarded {
-                    note(format!(
-                        "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
-                         budget (--ratio, --bytes, --time) is spent whatever they say",
-                        -change
-                    ));
-                    write(&scene, None)?;
-                } else if found.original.is_none() && gain.base_alone.psnr < gain.before.psnr {
-                    // The training photos did not tell.
-                    found.original = Some(scene.base.clone());
-                    gain.base_alone = gain.before;
-                    write(&found.scene, found.original.as_ref())?;
-                }
-            }
-            let plain = (found.scene.base.len() - scene.base.len()) as u32;
-            let cap = (options.ratio * scene.base.len() as f64).ceil();
-            let budget = match options.method {
-                Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
-                Method::Augs => found.budgets.iter().sum(),
-            };
-            if f64::from(budget) > 1.1 * cap {
-                note(format!(
-                    "each view's share is rounded up: --ratio {} of {} Gaussians is {cap}, and {budget} were allowed",
-                    options.ratio,
-                    scene.base.len()
-                ));
-            }
-            let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
-            if lost > 0 {
-                note(format!(
-                    "the base's render of {lost} of {} photos is so far out of range that its loss is NaN; nothing was \
-                     added for them",
-                    photos.len()
-                ));
-            } else if found.lifted + plain == 0 {
-                let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
-                note(match (below, beyond) {
-                    _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
-                    (0, 0) => "nothing was added: no view had anything left that more Gaussians made better",
-                    (0, _) => "nothing was added: the budget has no room for what would gain something",
-                    _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
-                });
-            }
-            let report = Report {
-                output: &self.output.to_string_lossy(),
-                device: &context.info().name,
-                photos: photos.len(),
-                photos_resumed: found.resumed,
-                base_gaussians: scene.base.len(),
-                budget,
-                refined: found.refined,
-                supplementary_gaussians: found.lifted,
-                plain_gaussians: plain,
-                bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) },
-                file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
-                plan: found.spending.as_ref(),
-                faded_gaussians: found.faded,
-                original_kept: found.original.is_some(),
-                seconds: Seconds::of(&found.times),
-                device_megabytes: context.memory().most_used as f64 / 1e6,
-                stages: joint_stages(&found),
-                joint_loss_first: pass_loss(&found, photos.len(), false),
-                joint_loss_last: pass_loss(&found, photos.len(), true),
-                placements: found.placed.iter().map(|p| Placement { lobes: p.lobes, plain: p.plain }).collect(),
-                discarded,
-                gain,
-            };
-            if self.json {
-                print_json(&report)?;
-            } else {
-                print(report.text(options.method))?;
-            }
-            if ended {
-                let output = report.output;
-                let on = if kept.is_some() { ", and the same command resumes there" } else { "" };
-                return Err(Ended::Interrupted(format!(
-                    "ended after {joint_steps} of {all_steps} joint steps; {output} has what was learned in them{on}"
-                )));
-            }
-            Ok(())
+            judged => judged?,
+        };
+        let Some(known) = gain.as_mut().filter(|_| found.join.is_some()) else { return Ok((gain, false)) };
+        let change = known.after.psnr - known.before.psnr;
+        let discarded = self.asks_for_nothing() && change < -WORSE_DB;
+        if discarded {
+            note(format!(
+                "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
+                 budget (--ratio, --bytes, --time) is spent whatever they say",
+                -change
+            ));
+            self.write(scene, None, trained_with)?;
+        } else if found.original.is_none() && known.base_alone.psnr < known.before.psnr {
+            // The training photos did not tell.
+            found.original = Some(scene.base.clone());
+            known.base_alone = known.before;
+            self.write(&found.scene, found.original.as_ref(), trained_with)?;
+        }
+        Ok((gain, discarded))
+    }
+
+    /// What is printed in the end. What the user would not expect is told at once.
+    fn report<'a>(
+        &'a self,
+        context: &'a Context,
+        task: &Task<'_>,
+        found: &'a Enhanced,
+        gain: Option<Gain>,
+        discarded: bool,
+    ) -> Result<Report<'a>> {
+        let Task { photos, scene, options, .. } = task;
+        let allowance = options.allowance(&scene.base);
+        let plain = (found.scene.base.len() - scene.base.len()) as u32;
+        let budget = match options.method {
+            Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
+            Method::Augs => found.budgets.iter().sum(),
+        };
+        tell_left_out(task, found, plain, budget);
+        Ok(Report {
+            output: self.output.to_string_lossy().into_owned(),
+            device: &context.info().name,
+            photos: photos.len(),
+            photos_resumed: found.resumed,
+            base_gaussians: scene.base.len(),
+            budget,
+            refined: found.refined,
+            supplementary_gaussians: found.lifted,
+            plain_gaussians: plain,
+            bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) },
+            file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
+            plan: found.spending.as_ref(),
+            faded_gaussians: found.faded,
+            original_kept: found.original.is_some(),
+            seconds: Seconds::of(&found.times),
+            device_megabytes: context.memory().most_used as f64 / 1e6,
+            stages: joint_stages(found),
+            joint_loss_first: pass_loss(found, photos.len(), false),
+            joint_loss_last: pass_loss(found, photos.len(), true),
+            placements: found.placed.iter().map(|p| Placement { lobes: p.lobes, plain: p.plain }).collect(),
+            discarded,
+            gain,
         })
     }
 
@@ -464,29 +477,31 @@ impl Args {
         };
         Ok(EnhanceOptions { ratio, weigh, bytes: self.bytes, ..options })
     }
+}
 
-    /// Everything that the intermediate results depend on. `pixels` has the checksum of each photo as the device has it: after
-    /// lens, mask and reduction.
-    fn settings(
-        &self,
-        photos: &[&Photo],
-        pixels: &[u32],
-        session: &Session,
-        options: &EnhanceOptions,
-    ) -> Result<Value> {
-        let base = std::fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
-        // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
-        let &Session { context: _, policy, background, extent, seed } = session;
-        let resolved = Policy { reduction: Reduction::Auto, tile: None, ..policy };
-        Ok(json!({
-            "glint": env!("CARGO_PKG_VERSION"),
-            "planes": layout::groups(0).map(|group| group.planes.start),
-            "base": {"crc32": crc32fast::hash(&base), "bytes": base.len()},
-            "photos": photos_json(photos, pixels),
-            "options": serde_json::to_value(self).map_err(|e| Error::Usage(e.to_string()))?,
-            // What they mean in this version, presets and all.
-            "resolved": format!("{options:?} {:?}", (resolved, background, extent, seed)),
-        }))
+/// Tells why more or less was added than a budget says, of `budget` Gaussians in all; `plain` of them have no lobe.
+fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
+    let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
+    let cap = (ratio * bases as f64).ceil();
+    if f64::from(budget) > 1.1 * cap {
+        note(format!(
+            "each view's share is rounded up: --ratio {ratio} of {bases} Gaussians is {cap}, and {budget} were allowed"
+        ));
+    }
+    let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();
+    if lost > 0 {
+        note(format!(
+            "the base's render of {lost} of {} photos is so far out of range that its loss is NaN; nothing was added for them",
+            task.photos.len()
+        ));
+    } else if found.lifted + plain == 0 {
+        let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
+        note(match (below, beyond) {
+            _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
+            (0, 0) => "nothing was added: no view had anything left that more Gaussians made better",
+            (0, _) => "nothing was added: the budget has no room for what would gain something",
+            _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
+        });
     }
 }
 

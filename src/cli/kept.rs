@@ -7,13 +7,18 @@ use std::{
     time::{Duration, Instant},
 };
 
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::progress::note;
 use crate::{
     Error, Result,
     data::{Photo, TrainedWith},
-    pipelines::checkpoint::{Checkpoint, Found},
+    pipelines::{
+        checkpoint::{Checkpoint, Found},
+        session::{Policy, Reduction, Session},
+    },
+    scene::layout,
 };
 
 /// What takes the place of the output's extension.
@@ -98,20 +103,16 @@ impl Kept {
         }
     }
 
-    /// Keeps what `checkpoint` gives if it is time.
-    pub(super) fn look(&mut self, checkpoint: impl FnOnce() -> Result<Checkpoint>) -> Result<()> {
-        if self.last.elapsed() < self.every {
-            return Ok(());
-        }
-        self.keep(checkpoint)?;
-        self.last = Instant::now();
-        Ok(())
+    /// Whether it is time for another checkpoint.
+    pub(super) fn is_due(&self) -> bool {
+        self.last.elapsed() >= self.every
     }
 
-    /// Keeps what `checkpoint` gives; whether there was room for it. A disk or a memory that is full is said once and is no
-    /// reason to end: there may be room when the loop is done.
-    pub(super) fn keep(&mut self, checkpoint: impl FnOnce() -> Result<Checkpoint>) -> Result<bool> {
-        let written = checkpoint().and_then(|mut found| {
+    /// Keeps `checkpoint`; whether there was room for it. A disk or a memory that is full is said once and is no reason to end: there may
+    /// be room when the loop is done.
+    pub(super) fn keep(&mut self, checkpoint: Result<Checkpoint>) -> Result<bool> {
+        self.last = Instant::now();
+        let written = checkpoint.and_then(|mut found| {
             found.trained_with = self.trained_with;
             found.write(&self.path, &self.settings)
         });
@@ -136,7 +137,7 @@ impl Kept {
     }
 
     /// Keeps what it can of a loop that ended with `error`, which it gives back.
-    pub(super) fn keep_after(&mut self, error: Error, checkpoint: impl FnOnce() -> Result<Checkpoint>) -> Error {
+    pub(super) fn keep_after(&mut self, error: Error, checkpoint: Result<Checkpoint>) -> Error {
         let kept = matches!(self.keep(checkpoint), Ok(true));
         if kept || self.path.exists() {
             let what = if kept { "what was learned until now" } else { "the last checkpoint" };
@@ -154,11 +155,31 @@ impl Kept {
     }
 }
 
-/// What `photos` were, by name: `pixels` has the checksum of each as the device has it, after lens, mask and reduction.
-pub(super) fn photos_json(photos: &[&Photo], pixels: &[u32]) -> Map<String, Value> {
+/// Everything that a run depends on: its photos and their checksums as the device has them, its `options` as they were given and what
+/// they mean in this version, and what it begins with.
+pub(super) fn settings(
+    session: &Session,
+    photos: &[&Photo],
+    checksums: &[u32],
+    options: &impl Serialize,
+    meaning: &str,
+    begins_with: (&str, Value),
+) -> Result<Value> {
+    // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
+    let &Session { context: _, policy, background, extent, seed } = session;
+    let resolved = Policy { reduction: Reduction::Auto, tile: None, ..policy };
     let photo = |(photo, pixels): (&&Photo, &u32)| {
         let camera = crc32fast::hash(format!("{:?}", photo.camera).as_bytes());
         (photo.name.clone(), json!({"pixels_crc32": pixels, "camera_crc32": camera}))
     };
-    photos.iter().zip(pixels).map(photo).collect()
+    let photos: Map<String, Value> = photos.iter().zip(checksums).map(photo).collect();
+    let mut all = json!({
+        "glint": env!("CARGO_PKG_VERSION"),
+        "planes": layout::groups(0).map(|group| group.planes.start),
+        "photos": photos,
+        "options": serde_json::to_value(options).map_err(|e| Error::Usage(e.to_string()))?,
+        "resolved": format!("{meaning} {:?}", (resolved, background, extent, seed)),
+    });
+    all[begins_with.0] = begins_with.1;
+    Ok(all)
 }

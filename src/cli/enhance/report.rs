@@ -29,7 +29,7 @@ use crate::{
 /// What `--json` prints.
 #[derive(Serialize)]
 pub(super) struct Report<'a> {
-    pub(super) output: &'a str,
+    pub(super) output: String,
     pub(super) device: &'a str,
     pub(super) photos: usize,
     /// Photos whose lifts came from `--work`.

@@ -1,0 +1,293 @@
+//! The loop of an augmentation: a bar for each phase, what is kept of it and when it ends.
+
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use crate::{
+    Error, Result,
+    cli::{
+        Look,
+        dataset::note_foreign_base,
+        deadline::{Deadline, MOST},
+        interrupt::Interrupt,
+        kept::Kept,
+        print,
+        progress::{Progress, learned, note},
+    },
+    pipelines::{
+        checkpoint::Checkpoint,
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, kept_lifts},
+        screen::{self, Schedule},
+        session::Session,
+        views::Views,
+    },
+    report::spending,
+    scene::Scene,
+};
+
+/// What an augmentation has to do with while it goes on.
+#[derive(Default)]
+pub(in crate::cli) struct Beside<'a> {
+    /// The base's file.
+    pub(in crate::cli) base: Option<&'a Path>,
+    /// Keeps what it can, and what an earlier run kept.
+    pub(in crate::cli) kept: Option<(&'a mut Kept, Option<Checkpoint>)>,
+    /// Ends the joint phase when it is asked to; must live until the result is written.
+    pub(in crate::cli) interrupt: Option<&'a Interrupt>,
+    /// When the joint phase is to end.
+    pub(in crate::cli) end: Option<Instant>,
+    /// The plan is not printed.
+    pub(in crate::cli) silent: bool,
+}
+
+/// Augments with a bar for each phase. `look_at` sees the model at each event.
+pub(in crate::cli) fn run_with_progress(
+    session: &Session,
+    scene: &Scene,
+    views: &Views,
+    options: &EnhanceOptions,
+    beside: Beside<'_>,
+    look_at: &mut Look<'_>,
+) -> Result<Enhanced> {
+    let bar = Some(("", Progress::new("rendering the base", "passes", 1)));
+    let enhancer = Enhancer::new(session, scene, views, options)?;
+    let mut augmentation = Augmentation {
+        session,
+        views,
+        options,
+        beside,
+        enhancer,
+        bar,
+        told: 0,
+        begun: Instant::now(),
+        clock: None,
+        placing: None,
+        placed_in: Duration::ZERO,
+    };
+    loop {
+        let before = Instant::now();
+        match augmentation.enhancer.next(views) {
+            Ok(Some(event)) => augmentation.follow(event, before, look_at)?,
+            Ok(None) => return augmentation.enhancer.finish(views),
+            Err(error) => return Err(augmentation.fail(error)),
+        }
+    }
+}
+
+/// An augmentation that is going on.
+struct Augmentation<'a> {
+    session: &'a Session,
+    views: &'a Views,
+    options: &'a EnhanceOptions,
+    beside: Beside<'a>,
+    enhancer: Enhancer,
+    /// What is shown of the phase, and what that is called.
+    bar: Option<(&'static str, Progress)>,
+    /// Placements that were told of.
+    told: usize,
+    /// When the base was rendered.
+    begun: Instant,
+    /// Of a run by time.
+    clock: Option<Deadline>,
+    /// When the placement that is being made began, and how long the last one took.
+    placing: Option<Instant>,
+    placed_in: Duration,
+}
+
+impl Augmentation<'_> {
+    /// Keeps what it can of one that ended with `error`, which it gives back.
+    fn fail(&mut self, error: Error) -> Error {
+        match &mut self.beside.kept {
+            Some((kept, _)) => kept.keep_after(error, self.enhancer.checkpoint(self.views)),
+            None => error,
+        }
+    }
+
+    /// A bar of so many steps of a phase, and what else there is to say.
+    fn show(&mut self, label: &'static str, done: u64, total: u64, said: Option<String>) {
+        if self.bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
+            // The old one goes first.
+            self.bar = None;
+            let begun = Progress::new(label, "steps", total);
+            // A phase may go on where a placement or an earlier run left it.
+            begun.goes_on_from(done);
+            self.bar = Some((label, begun));
+        }
+        if let Some((_, bar)) = &self.bar {
+            bar.set_of(done, total);
+            if let Some(said) = said {
+                bar.say(said);
+            }
+        }
+    }
+
+    /// Does what an event asks for, which took since `before`.
+    fn follow(&mut self, event: Event, before: Instant, look_at: &mut Look<'_>) -> Result<()> {
+        let mut look = |enhancer: &Enhancer, label: &str, done: u64, total: u64| {
+            look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
+        };
+        match event {
+            // The next event brings a bar of its own.
+            Event::Base => {
+                self.begun = Instant::now();
+                if let Some(base) = self.beside.base {
+                    note_foreign_base(base, self.enhancer.base_losses());
+                }
+            }
+            Event::Weigh { step, steps } => self.show("weighing", step.into(), steps.into(), None),
+            Event::Weighed => {
+                if let Some(end) = self.beside.end {
+                    let (passed, left) = (self.begun.elapsed(), end.saturating_duration_since(Instant::now()));
+                    // A pass took that long; all placements together are thought to take two, until one has been made.
+                    let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
+                    self.enhancer.take_steps((passes * self.views.cameras.len() as f64).min(MOST.into()) as u32);
+                }
+            }
+            Event::Planned => {
+                self.bar = None;
+                if let (Some(plan), false) = (self.enhancer.spending(), self.beside.silent) {
+                    print(spending::text(plan))?;
+                }
+            }
+            Event::Place(at) => {
+                look(&self.enhancer, "placing", at.step.into(), at.steps.into());
+                self.placing.get_or_insert(before);
+                self.show("placing", at.step.into(), at.steps.into(), None);
+            }
+            Event::Batch { views: range, .. } => {
+                let earlier = self.beside.kept.as_ref().and_then(|(_, earlier)| earlier.as_ref());
+                if let Some(lifts) = earlier.and_then(|earlier| kept_lifts(earlier, &range)) {
+                    self.enhancer.resume(lifts)?;
+                }
+            }
+            Event::Screen { batch, batches, progress } => {
+                let (done, total) = screen_steps(&self.options.schedule, batch, batches, &progress);
+                look(&self.enhancer, "refining", done, total);
+                let screen::Progress { loss, count, budget, .. } = progress;
+                let said = loss.is_finite().then(|| format!("loss {loss:.4}, {count}/{budget} placed"));
+                self.show("refining", done, total, said);
+            }
+            Event::Lifted { .. } => {
+                if let Some((kept, _)) = &mut self.beside.kept {
+                    kept.keep(self.enhancer.checkpoint(self.views))?;
+                }
+            }
+            Event::Join { step, steps } => {
+                look(&self.enhancer, "joining", step.into(), steps.into());
+                self.join(step, steps)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on with the joint phase, of which so many steps are done.
+    fn join(&mut self, step: u32, steps: u32) -> Result<()> {
+        let placements = self.options.pursuit.placements.max(1);
+        for (k, placed) in self.enhancer.placed().iter().enumerate().skip(self.told) {
+            let (placement, lobes, plain) = (k + 1, placed.lobes, placed.plain);
+            tracing::info!("placement {placement} of {placements}: {lobes} Gaussians with lobes, {plain} plain");
+        }
+        self.told = self.enhancer.placed().len();
+        if let Some(began) = self.placing.take() {
+            self.placed_in = began.elapsed();
+            if let Some(deadline) = &mut self.clock {
+                deadline.leave_out(self.placed_in);
+            }
+        }
+        if let Some(end) = self.beside.end
+            && self.plan_until(end, step, steps)?
+        {
+            return Ok(());
+        }
+        let lately = self.enhancer.lately(step, self.views);
+        self.show("joining", step.into(), steps.into(), Some(learned(lately, None, &self.session.context)));
+        let Beside { kept, interrupt, .. } = &mut self.beside;
+        if let (0, Some(earlier)) = (step, kept.as_mut().and_then(|(_, earlier)| earlier.take())) {
+            self.enhancer.resume_join(&earlier)?;
+        }
+        if let Some(interrupt) = interrupt {
+            interrupt.listen()?;
+        }
+        let asked = interrupt.is_some_and(Interrupt::asked);
+        if let Some((kept, _)) = kept
+            // What is learned last is kept until it is written.
+            && (asked || step == steps || kept.is_due())
+        {
+            kept.keep(self.enhancer.checkpoint(self.views))?;
+        }
+        if asked { self.enhancer.stop(self.views) } else { Ok(()) }
+    }
+
+    /// Plans the joint phase anew, which has until `end`; whether it is over.
+    fn plan_until(&mut self, end: Instant, step: u32, steps: u32) -> Result<bool> {
+        let now = Instant::now();
+        let deadline = self.clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
+        if deadline.is_over(now) && step < steps {
+            note(format!("the time was over after {step} of {steps} joint steps"));
+            self.enhancer.stop(self.views)?;
+            return Ok(true);
+        }
+        if deadline.is_due(step, now) {
+            // Placements that are to come take as long as the last one did.
+            let more = self.options.pursuit.placements.saturating_sub(self.told as u32);
+            let reserved = self.placed_in * more;
+            self.enhancer.replan(self.views, |step| {
+                let plan = deadline.plan(step, Instant::now(), reserved);
+                [plan.total, plan.done]
+            })?;
+        }
+        Ok(false)
+    }
+}
+
+/// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
+/// come place as many Gaussians each as those before, they fill the budget after so many.
+fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
+    let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
+    let rounds = if at.last {
+        at.round
+    } else if at.round == 0 {
+        // A draw is a fifth of the budget.
+        5.min(max_rounds)
+    } else {
+        let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
+        u32::try_from(needed).unwrap_or(u32::MAX).clamp(at.round, max_rounds.max(at.round))
+    };
+    let whole_rounds = if at.last { at.round } else { at.round.saturating_sub(1) };
+    let done = u64::from(whole_rounds) * u64::from(round_steps) + u64::from(at.step);
+    let all = u64::from(rounds) * u64::from(round_steps) + u64::from(final_steps);
+    (batch as u64 * all + done, batches as u64 * all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steps_to_come_are_those_of_the_rounds_that_fill_the_budget() {
+        let schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
+        let at = |round, step, steps, count| {
+            let last = steps == schedule.final_steps;
+            let progress = screen::Progress { round, step, steps, last, count, budget: 100, loss: 0.5 };
+            screen_steps(&schedule, 0, 1, &progress)
+        };
+        // A fifth placed in one round: five rounds.
+        assert_eq!(at(1, 50, 200, 20), (50, 2000));
+        assert_eq!(at(3, 50, 200, 60), (450, 2000));
+        // Half of each draw is pruned: ten.
+        assert_eq!(at(3, 0, 200, 30), (400, 3000));
+        // As many as there may be, and no fewer than there were.
+        assert_eq!(at(2, 0, 200, 0), (200, 5000));
+        assert_eq!(at(7, 100, 200, 100), (1300, 2400));
+        // Before the first.
+        assert_eq!(at(0, 0, 200, 0), (0, 2000));
+        // The last steps.
+        assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
+        assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
+        let progress =
+            screen::Progress { round: 1, step: 50, steps: 200, last: false, count: 20, budget: 100, loss: 0.5 };
+        assert_eq!(screen_steps(&schedule, 2, 3, &progress), (4050, 6000));
+    }
+}

@@ -1,0 +1,369 @@
+//! The loop of a training run: steps, checkpoints, evaluations, and its end by steps, by time or by Ctrl-C.
+
+use std::time::{Duration, Instant};
+
+use super::{Args, Report};
+use crate::{
+    Error, Result,
+    cli::{
+        Failure, Look, Outcome, counted,
+        deadline::{Deadline, Plan},
+        history::{History, Moment},
+        interrupt::Interrupt,
+        kept::Kept,
+        print, print_json,
+        progress::{Progress, learned, note},
+    },
+    data::{SceneFile, TrainedWith, gaussian_bytes, write_scene_file},
+    pipelines::{
+        checkpoint::{Checkpoint, Clock},
+        density::{DensityOptions, Strategy},
+        exposure::IDENTITY,
+        model::Model,
+        render::RenderOptions,
+        session::Session,
+        train::{BaseOptions, Trainer, halvings_at},
+        views::Views,
+    },
+    report::runs::StageMean,
+    scene::{
+        Scene,
+        layout::{BETAS, colour_name},
+    },
+};
+
+/// What a run is, for any number of steps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Course {
+    pub(super) sh_degree: u32,
+    /// Of [`BaseOptions`].
+    pub(super) begins: f64,
+    pub(super) strategy: Strategy,
+    /// Gaussians at the start.
+    pub(super) first: u32,
+    /// As many as it may come to.
+    pub(super) most: u32,
+    /// How often the sides of photos are halved at first.
+    pub(super) halvings: u32,
+}
+
+impl Course {
+    pub(super) fn options(&self, iterations: u32) -> BaseOptions {
+        BaseOptions { iterations, sh_degree: self.sh_degree, begins: self.begins }
+    }
+
+    pub(super) fn density(&self, iterations: u32) -> DensityOptions {
+        DensityOptions { strategy: self.strategy, limit: self.most, first: self.first, iterations }
+    }
+
+    /// How long a step takes where a fraction of `iterations` steps is done, as a multiple of what any takes.
+    pub(super) fn cost(self, iterations: u32) -> impl Fn(f64) -> f64 + Copy {
+        let (whole, control) = (self.options(1), self.density(iterations));
+        move |part| step_cost(halvings_at(whole.part_of(part), self.halvings), control.share(part))
+    }
+}
+
+/// How long a step takes on photos whose sides are halved so many times, and by a share of the Gaussians, as a part of one on photos in
+/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there), and
+/// all of it grows with the root of the Gaussians, nearly (docs/results.md: by 0.47).
+fn step_cost(halvings: u32, gaussians: f64) -> f64 {
+    0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
+}
+
+/// Where a run is.
+#[derive(Clone, Copy)]
+pub(super) struct At {
+    /// Steps that are done, of so many in all.
+    pub(super) done: u32,
+    pub(super) total: u32,
+    /// Steps that were taken: with --time the others leap when it is planned anew.
+    pub(super) taken: u32,
+}
+
+impl At {
+    /// Once so many are done.
+    fn after(self, done: u32) -> At {
+        At { done, taken: self.taken + (done - self.done), ..self }
+    }
+
+    fn is_going_on(self) -> bool {
+        self.done < self.total
+    }
+
+    /// What became of a run by --time that one would not expect.
+    fn tell_of_time(self, photos: usize) {
+        let At { done, total, taken } = self;
+        if self.is_going_on() {
+            let part = 100.0 * f64::from(done) / f64::from(total);
+            note(format!(
+                "the time was over after {part:.0} % of the schedule: the last steps were slower than estimated"
+            ));
+        }
+        if (taken as usize) < photos {
+            let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
+            note(format!(
+                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
+            ));
+        }
+    }
+}
+
+/// A run that is going on.
+pub(super) struct Training<'a> {
+    pub(super) args: &'a Args,
+    pub(super) session: &'a Session,
+    pub(super) model: &'a Model,
+    pub(super) views: &'a Views,
+    pub(super) course: Course,
+    pub(super) trainer: Trainer,
+    pub(super) kept: Kept,
+    pub(super) trained_with: TrainedWith,
+    pub(super) history: Option<History<'a>>,
+    pub(super) deadline: Option<Deadline>,
+    pub(super) bar: Progress,
+    pub(super) at: At,
+    pub(super) clocks: Clocks,
+}
+
+/// What a run has taken so far.
+pub(super) struct Clocks {
+    /// When its photos were begun to be read.
+    pub(super) began: Instant,
+    /// When its loop began.
+    pub(super) started: Instant,
+    /// Of the runs before it.
+    pub(super) spent: Duration,
+    /// Evaluations, which count for nothing.
+    pub(super) evaluating: Duration,
+}
+
+impl Clocks {
+    /// Of the loop alone.
+    fn seconds(&self) -> f64 {
+        (self.started.elapsed() - self.evaluating).as_secs_f64()
+    }
+}
+
+impl Training<'_> {
+    /// Trains until the end, or until one is asked for, and writes the scene. How many Gaussians it has.
+    pub(super) fn drive(&mut self, interrupt: &Interrupt, look_at: &mut Look<'_>) -> Result<usize> {
+        let mut looks_at = self.next_evaluation();
+        // A run that ended just when it was to be looked at is looked at now.
+        let due = |every| self.at.taken > 0 && self.at.is_going_on() && self.at.taken.is_multiple_of(every);
+        if self.args.eval_every.is_some_and(due) {
+            self.evaluate(&self.model.download()?)?;
+        }
+        while !interrupt.asked() {
+            let At { done, total, taken } = self.at;
+            let stop = looks_at.map_or(total, |next| total.min(done + (next - taken)));
+            let in_time = self.deadline.as_ref().map_or(stop, |deadline| deadline.last(done, Instant::now()));
+            self.trainer.go_on_to(stop.min(in_time));
+            if let Some(done) = self.trainer.advance(self.model, self.views)? {
+                self.advanced(done, look_at)?;
+            } else if looks_at == Some(taken) && self.at.is_going_on() {
+                let took = self.evaluate(&self.model.download()?)?;
+                if let Some(deadline) = &mut self.deadline {
+                    deadline.pause(took);
+                }
+                looks_at = self.next_evaluation();
+            } else if !self.at.is_going_on() || done >= in_time {
+                break;
+            }
+        }
+        if interrupt.asked() {
+            let found = self.checkpoint();
+            self.kept.keep(found)?;
+        }
+        let file = SceneFile { trained_with: self.trained_with, ..self.model.download()?.into() };
+        write_scene_file(&self.args.output, &file)?;
+        if !interrupt.asked() {
+            self.evaluate(&file.scene)?;
+        }
+        Ok(file.scene.base.len())
+    }
+
+    /// Tells how it gets on once so many steps are done, keeps what is due to be kept and plans the rest of a run by time anew.
+    fn advanced(&mut self, done: u32, look_at: &mut Look<'_>) -> Result<()> {
+        self.at = self.at.after(done);
+        let At { taken, total, .. } = self.at;
+        let all = taken + total.saturating_sub(done);
+        look_at(self.model, format_args!("step {taken} of {all}"));
+        self.bar.set_of(taken.into(), all.into());
+        let small = match halvings_at(self.course.options(total).part(done), self.course.halvings) {
+            0 => String::new(),
+            halvings => format!(", photos at 1/{}", 1 << halvings),
+        };
+        let lately = self.trainer.lately(done, self.views.cameras.len());
+        self.bar.say(learned(lately, self.trainer.gaussians(), &self.session.context) + &small);
+        if self.kept.is_due() {
+            let found = self.checkpoint();
+            self.kept.keep(found)?;
+        }
+        if let Some(deadline) = &mut self.deadline
+            && deadline.is_due(done, Instant::now())
+        {
+            self.at = self.at.after(self.trainer.settle(self.model, self.views)?);
+            let Plan { total, done } = deadline.plan(self.at.done, Instant::now(), Duration::ZERO);
+            tracing::info!("after {} steps: a run of {total}, of which {done} count as done", self.at.taken);
+            let (options, density) = (self.course.options(total), self.course.density(total));
+            self.trainer.replan(self.session, self.views, &options, &density, done)?;
+            self.at = At { done, total, ..self.at };
+        }
+        Ok(())
+    }
+
+    /// The step at which the run is to be looked at next.
+    fn next_evaluation(&self) -> Option<u32> {
+        self.args.eval_every.map(|every| (self.at.taken / every + 1).saturating_mul(every))
+    }
+
+    /// Compares `scene` with the test photos, once at a step, also if the run begins or ends there. How long it took.
+    fn evaluate(&mut self, scene: &Scene) -> Result<Duration> {
+        let Some(history) = self.history.as_mut().filter(|history| !history.has(self.at.taken)) else {
+            return Ok(Duration::ZERO);
+        };
+        let (seconds, began) = (self.clocks.seconds(), Instant::now());
+        let losses = self.trainer.losses(self.at.done);
+        let loss = mean_loss(&losses[losses.len().saturating_sub(self.views.cameras.len())..]);
+        let bytes = scene.base.len() as u64 * gaussian_bytes(self.course.sh_degree, false);
+        let options = RenderOptions { policy: self.session.policy, ..Default::default() };
+        history.add(scene, Moment { step: self.at.taken, seconds, bytes, loss }, options)?;
+        let took = began.elapsed();
+        self.clocks.evaluating += took;
+        Ok(took)
+    }
+
+    fn checkpoint(&mut self) -> Result<Checkpoint> {
+        let mut found = self.trainer.checkpoint(self.model, self.views)?;
+        let Clocks { began, spent, evaluating, .. } = self.clocks;
+        let milliseconds = (spent + began.elapsed().saturating_sub(evaluating)).as_millis() as u64;
+        let At { total, taken, .. } = self.at.after(found.step);
+        found.clock = self.args.time.map(|_| Clock { total, taken, milliseconds });
+        Ok(found)
+    }
+
+    /// Keeps what it can of a run that ended with `error`, which it gives back.
+    pub(super) fn fail(mut self, error: Error) -> Error {
+        let found = self.checkpoint();
+        drop(self.bar);
+        self.kept.keep_after(error, found)
+    }
+
+    /// Tells what became of a run that began with `had` steps of an earlier one, and wrote so many Gaussians.
+    pub(super) fn finish(self, had: u32, gaussians: usize, interrupt: Interrupt) -> Outcome {
+        let Training { args, session, course, mut trainer, kept, bar, at, clocks, .. } = self;
+        let (context, photos) = (&session.context, self.views.cameras.len());
+        let trained = trainer.stop()?;
+        let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
+        let device_megabytes = context.memory().most_used as f64 / 1e6;
+        // What was on its way when an end was asked for is done, too.
+        let at = at.after(trained.losses.len() as u32);
+        let ended = interrupt.asked() && at.is_going_on();
+        let seconds = clocks.seconds();
+        drop(bar);
+        if !ended {
+            kept.remove()?;
+        }
+        drop(interrupt);
+        if args.time.is_some() && !ended {
+            at.tell_of_time(photos);
+        }
+        for (pass, losses) in passes(&trained.losses, photos) {
+            tracing::info!("mean loss of steps {pass}: {:.4}", mean_loss(losses));
+        }
+        let stages = trained.steps.milliseconds();
+        for (name, milliseconds) in &stages {
+            tracing::info!("a step's {name}: {milliseconds:.3} ms");
+        }
+        let report = Report {
+            output: &args.output.to_string_lossy(),
+            device: &context.info().name,
+            photos,
+            gaussians,
+            sh_degree: Some(course.sh_degree).filter(|&degree| degree != BETAS),
+            iterations: at.taken,
+            iterations_resumed: had,
+            seed: args.seed,
+            halvings: course.halvings,
+            tile: session.policy.tile(context.info()).to_string(),
+            seconds,
+            steps_per_second: f64::from(at.taken - had) / seconds,
+            final_loss: mean_loss(&trained.losses[trained.losses.len().saturating_sub(photos)..]),
+            largest_exposure,
+            device_megabytes,
+            buffers_grown: trained.steps.grown,
+            stages: StageMean::all(&stages),
+        };
+        if let Some(largest) = largest_exposure {
+            note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
+        }
+        match args.json {
+            true => print_json(&report)?,
+            false => print(report.text(course.sh_degree))?,
+        }
+        if ended {
+            // With --time nobody knows how many there would have been.
+            let of = args.time.map_or(format!(" of {}", at.total), |_| String::new());
+            let (taken, output) = (at.taken, report.output);
+            let what = format!(
+                "ended after {taken}{of} steps; {output} has what was learned in them, and the same command resumes there"
+            );
+            return Err(Failure::Interrupted(what));
+        }
+        Ok(())
+    }
+}
+
+impl Report<'_> {
+    /// For people, in place of JSON.
+    fn text(&self, sh_degree: u32) -> String {
+        let Report { output, device, seconds, steps_per_second, final_loss, .. } = self;
+        format!(
+            "{output}: {} of {} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
+            counted(self.gaussians, "Gaussian"),
+            colour_name(sh_degree),
+            counted(self.photos, "photo"),
+            counted(self.iterations as usize, "step"),
+        )
+    }
+}
+
+fn mean_loss(pass: &[f32]) -> f64 {
+    pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64
+}
+
+/// The largest difference of an entry of these maps from the identity's.
+fn farthest(maps: &[[f32; 12]]) -> f32 {
+    let off = |map: &[f32; 12]| map.iter().zip(IDENTITY).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    maps.iter().map(off).fold(0.0, f32::max)
+}
+
+/// The first and the last pass through the photos and eight between them, with their numbers of steps.
+fn passes(losses: &[f32], photos: usize) -> Vec<(String, &[f32])> {
+    let all: Vec<&[f32]> = losses.chunks(photos.max(1)).collect();
+    let shown = all.len().min(10);
+    let at = |i: usize| i * (all.len() - 1) / (shown - 1).max(1);
+    let named = |i: usize| {
+        let first = i * photos.max(1);
+        (format!("{} to {}", first + 1, first + all[i].len()), all[i])
+    };
+    (0..shown).map(|i| named(at(i))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_are_the_first_the_last_and_some_between() {
+        let losses: Vec<f32> = (0..1005).map(|i| i as f32).collect();
+        let named = |n: usize, photos: usize| {
+            passes(&losses[..n], photos).into_iter().map(|(name, pass)| (name, pass[0])).collect::<Vec<_>>()
+        };
+        assert_eq!(named(3, 7), [("1 to 3".into(), 0.0)]);
+        assert_eq!(named(10, 7), [("1 to 7".into(), 0.0), ("8 to 10".into(), 7.0)]);
+        let many = named(1005, 10);
+        assert_eq!((many.len(), &many[0].0[..], &many[9].0[..]), (10, "1 to 10", "1001 to 1005"));
+        assert!(many.is_sorted_by(|a, b| a.1 < b.1) && named(0, 7).is_empty());
+    }
+}
