@@ -30,7 +30,7 @@ use glint::{
         render::{Needs, RenderOptions},
     },
     reference::random_scene,
-    report::{decompose::srgb_from_linear, page::FULL_ERROR, sidebyside::error_map},
+    report::{decompose::srgb_from_linear, pictures::error_map},
     scene::{Camera, Gaussians, Scene},
 };
 use tempfile::TempDir;
@@ -402,7 +402,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let cameras = [camera(0.0), camera(0.2), camera(0.4), camera(0.0).fitted(210, 160)];
     let mut layers = Layers::new(&context, &scene, &cameras, RenderOptions::default()).unwrap();
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
-    let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb, FULL_ERROR) };
+    let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb) };
     assert_eq!(viewer.shot("scene").from(&map), (0, 0));
     // In flight the wheel changes the speed alone: the camera stays that of the photograph.
     for (key, name) in [('f', "fly"), ('g', "walk")] {

@@ -17,14 +17,12 @@ use super::{
 use crate::{
     Result,
     data::{
-        Dataset, Holdout, Photo, SceneFile, Split, TrainedWith, builtin::builtin_scene, scene_bytes, write_png_bytes,
-        write_scene_file,
+        Dataset, Holdout, Photo, SceneFile, Split, TrainedWith, builtin::builtin_scene, scene_bytes, write_scene_file,
     },
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Method, Times},
         join::JoinOptions,
-        layers::{Layer, Layers},
         model::{Model, Room},
         render::RenderOptions,
         session::{Policy, Session},
@@ -34,10 +32,10 @@ use crate::{
         views::Views,
     },
     report::{
-        evaluate::evaluate,
         history::Record,
+        metrics::Quality,
+        page::Entry,
         runs::{PHASES, Run, StageMean},
-        sidebyside::{Crop, Figure, Panel},
         table::{Cell, Column, Table},
     },
     scene::{Gaussians, Scene, from_points},
@@ -45,7 +43,7 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos, on a page to look at too. As controls, the base is also trained longer, by as many steps, trained \
+it, and compares both with 8 held-out photos, on a page. As controls, the base is also trained longer, by as many steps, trained \
 from the start with as many more plain Gaussians for as many more steps, and augmented by the other method.
 
 Examples:
@@ -68,16 +66,11 @@ const SH_DEGREE: u32 = 3;
 const BASE: &str = "base.ply";
 const AUGMENTED: &str = "augmented.ply";
 
-/// The file of a test view's picture.
-fn picture(photo: &Photo) -> String {
-    format!("{}.png", photo.name)
-}
-
 /// The whole method on a built-in scene: train a base, augment it, show the gain
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder for the scenes and the pictures
+    /// Folder for the scenes and the page
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
     /// How Gaussians are placed
@@ -149,9 +142,7 @@ impl Args {
     fn run_for(&self, length: &Length) -> Outcome<(Report, Times)> {
         // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
         let dataset = builtin_scene(2 * length.points).dataset();
-        let pictures: Vec<String> = dataset.split(Split::Test).map(|(_, photo)| picture(photo)).collect();
-        let names = [BASE, AUGMENTED, PAGE, NUMBERS].into_iter().chain(pictures.iter().map(String::as_str));
-        self.replace.check_files(&self.output, names, &Inputs::default())?;
+        self.replace.check_files(&self.output, [BASE, AUGMENTED, PAGE, NUMBERS], &Inputs::default())?;
         self.replace.make_folder(&self.output, &Inputs::default())?;
         self.device.with(|context| Ok(self.run_on(context, &dataset, length)?))
     }
@@ -197,23 +188,7 @@ impl Args {
         let plain = self.train("more plain Gaussians", &session, dataset, &views, points + added, augmented.steps)?;
 
         let made = [base, trained_on, plain, other, augmented];
-        let [base, _, plain, _, augmented] = &made;
-        self.pictures(context, &test, background, [base, plain, augmented].map(|made| &made.scene))?;
-        let row = |made: &Made| -> Result<Row> {
-            let found = evaluate(context, &made.scene, &test, RenderOptions::default(), background, |_| Ok(()))?;
-            Ok(Row {
-                what: made.what,
-                gaussians: made.scene.base.len(),
-                supplementary: count(&made.scene) - made.scene.base.len(),
-                steps: made.steps,
-                seconds: made.seconds,
-                psnr: found.augmented.psnr,
-                ssim: found.augmented.ssim,
-            })
-        };
-        let [base, on, plain, other, augmented] = made.each_ref().map(row);
-        let rows = [base?, on?, plain?, other?, augmented?];
-        self.page(context, &test, background, &made, &rows)?;
+        let rows = self.page(context, &test, background, &made)?;
         let times = enhanced.times;
         let report = Report {
             device: context.info().name.clone(),
@@ -297,17 +272,16 @@ impl Args {
         Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, from_base: true, told }, enhanced))
     }
 
-    /// The page that compares all that was made.
-    fn page(
-        &self,
-        context: &Context,
-        test: &[&Photo],
-        background: [f32; 3],
-        made: &[Made; 5],
-        rows: &[Row; 5],
-    ) -> Result<()> {
+    /// Writes the page that compares all that was made, and returns what it says of each.
+    fn page(&self, context: &Context, test: &[&Photo], background: [f32; 3], made: &[Made; 5]) -> Result<[Row; 5]> {
         let shown =
             made.each_ref().map(|Made { what, scene, .. }| Shown { name: what, scene, bytes: scene_bytes(scene) });
+        let compared = compare(context, &shown, test, RenderOptions::default(), background)?;
+        let rows = std::array::from_fn(|i| {
+            let (&Made { what, steps, seconds, .. }, entry) = (&made[i], &compared.entries[i]);
+            let &Entry { gaussians, supplementary, mean: Quality { psnr, ssim }, .. } = entry;
+            Row { what, gaussians: gaussians - supplementary, supplementary, steps, seconds, psnr, ssim }
+        });
         let record = |what: &str, row: &Row, bytes| Record {
             name: what.into(),
             seconds: row.seconds,
@@ -325,49 +299,8 @@ impl Args {
             first.into_iter().chain([record(row.what, row, of.bytes)])
         });
         let told = made.each_ref().map(|made| made.told.clone());
-        compare(context, &shown, test, RenderOptions::default(), background)?.write(
-            &self.output,
-            "the built-in scene",
-            &records.collect::<Vec<_>>(),
-            &told,
-        )
-    }
-
-    /// A picture of each test view: the three renders and the photo, their errors, and where the augmentation gains most.
-    fn pictures(
-        &self,
-        context: &Context,
-        test: &[&Photo],
-        background: [f32; 3],
-        [base, plain, augmented]: [&Scene; 3],
-    ) -> Result<()> {
-        let layers = |scene| Layers::new(context, scene, test.iter().map(|p| &p.camera), RenderOptions::default());
-        let (mut base, mut plain, mut augmented) = (layers(base)?, layers(plain)?, layers(augmented)?);
-        for photo in test {
-            let truth = photo.load(background)?;
-            let render = |layers: &mut Layers, layer| -> Result<Vec<f32>> {
-                Ok(layers.render(layer, &photo.camera, background)?.color)
-            };
-            let base = render(&mut base, Layer::Base)?;
-            let plain = render(&mut plain, Layer::Base)?;
-            let augmented = render(&mut augmented, Layer::Whole)?;
-            let panel = |label, image| Panel { label, image };
-            let figure = Figure {
-                width: truth.width,
-                height: truth.height,
-                panels: vec![
-                    panel("base", &base[..]),
-                    panel("more gaussians", &plain[..]),
-                    panel("augmented", &augmented[..]),
-                ],
-                truth: &truth.rgb,
-                crop: Some(best_crop(truth.width, truth.height, &base, &augmented, &truth.rgb)),
-                full_error: 0.25,
-            };
-            let drawn = figure.compose()?;
-            write_png_bytes(self.output.join(picture(photo)), drawn.width(), drawn.height(), drawn.as_raw())?;
-        }
-        Ok(())
+        compared.write(&self.output, "the built-in scene", &records.collect::<Vec<_>>(), &told)?;
+        Ok(rows)
     }
 
     fn summary(&self, report: &Report, times: &Times) -> String {
@@ -394,7 +327,7 @@ impl Args {
         }
         format!(
             "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
-             placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}, view_*.png\n",
+             placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}\n",
             report.rows[4].what,
             report.gain_over_base,
             report.gain_over_plain,
@@ -423,22 +356,6 @@ fn trained_run(session: &Session, what: &str, seconds: f64, steps: &StepReport) 
         device_megabytes: Some(most_megabytes(session)),
         plan: None,
     }
-}
-
-/// The 32 × 32 pixels in which the squared error falls most from `before` to `after`.
-fn best_crop(width: u32, height: u32, before: &[f32], after: &[f32], truth: &[u8]) -> Crop {
-    const SIDE: u32 = 32;
-    const STEP: usize = 4;
-    let side = SIDE.min(width).min(height);
-    let gain = |x: u32, y: u32| -> f32 {
-        let row = |y: u32| (3 * (y * width + x) as usize)..(3 * (y * width + x + side) as usize);
-        let error = |image: &[f32], i: usize| (image[i].clamp(0.0, 1.0) - f32::from(truth[i]) / 255.0).powi(2);
-        (y..y + side).flat_map(row).map(|i| error(before, i) - error(after, i)).sum()
-    };
-    let corners = (0..=height - side).step_by(STEP).flat_map(|y| (0..=width - side).step_by(STEP).map(move |x| (x, y)));
-    let best = corners.max_by(|&(ax, ay), &(bx, by)| gain(ax, ay).total_cmp(&gain(bx, by)));
-    let (x, y) = best.unwrap_or((0, 0));
-    Crop { x, y, width: side, height: side, magnification: 4 }
 }
 
 #[cfg(test)]
@@ -474,35 +391,13 @@ mod tests {
         let times = [report.seconds_base_renders, report.seconds_place, report.seconds_join].into_iter().sum::<f64>();
         assert!(base.seconds > 0.0 && augmented.seconds >= base.seconds + times);
         assert_eq!(report.gain_over_plain, augmented.psnr - plain.psnr);
-        let views = builtin_scene(10).dataset().split(Split::Test).count();
-        let found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-        assert!([BASE, AUGMENTED, PAGE, NUMBERS].iter().all(|name| found.iter().any(|file| file == name)), "{found:?}");
-        assert_eq!(found.len(), 4 + views);
+        let mut found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        found.sort();
+        assert_eq!(found, [AUGMENTED, BASE, PAGE, NUMBERS]);
         // What goes on from the base does so over seconds, bytes and Gaussians: three plots of PSNR and three of SSIM.
         let page = std::fs::read_to_string(output.join(PAGE)).unwrap();
         assert_eq!(page.matches("<svg").count(), 6);
         // What is there is not written over unasked.
         assert!(line.args.run_for(&length).is_err());
-    }
-
-    #[test]
-    fn the_crop_is_where_the_error_falls_most() {
-        let (width, height) = (64, 48);
-        let truth = [128; 3 * 64 * 48];
-        // Wrong everywhere, and put right in one place; worse in another.
-        let before = vec![1.0; truth.len()];
-        for (left, top) in [(0, 0), (20, 8), (32, 16), (32, 0), (0, 16)] {
-            let mut after = before.clone();
-            for y in top..top + 32 {
-                for x in left..left + 32 {
-                    after[3 * (y * 64 + x)..][..3].fill(0.5);
-                }
-            }
-            let Crop { x, y, width: w, height: h, .. } = best_crop(width, height, &before, &after, &truth);
-            assert_eq!((x, y, w, h), (left as u32, top as u32, 32, 32));
-        }
-        // All of what is smaller.
-        let Crop { x, y, width: w, height: h, .. } = best_crop(8, 4, &[0.0; 96], &[0.0; 96], &[0; 96]);
-        assert!(x <= 4 && (y, w, h) == (0, 4, 4), "{x}, {y}, {w} × {h}");
     }
 }

@@ -5,38 +5,30 @@ use serde::Serialize;
 use super::{
     DeviceArgs, DrawArgs, Outcome, PhotoArgs, SceneArgs, SplitArg,
     dataset::{note_foreign, note_uncounted},
-    names::stems,
-    output::{Inputs, OutputArgs},
     print, print_json,
     progress::{Progress, note},
-    to_json,
 };
 use crate::{
-    data::{SceneFile, write_png_bytes, write_text},
+    data::SceneFile,
     pipelines::{render::RenderOptions, start::photos_of},
     report::{
         decompose::PartsQuality,
         evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
         lpips::{Distances, Lpips},
         metrics::Quality,
-        page::{Page, pictures},
         table::{Cell, Column, Table},
     },
 };
-
-const PAGE: &str = "index.html";
-const NUMBERS: &str = "evaluation.json";
-/// What there may be a picture of.
-const WHAT: [&str; 4] = ["photo", "render", "base", "error"];
 
 const EXAMPLES: &str = "\
 PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos. \
 \"base\" is the base Gaussians of the file as they are stored; augmenting a scene changes their opacities, so it is not \
 the scene that was augmented. Without a supplement \"augmented\" is the same as \"base\".
 
+`glint report` shows the renders and their errors on a page.
+
 Examples:
   glint eval augmented.ply garden
-  glint eval augmented.ply garden --report compared    # then open compared/index.html
   glint eval augmented.ply mirror --decomposition      # of glint synth mirror -o mirror
   glint eval augmented.ply garden --lpips vgg.safetensors
   glint eval base.ply lego --split all --json | jq .base.psnr";
@@ -64,12 +56,6 @@ pub(super) struct Args {
     /// copies, as safetensors. LPIPS of each view and its mean, in JSON under "lpips"
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
-    /// Write pictures of each photo, its render and their error into this folder, the numbers as evaluation.json, and a page
-    /// of all, index.html
-    #[arg(long, value_name = "DIR")]
-    report: Option<PathBuf>,
-    #[command(flatten)]
-    replace: OutputArgs,
     #[command(flatten)]
     lenient: SceneArgs,
     #[command(flatten)]
@@ -91,15 +77,6 @@ impl Args {
         }
         let lpips = self.lpips.as_ref().map(Lpips::read).transpose()?;
         let augmented = scene.supplement.is_some();
-        let stems = stems(photos.iter().copied());
-        if let Some(folder) = &self.report {
-            let inputs = Inputs::default().scene(&self.scene).dataset(&dataset);
-            let pictures = stems.iter().flat_map(|stem| WHAT.map(|what| format!("{stem}.{what}.png")));
-            let names: Vec<String> = [PAGE, NUMBERS].map(str::to_owned).into_iter().chain(pictures).collect();
-            self.replace.check_files(folder, names.iter().map(String::as_str), &inputs)?;
-            self.replace.make_folder(folder, &inputs)?;
-        }
-        let mut page = Page::new(augmented);
         let mut distances = Vec::new();
         let (found, parts) = self.device.with(|context| {
             let options = || RenderOptions { policy: draw.policy(), ..Default::default() };
@@ -111,14 +88,7 @@ impl Args {
                 if let Some(lpips) = &lpips {
                     distances.push(lpips.of_view(view)?);
                 }
-                let at = photos.iter().position(|photo| std::ptr::eq(*photo, view.photo));
-                let (Some(folder), Some(stem)) = (&self.report, at.map(|at| &stems[at])) else { return Ok(()) };
-                let pictures = pictures(view, augmented);
-                for (what, picture) in &pictures {
-                    let path = folder.join(format!("{stem}.{what}.png"));
-                    write_png_bytes(path, picture.width(), picture.height(), picture.as_raw())?;
-                }
-                page.add(view.quality, stem, &pictures)
+                Ok(())
             })?;
             Ok((found, parts))
         })?;
@@ -126,11 +96,6 @@ impl Args {
         note_foreign(&self.scene, found.augmented.psnr);
         let distances = lpips.is_some().then(|| Distances::of(distances));
         let numbers = Numbers { found: &found, decomposition: parts.as_ref(), lpips: distances.as_ref() };
-        if let Some(folder) = &self.report {
-            let title = format!("{} against {}", self.scene.display(), self.dataset.display());
-            write_text(folder.join(NUMBERS), &to_json(&numbers)?)?;
-            write_text(folder.join(PAGE), &page.finish(&title, &found))?;
-        }
         if self.json {
             print_json(&numbers)?
         } else {
@@ -140,7 +105,7 @@ impl Args {
     }
 }
 
-/// All that is printed and written.
+/// All that is printed.
 #[derive(Serialize)]
 struct Numbers<'a> {
     #[serde(flatten)]

@@ -20,7 +20,7 @@ use crate::{
     data::{Photo, write_png_bytes, write_text},
     gpu::Context,
     pipelines::render::RenderOptions,
-    report::{evaluate::evaluate, metrics::Quality, page::pictures},
+    report::{evaluate::evaluate, metrics::Quality, pictures::pictures},
     scene::Scene,
 };
 
@@ -140,7 +140,7 @@ impl<'a> History<'a> {
         let found = evaluate(self.context, scene, &self.photos, options, self.background, |view| {
             progress.advance();
             if first.is_none() {
-                first = Some(row(&pictures(view, false)));
+                first = Some(row(&pictures(view)));
             }
             Ok(())
         })?;
@@ -181,11 +181,11 @@ impl<'a> History<'a> {
 }
 
 /// One beside the other.
-fn row(pictures: &[(&str, RgbImage)]) -> RgbImage {
-    let width = pictures.iter().map(|(_, picture)| picture.width()).sum();
-    let mut all = RgbImage::new(width, pictures.iter().map(|(_, picture)| picture.height()).max().unwrap_or(0));
+fn row(pictures: &[RgbImage]) -> RgbImage {
+    let width = pictures.iter().map(RgbImage::width).sum();
+    let mut all = RgbImage::new(width, pictures.iter().map(RgbImage::height).max().unwrap_or(0));
     let mut x = 0;
-    for (_, picture) in pictures {
+    for picture in pictures {
         imageops::replace(&mut all, picture, x, 0);
         x += i64::from(picture.width());
     }
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn pictures_stand_in_a_row() {
         let picture = |side: u32, value: u8| RgbImage::from_pixel(side, side, image::Rgb([value; 3]));
-        let all = row(&[("a", picture(2, 10)), ("b", picture(3, 20))]);
+        let all = row(&[picture(2, 10), picture(3, 20)]);
         assert_eq!(all.dimensions(), (5, 3));
         assert_eq!([all.get_pixel(1, 1).0[0], all.get_pixel(2, 2).0[0], all.get_pixel(0, 2).0[0]], [10, 20, 0]);
     }

@@ -5,8 +5,7 @@ use std::collections::{HashMap, HashSet};
 use crate::data::Photo;
 
 /// What files of each photo are called, but for their ending; no two alike even where file systems ignore case.
-pub(super) fn stems<'a>(photos: impl IntoIterator<Item = &'a Photo, IntoIter: Clone>) -> Vec<String> {
-    let photos = photos.into_iter();
+pub(super) fn stems(photos: &[Photo]) -> Vec<String> {
     let flat = |name: &str| -> String {
         // What some file system does not allow in a name.
         let odd = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
@@ -18,7 +17,7 @@ pub(super) fn stems<'a>(photos: impl IntoIterator<Item = &'a Photo, IntoIter: Cl
         _ => flat(name),
     };
     let mut uses: HashMap<String, usize> = HashMap::new();
-    for photo in photos.clone() {
+    for photo in photos {
         *uses.entry(stem(&photo.name).to_lowercase()).or_default() += 1;
     }
     // Stems that only one photo has are taken first, so that others keep away from them.
@@ -33,7 +32,7 @@ pub(super) fn stems<'a>(photos: impl IntoIterator<Item = &'a Photo, IntoIter: Cl
         let free = std::iter::once(full.clone()).chain(numbered).find(|name| taken.insert(name.to_lowercase()));
         free.unwrap_or(full)
     };
-    photos.map(name).collect()
+    photos.iter().map(name).collect()
 }
 
 fn is_image_extension(end: &str) -> bool {

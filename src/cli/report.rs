@@ -17,17 +17,16 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{DIFFUSE, Photo, SPECULAR, write_text},
+    data::{DIFFUSE, Photo, SPECULAR, to_byte, write_text},
     gpu::Context,
     pipelines::{layers::Layers, render::RenderOptions, spend::Spending, start::photos_of},
     report::{
-        compare::{Entry, EntryView, SPECULAR_GAIN, Truth, page},
         decompose::{PartsQuality, judge, linear_from_srgb, srgb_from_linear},
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
-        page::{data_of, pictures},
+        page::{Entry, EntryView, SPECULAR_GAIN, Truth, page},
+        pictures::{data_of, pictures},
         runs::{PHASES, Run, StageMean},
-        sidebyside::to_bytes,
         table::{Cell, Column, Table},
     },
     scene::Scene,
@@ -49,6 +48,7 @@ what `glint train --json` or `glint enhance --json` printed: the time of each st
 the name of the scene that it made.
 
 Examples:
+  glint report garden augmented=augmented.ply -o compared    # then open compared/index.html
   glint report garden base=base.ply augmented=augmented.ply -o compared
   glint report garden base=base.ply plain=plain.ply augmented=augmented.ply -o compared --history runs.jsonl";
 
@@ -68,7 +68,7 @@ fn parse_named(text: &str) -> Result<Named, String> {
     }
 }
 
-/// Show several scenes of a dataset beside its photos, on one page
+/// Show scenes of a dataset beside its photos, on one page
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
@@ -195,7 +195,7 @@ pub(super) struct Shown<'a> {
 /// What scenes are like beside photos.
 pub(super) struct Compared {
     truths: Vec<Truth>,
-    entries: Vec<Entry>,
+    pub(super) entries: Vec<Entry>,
 }
 
 pub(super) fn compare(
@@ -263,14 +263,9 @@ fn entry(
     let mut views = Vec::with_capacity(photos.len());
     let found = evaluate(context, scene, photos, options, background, |view| {
         progress.advance();
-        let mut own = Vec::new();
-        let mut truth = Truth { photo: String::new(), parts: None };
-        for (what, image) in pictures(view, false) {
-            match what {
-                "photo" => truth.photo = data_of(&image)?,
-                what => own.push((what, data_of(&image)?)),
-            }
-        }
+        let [photo, render, error] = pictures(view);
+        let mut truth = Truth { photo: data_of(&photo)?, parts: None };
+        let mut own = vec![("render", data_of(&render)?), ("error", data_of(&error)?)];
         let mut scores = None;
         if let Some(layers) = &mut layers {
             let size = (view.truth.width, view.truth.height);
@@ -309,8 +304,8 @@ fn true_parts(photo: &Photo) -> Result<Option<[Photo; 2]>> {
 
 /// A picture of linear light, `gain` times as bright, of so many pixels across and down.
 fn light(linear: &[f32], gain: f32, (width, height): (u32, u32)) -> Result<String> {
-    let srgb: Vec<f32> = linear.iter().map(|&v| srgb_from_linear(gain * v)).collect();
-    data_of(&RgbImage::from_vec(width, height, to_bytes(&srgb)).unwrap_or_default())
+    let bytes = linear.iter().map(|&v| to_byte(srgb_from_linear(gain * v))).collect();
+    data_of(&RgbImage::from_vec(width, height, bytes).unwrap_or_default())
 }
 
 #[cfg(test)]

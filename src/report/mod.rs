@@ -1,7 +1,5 @@
 //! Metrics, tables and pictures for people.
 
-#[cfg(feature = "cli")]
-pub mod compare;
 pub mod decompose;
 pub mod evaluate;
 #[cfg(feature = "cli")]
@@ -11,10 +9,11 @@ pub mod lpips;
 pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;
+#[cfg(feature = "cli")]
+pub mod pictures;
 pub mod plan;
 #[cfg(feature = "cli")]
 pub mod runs;
-pub mod sidebyside;
 #[cfg(feature = "cli")]
 pub mod spending;
 pub mod summary;

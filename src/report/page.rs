@@ -1,167 +1,320 @@
-//! An evaluation as pictures and one HTML page that needs nothing beside it.
+//! Several scenes of one dataset on one HTML page that needs nothing beside it.
 
 use std::fmt::Write;
 
-use base64::{Engine, engine::general_purpose::STANDARD};
-use image::{
-    ExtendedColorType, ImageEncoder, RgbImage,
-    codecs::{jpeg::JpegEncoder, png::PngEncoder},
-    imageops::thumbnail,
-};
+use serde::Serialize;
 
-use super::evaluate::{Compared, Evaluation, ViewQuality};
+use super::decompose::PartsQuality;
+use super::history::{Cost, Curve, Gain, Range, Record, css_color, curves, holdouts, plot};
 use super::metrics::Quality;
-use super::sidebyside::{error_map, to_bytes};
-use crate::Error;
-use crate::data::Image;
+use super::runs::{self, Run};
+use super::spending;
+use crate::Result;
 
-/// Error at the bright end of the error pictures' colours.
-pub const FULL_ERROR: f32 = 0.25;
-/// The longer side of a picture in the page, pixels; those of full size are files beside it.
-const SHOWN: u32 = 400;
-/// JPEG's, of 100: the pictures are to be looked at, not measured.
-const SHOWN_QUALITY: u8 = 85;
-/// Pictures up to this many pixels a side are shown as they are.
-const SMALL: u32 = 256;
-/// What pixels that do not count are drawn toward.
-const LEFT_OUT: u8 = 128;
+/// Pictures of specular light are so many times as bright as it is: most of it is too dark to be seen.
+pub const SPECULAR_GAIN: f32 = 4.0;
 
-/// The pictures of a view: what each shows, and its pixels.
-pub type Pictures = Vec<(&'static str, RgbImage)>;
-
-/// Photograph, render, the base's render where that is another, and the error. Where a mask leaves pixels out, photograph and
-/// error are grey.
-pub fn pictures(view: &Compared<'_>, augmented: bool) -> Pictures {
-    let Image { width, height, rgb, mask } = view.truth;
-    let left_out = |i: usize| mask.as_ref().is_some_and(|mask| !mask[i]);
-    let grey = |mut bytes: Vec<u8>, share: u16| {
-        for (_, pixel) in bytes.chunks_exact_mut(3).enumerate().filter(|(i, _)| left_out(*i)) {
-            pixel.iter_mut().for_each(|v| *v = ((u16::from(*v) * (4 - share) + u16::from(LEFT_OUT) * share) / 4) as u8);
-        }
-        bytes
-    };
-    let picture = |bytes| RgbImage::from_vec(*width, *height, bytes).unwrap_or_default();
-    let mut all = vec![("photo", picture(grey(rgb.clone(), 3))), ("render", picture(to_bytes(&view.whole.color)))];
-    if augmented {
-        all.push(("base", picture(to_bytes(&view.base.color))));
-    }
-    all.push(("error", picture(grey(error_map(&view.whole.color, rgb, FULL_ERROR), 4))));
-    all
+/// One of the scenes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// As the page shows it.
+    pub name: String,
+    /// Base and supplement.
+    pub gaussians: usize,
+    /// See `gaussians`.
+    pub supplementary: usize,
+    /// Of its file.
+    pub bytes: u64,
+    /// Means over the views.
+    #[serde(flatten)]
+    pub mean: Quality,
+    /// The same of the parts of its light, where the true ones are known.
+    #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
+    pub parts: Option<PartsQuality>,
+    /// In the order of the page's photos.
+    pub views: Vec<EntryView>,
 }
 
-/// The page, view by view.
-pub struct Page {
-    rows: String,
-    augmented: bool,
+/// One of the scenes in one view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EntryView {
+    /// The photo's, without extension.
+    pub name: String,
+    /// PSNR and SSIM.
+    #[serde(flatten)]
+    pub quality: Quality,
+    /// Of the parts of its light, where the true ones are known.
+    #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
+    pub parts: Option<PartsQuality>,
+    /// What each picture shows, and the picture as a `data:` address: `render`, `error`, and where light is shown in its parts `diffuse`
+    /// and `specular`, the latter with [`SPECULAR_GAIN`].
+    #[serde(skip)]
+    pub pictures: Vec<(&'static str, String)>,
 }
 
-impl Page {
-    /// With columns of the base if the scene is `augmented`.
-    pub fn new(augmented: bool) -> Self {
-        Page { rows: String::new(), augmented }
-    }
+/// What is there of one view: pictures as `data:` addresses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// The photograph.
+    pub photo: String,
+    /// Its diffuse and its specular light where these are known, the latter with [`SPECULAR_GAIN`].
+    pub parts: Option<[String; 2]>,
+}
 
-    /// Adds a view whose pictures are the files `stem.photo.png` and so on.
-    pub fn add(&mut self, quality: &ViewQuality, stem: &str, pictures: &Pictures) -> Result<(), Error> {
-        let name = escape(&quality.name);
-        let _ = write!(self.rows, "<tr><td>{name}</td>");
-        if self.augmented {
-            self.rows += &cells(&quality.base);
-        }
-        self.rows += &cells(&quality.augmented);
-        for (what, picture) in pictures {
-            let (source, file) = (shown(picture)?, escape(&format!("{stem}.{what}.png")));
-            let _ =
-                write!(self.rows, "<td><a href=\"{file}\"><img alt=\"{what} of {name}\" src=\"{source}\"></a></td>");
-        }
-        self.rows += "</tr>\n";
-        Ok(())
+/// The page. `title` says what was compared with what; every entry has the views of `truths`, in their order. The first entry is what
+/// gains are over. Without `history` there are no curves; `told` is what runs said of themselves.
+///
+/// # Errors
+/// Where curves cannot be drawn.
+pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record], told: &[Run]) -> Result<String> {
+    let title = escape(title);
+    let mut pictures = entries.iter().flat_map(|entry| &entry.views).flat_map(|view| &view.pictures);
+    let in_parts = truths.iter().any(|truth| truth.parts.is_some()) || pictures.any(|(what, _)| *what == "diffuse");
+    let mut explained = EXPLAINED.to_owned();
+    if in_parts {
+        let _ =
+            write!(explained, " {PARTS_EXPLAINED} Specular light is shown {SPECULAR_GAIN} times as bright as it is.");
     }
-
-    /// The whole page. `title` says what was compared with what.
-    pub fn finish(self, title: &str, found: &Evaluation) -> String {
-        let title = escape(title);
-        let metrics = |part: &str| format!("<th>{part}PSNR [dB]</th><th>{part}SSIM</th>");
-        let (mut heads, mut means) = (String::from("<th>view</th>"), format!("<td>mean of {}</td>", found.views.len()));
-        if self.augmented {
-            heads += &metrics("base ");
-            means += &cells(&found.base);
-        }
-        heads += &metrics("");
-        means += &cells(&found.augmented);
-        let columns: &[&str] =
-            if self.augmented { &["photo", "render", "base", "error"] } else { &["photo", "render", "error"] };
-        for column in columns {
-            let _ = write!(heads, "<th class=\"picture\">{column}</th>");
-            means += "<td></td>";
-        }
-        format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n<style>{STYLE}</style>\n\
-             </head><body><h1>{title}</h1>\n<p>{EXPLAINED}</p>\n<table><thead><tr>{heads}</tr></thead>\n<tbody>{}</tbody>\n\
-             <tfoot><tr>{means}</tr></tfoot></table>\n<script>{SCRIPT}</script></body></html>\n",
-            self.rows
-        )
+    let mut sections = vec![("scenes", "Scenes".to_owned(), table_of_scenes(entries))];
+    for (k, holdout) in holdouts(history).into_iter().enumerate() {
+        let head = format!("Work and precision: hold-out {}", escape(holdout));
+        sections.push((if k == 0 { "work" } else { "" }, head, work_precision(&curves(history, holdout))?));
     }
+    let seen = format!("{} view{}", truths.len(), if truths.len() == 1 { "" } else { "s" });
+    sections.push(("views", seen, views(truths, entries, in_parts)));
+    for Run { name, plan, .. } in told {
+        sections.extend(plan.as_ref().map(|plan| ("", format!("Plan of {}", escape(name)), spending::html(plan))));
+    }
+    sections.extend(runs::html(told).map(|took| ("took", "Time and memory".to_owned(), took)));
+    let (mut links, mut body) = (String::new(), String::new());
+    for (id, head, content) in sections {
+        let mut named = String::new();
+        if !id.is_empty() {
+            named = format!(" id=\"{id}\"");
+            let _ = write!(links, "<a href=\"#{id}\">{}</a> ", head.split(':').next().unwrap_or(&head));
+        }
+        let _ = write!(body, "<h2{named}>{head}</h2>\n{content}");
+    }
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>{title}</title>\n<style>{STYLE}</style>\n</head><body><h1>{title}</h1>\n<p>{explained}</p>\n\
+         <nav>{links}</nav>\n{body}<script>{SCRIPT}</script></body></html>\n"
+    ))
 }
 
 const EXPLAINED: &str = "PSNR and SSIM are of unquantised renders, clamped to 0 to 1, against the photographs; grey pixels are left \
-    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale). A click on a column's head sorts by \
-    it, one on a picture shows it in full size.";
+    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
 
-pub(super) const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
-    p{max-width:60rem;color:#555}table{border-collapse:collapse}th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;\
-    border-bottom:1px solid #e3e3e3;font-variant-numeric:tabular-nums}th{position:sticky;top:0;background:#fff;cursor:pointer;\
-    white-space:nowrap}th.picture{text-align:left;cursor:default}td:first-child,th:first-child{text-align:left}\
-    tfoot td{font-weight:600;border-top:2px solid #888}img{display:block;max-width:400px;height:auto}";
+const PARTS_EXPLAINED: &str = "Diffuse is what the base's constant colours give, specular the rest of the light; where the true parts are \
+    known, PSNR of both in linear light stands with them.";
 
-/// Sorts rows by a column of numbers or names; the second click turns the order round.
-const SCRIPT: &str = "document.querySelectorAll('th:not(.picture)').forEach((head,i)=>head.onclick=()=>{\
-    const body=document.querySelector('tbody'),down=head.dataset.down=head.dataset.down==='1'?'0':'1';\
-    const key=row=>{const text=row.cells[i].textContent;return i?parseFloat(text):text};\
-    [...body.rows].sort((a,b)=>{const x=key(a),y=key(b);return (x<y?-1:x>y?1:0)*(down==='1'?1:-1)})\
-    .forEach(row=>body.append(row))});";
+/// Tables that are wider than the window scroll by themselves, and their first column stays.
+const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
+    h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}p{max-width:60rem;color:#555}table{border-collapse:collapse}\
+    th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e3e3e3;font-variant-numeric:tabular-nums}\
+    th{white-space:nowrap}th.picture,td:first-child,th:first-child{text-align:left}tfoot td{font-weight:600;border-top:2px solid #888}\
+    img{display:block;max-width:400px;height:auto}\
+    h1,h2,h3,.scroll td:first-child{overflow-wrap:anywhere}.scroll td:first-child{min-width:6rem}nav a{margin-right:1rem}.scroll{overflow-x:auto;\
+    margin-bottom:1rem}.scroll th:first-child,.scroll td:first-child{position:sticky;left:0;background:#fff}\
+    .view{display:flex;flex-wrap:wrap;gap:1rem 1.5rem;align-items:flex-start;border-top:1px solid #ccc;padding:1rem 0}\
+    .view h3{flex-basis:100%;margin:0}.slider{width:min(400px,100%)}.pair{position:relative;line-height:0}.pair img{width:100%}\
+    .pair .left{position:absolute;left:0;top:0}.slider input{width:100%;margin:.4rem 0}.view .scroll{flex:1 1 640px;min-width:0;\
+    margin:0}.view td img{width:clamp(80px,8vw,160px)}img.small{image-rendering:pixelated}\
+    .score{display:block;font-size:.85em;text-align:left}.choice{position:sticky;top:0;background:#fff;padding:.5rem 0;z-index:1}\
+    .choice label{display:inline-block;margin-right:1rem}.choice select{max-width:60vw}\
+    .curves{display:flex;flex-wrap:wrap;gap:.5rem}.curves svg{max-width:100%;height:auto}pre.plan{overflow-x:auto}\
+    summary{cursor:pointer;color:#555}.key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}\
+    .views th{white-space:normal}\
+    @media(max-width:700px){body{margin:1rem;font-size:13px}th,td{padding:.25rem .4rem}}";
 
-pub(super) fn cells(quality: &Quality) -> String {
+/// The two pictures that are chosen, in every view, and the border between them.
+const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')];\
+    const show=()=>views.forEach(view=>{const shots=view.querySelectorAll('.shot');\
+    ['left','right'].forEach((side,i)=>{const shot=shots[choice[i].value],image=view.querySelector('.'+side);\
+    image.src=shot.src;image.alt=shot.alt;image.classList.toggle('small',shot.classList.contains('small'))})});\
+    views.forEach(view=>{const range=view.querySelector('input'),left=view.querySelector('.left');\
+    const cut=()=>left.style.clipPath=`inset(0 ${100-range.value}% 0 0)`;range.oninput=cut;cut()});\
+    choice[1].value=choice[1].options.length-1;choice.forEach(select=>select.onchange=show);show();";
+
+fn table_of_scenes(entries: &[Entry]) -> String {
+    // Of one scene there is no other to gain over.
+    let first = entries.first().filter(|_| entries.len() > 1);
+    let judged = entries.iter().any(|entry| entry.parts.is_some());
+    let mut table =
+        "<thead><tr><th>scene</th><th>Gaussians</th><th>with lobes</th><th>bytes</th><th>PSNR [dB]</th>".to_owned();
+    if let Some(first) = first {
+        let _ = write!(table, "<th>over {} [dB]</th>", escape(&first.name));
+    }
+    table += "<th>SSIM</th>";
+    if judged {
+        table += "<th>diffuse PSNR [dB]</th><th>specular PSNR [dB]</th>";
+    }
+    table += "</tr></thead>\n<tbody>";
+    for (k, Entry { name, gaussians, supplementary, bytes, mean, parts, .. }) in entries.iter().enumerate() {
+        let name = escape(name);
+        let _ = write!(table, "<tr><td>{name}</td><td>{gaussians}</td><td>{supplementary}</td><td>{bytes}</td>");
+        let _ = write!(table, "<td>{}</td>", decibels(mean.psnr));
+        if let Some(first) = first {
+            // Two that are infinite differ by nothing that could be said.
+            let gain = Some(mean.psnr - first.mean.psnr).filter(|gain| k > 0 && gain.is_finite());
+            let _ = write!(table, "<td>{}</td>", gain.map_or_else(String::new, |gain| format!("{gain:+.2}")));
+        }
+        let _ = write!(table, "<td>{:.4}</td>", mean.ssim);
+        if judged {
+            let score = |of: fn(&PartsQuality) -> f64| parts.as_ref().map_or_else(String::new, |q| decibels(of(q)));
+            let _ = write!(table, "<td>{}</td><td>{}</td>", score(|q| q.diffuse), score(|q| q.specular));
+        }
+        table += "</tr>\n";
+    }
+    scrolling("scenes", &(table + "</tbody>"))
+}
+
+fn table_of_views(entries: &[Entry]) -> String {
+    let mut table = "<thead><tr><th>view</th>".to_owned();
+    for entry in entries {
+        let name = escape(&entry.name);
+        let _ = write!(table, "<th>{name} PSNR [dB]</th><th>{name} SSIM</th>");
+    }
+    table += "</tr></thead>\n<tbody>";
+    let count = entries.first().map_or(0, |entry| entry.views.len());
+    for i in 0..count {
+        let _ = write!(table, "<tr><td>{}</td>", escape(&entries[0].views[i].name));
+        entries.iter().for_each(|entry| table += &cells(&entry.views[i].quality));
+        table += "</tr>\n";
+    }
+    table += "</tbody><tfoot><tr><td>mean</td>";
+    entries.iter().for_each(|entry| table += &cells(&entry.mean));
+    scrolling("views", &(table + "</tr></tfoot>"))
+}
+
+/// Where curves of one hold-out end, and those plots of them in which some run goes from one cost to another.
+fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
+    let over_base = |record: &Record| record.base_psnr.map(|base| record.psnr - base);
+    let known = curves.iter().any(|curve| curve.last(over_base).is_some());
+    let mut table = "<thead><tr><th>run, at its end</th><th>seeds</th><th>seconds</th><th>bytes</th><th>Gaussians</th>\
+                     <th>PSNR [dB]</th>"
+        .to_owned();
+    if known {
+        table += "<th>over its base [dB]</th>";
+    }
+    table += "<th>SSIM</th></tr></thead>\n<tbody>";
+    let text = |range: Option<Range>, show: &dyn Fn(f64) -> String| match range {
+        None => String::new(),
+        Some(Range { mean, least, largest }) if least == largest => show(mean),
+        Some(Range { mean, least, largest }) => format!("{} ({} to {})", show(mean), show(least), show(largest)),
+    };
+    for (k, curve) in curves.iter().enumerate() {
+        let (color, name) = (css_color(k), escape(curve.name));
+        let key = format!("<span class=\"key\" style=\"background:{color}\"></span>");
+        let _ = write!(table, "<tr><td>{key}{name}</td><td>{}</td>", curve.seeds.len());
+        let mut cell = |of: &dyn Fn(&Record) -> Option<f64>, show: &dyn Fn(f64) -> String| {
+            let _ = write!(table, "<td>{}</td>", text(curve.last(of), show));
+        };
+        cell(&|r| Some(r.seconds), &|v| format!("{v:.1}"));
+        cell(&|r| Some(r.bytes as f64), &|v| format!("{v:.0}"));
+        cell(&|r| Some(r.gaussians as f64), &|v| format!("{v:.0}"));
+        cell(&|r| Some(r.psnr), &|v| format!("{v:.2}"));
+        if known {
+            cell(&over_base, &|v| format!("{v:+.2}"));
+        }
+        cell(&|r| Some(r.ssim), &|v| format!("{v:.4}"));
+        table += "</tr>\n";
+    }
+    let mut out = scrolling("ends", &(table + "</tbody>"));
+    let (drawn, left): (Vec<Cost>, Vec<Cost>) =
+        Cost::ALL.into_iter().partition(|&cost| curves.iter().any(|curve| curve.goes_over(cost)));
+    if !left.is_empty() {
+        let left: Vec<&str> = left.into_iter().map(Cost::title).collect();
+        let _ = writeln!(out, "<p>No plot over {}: no run goes from one number to another.</p>", left.join(" or "));
+    }
+    if drawn.is_empty() {
+        return Ok(out);
+    }
+    out += "<p>A curve goes through what was measured while a run went on, or through runs of several lengths. Pale lines are seeds, \
+            strong ones the means of their measurements by number, bars the least and the largest.</p>\n<div class=\"curves\">";
+    for (gain, &cost) in Gain::ALL.into_iter().flat_map(|gain| drawn.iter().map(move |cost| (gain, cost))) {
+        out += &plot(curves, cost, gain)?;
+    }
+    Ok(out + "</div>\n")
+}
+
+/// Every view with its slider, and the numbers of all; `in_parts`: with columns for light in parts.
+fn views(truths: &[Truth], entries: &[Entry], in_parts: bool) -> String {
+    let names = std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
+    let options: String = names.enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
+    let mut out = format!(
+        "<p class=\"choice\"><label>left <select>{options}</select></label><label>right <select>{options}</select></label></p>\n"
+    );
+    for (i, truth) in truths.iter().enumerate() {
+        out += &view(i, truth, entries, in_parts);
+    }
+    out + &table_of_views(entries)
+}
+
+/// The slider of one view, and a row for the photograph and for each scene; see [`views`].
+fn view(i: usize, truth: &Truth, entries: &[Entry], in_parts: bool) -> String {
+    let name = entries.first().map_or_else(String::new, |entry| escape(&entry.views[i].name));
+    let image = |class: &str, what: &str, source: &str| {
+        // Enlarged, small pictures show their pixels.
+        let small = if source.starts_with("data:image/png") { " small" } else { "" };
+        format!("<img class=\"{class}{small}\" alt=\"{what} of {name}\" src=\"{source}\">")
+    };
+    let mut table = "<thead><tr><th></th><th>PSNR [dB]</th><th>SSIM</th><th class=\"picture\">picture</th>\
+                     <th class=\"picture\">error</th>"
+        .to_owned();
+    if in_parts {
+        let _ =
+            write!(table, "<th class=\"picture\">diffuse</th><th class=\"picture\">specular × {SPECULAR_GAIN}</th>");
+    }
+    let _ = write!(
+        table,
+        "</tr></thead>\n<tbody><tr><td>photo</td><td></td><td></td><td>{}</td><td></td>",
+        image("shot", "photo", &truth.photo)
+    );
+    if in_parts {
+        for (k, what) in ["diffuse", "specular"].into_iter().enumerate() {
+            let shown = truth.parts.as_ref().map(|parts| image("part", &format!("true {what}"), &parts[k]));
+            let _ = write!(table, "<td>{}</td>", shown.unwrap_or_default());
+        }
+    }
+    table += "</tr>\n";
+    for entry in entries {
+        let EntryView { quality, pictures, parts, .. } = &entry.views[i];
+        let scene = escape(&entry.name);
+        let _ = write!(table, "<tr><td>{scene}</td>{}", cells(quality));
+        let mut picture = |what: &str, class: &str, score: Option<f64>| {
+            let found = pictures.iter().find(|(name, _)| *name == what);
+            let shown = found.map_or_else(String::new, |(_, source)| image(class, &format!("{scene}: {what}"), source));
+            let score = score.map(|psnr| format!("<span class=\"score\">{} dB</span>", decibels(psnr)));
+            let _ = write!(table, "<td>{shown}{}</td>", score.unwrap_or_default());
+        };
+        picture("render", "shot", None);
+        picture("error", "part", None);
+        if in_parts {
+            picture("diffuse", "part", parts.map(|q| q.diffuse));
+            picture("specular", "part", parts.map(|q| q.specular));
+        }
+        table += "</tr>\n";
+    }
+    format!(
+        "<section class=\"view\"><h3>{name}</h3><div class=\"slider\"><div class=\"pair\"><img class=\"right\" alt=\"\"><img \
+         class=\"left\" alt=\"\"></div><input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"border\"></div>\n{}\
+         </section>\n",
+        scrolling("pictures", &(table + "</tbody>"))
+    )
+}
+
+fn cells(quality: &Quality) -> String {
     format!("<td>{}</td><td>{:.4}</td>", decibels(quality.psnr), quality.ssim)
 }
 
-/// An infinite one sorts as a number too.
-pub(super) fn decibels(psnr: f64) -> String {
+fn decibels(psnr: f64) -> String {
     if psnr.is_finite() { format!("{psnr:.2}") } else { "Infinity".into() }
 }
 
 /// A table that scrolls where the window is narrower.
 pub(super) fn scrolling(class: &str, content: &str) -> String {
     format!("<div class=\"scroll\"><table class=\"{class}\">{content}</table></div>\n")
-}
-
-/// A picture as a `data:` address for a page: PNG up to 256 pixels a side; larger ones are reduced to 400, and JPEG.
-///
-/// # Errors
-/// Of the encoders.
-pub fn data_of(picture: &RgbImage) -> Result<String, Error> {
-    let (width, height) = picture.dimensions();
-    if width.max(height) > SMALL {
-        return shown(picture);
-    }
-    let mut png = Vec::new();
-    PngEncoder::new(&mut png)
-        .write_image(picture.as_raw(), width, height, ExtendedColorType::Rgb8)
-        .map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be shown: {error}")))?;
-    Ok(format!("data:image/png;base64,{}", STANDARD.encode(png)))
-}
-
-/// A picture as a part of the page.
-fn shown(picture: &RgbImage) -> Result<String, Error> {
-    let (width, height) = picture.dimensions();
-    let shrink = f64::from(SHOWN) / f64::from(width.max(height).max(1));
-    let side = |side: u32| ((f64::from(side) * shrink.min(1.0)).round() as u32).max(1);
-    let small = if shrink < 1.0 { thumbnail(picture, side(width), side(height)) } else { picture.clone() };
-    let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, SHOWN_QUALITY)
-        .write_image(small.as_raw(), small.width(), small.height(), ExtendedColorType::Rgb8)
-        .map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be shown: {error}")))?;
-    Ok(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)))
 }
 
 pub(super) fn escape(text: &str) -> String {
@@ -181,72 +334,98 @@ pub(super) fn escape(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pictures::data_of;
     use super::*;
-    use crate::data::{Photo, PixelSource, Split};
-    use crate::pipelines::render::Rendered;
-    use crate::scene::Camera;
-    use glam::{DMat3, DVec3};
-    use std::sync::Arc;
 
-    #[test]
-    fn pictures_show_what_they_are_called_and_are_grey_where_nothing_counts() {
-        let truth = Image { width: 2, height: 1, rgb: vec![0, 100, 200, 10, 20, 30], mask: Some(vec![true, false]) };
-        let rendered =
-            |color: Vec<f32>| Rendered { width: 2, height: 1, color, transmittance: vec![0.0; 2], depth: Vec::new() };
-        let (base, whole) = (rendered(vec![1.0; 6]), rendered(vec![0.5, 2.0, -1.0, 0.5, 0.5, 0.5]));
-        let camera = Camera {
-            width: 2,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 1.0,
-            cy: 0.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
-        let pixels = PixelSource::Memory(Arc::new(truth.clone()));
-        let photo = Photo { name: "a".into(), camera, split: Split::Test, pixels };
-        let quality = Quality { psnr: 20.0, ssim: 0.5 };
-        let quality = ViewQuality { name: "a".into(), base: quality, augmented: quality };
-        let view = Compared { photo: &photo, truth: &truth, base: &base, whole: &whole, quality: &quality };
-        let all = pictures(&view, true);
-        let bytes = |what: &str| all.iter().find(|(name, _)| *name == what).unwrap().1.as_raw().clone();
-        // A quarter of what it was and three of grey.
-        assert_eq!(bytes("photo"), [0, 100, 200, 98, 101, 103]);
-        assert_eq!(bytes("render"), [128, 255, 0, 128, 128, 128]);
-        assert_eq!(bytes("base"), [255; 6]);
-        // Errors of 0.5, 0.61 and 0.78 are more than a quarter in the mean.
-        assert_eq!(bytes("error"), [&super::super::sidebyside::color_of(1.0)[..], &[128; 3]].concat());
-        assert_eq!(pictures(&view, false).len(), 3);
+    fn entry(name: &str, psnr: f64, parts: bool) -> Entry {
+        let quality = Quality { psnr, ssim: 0.5 };
+        let picture = |color| data_of(&image::RgbImage::from_pixel(8, 6, image::Rgb(color))).unwrap();
+        let mut pictures = vec![("render", picture([9, 9, 9])), ("error", picture([200, 0, 0]))];
+        if parts {
+            pictures.extend([("diffuse", picture([0, 200, 0])), ("specular", picture([0, 0, 200]))]);
+        }
+        let view = |name: &str| EntryView { name: name.into(), quality, parts: None, pictures: pictures.clone() };
+        let views = vec![view("one<i>"), view("two")];
+        Entry { name: name.into(), gaussians: 7, supplementary: 2, bytes: 1234, mean: quality, parts: None, views }
     }
 
     #[test]
-    fn the_page_has_every_view_its_pictures_and_no_markup_of_strangers() {
-        let quality = |psnr| Quality { psnr, ssim: 0.5 };
-        let view = |name: &str, psnr| ViewQuality { name: name.into(), base: quality(10.0), augmented: quality(psnr) };
-        let pictures: Pictures = vec![("photo", RgbImage::from_pixel(900, 300, image::Rgb([200, 30, 10])))];
-        let mut page = Page::new(true);
-        page.add(&view("<b>&\"'", 25.125), "stem", &pictures).unwrap();
-        page.add(&view("second", f64::INFINITY), "second", &pictures).unwrap();
-        let views = vec![view("<b>&\"'", 25.125), view("second", f64::INFINITY)];
-        let found = Evaluation { base: quality(10.0), augmented: quality(30.5), views };
-        let html = page.finish("a <scene>", &found);
-        assert!(html.contains("<title>a &lt;scene&gt;</title>") && !html.contains("<scene>") && !html.contains("<b>"));
-        assert!(html.contains("<td>&lt;b&gt;&amp;&quot;&#39;</td><td>10.00</td><td>0.5000</td><td>25.12</td>"));
-        assert!(
-            html.contains("<td>Infinity</td>")
-                && html.contains("<td>mean of 2</td><td>10.00</td><td>0.5000</td><td>30.50</td>")
+    fn a_page_has_every_scene_view_and_curve_once_and_nothing_of_the_net() {
+        let truths = [[1, 2, 3], [4, 5, 6]].map(truth);
+        let record = |name: &str, seed, seconds: f64, holdout: &str| Record {
+            name: name.into(),
+            seconds,
+            bytes: 100,
+            gaussians: 5,
+            psnr: 20.0 + seconds,
+            ssim: 0.7,
+            seed,
+            holdout: holdout.into(),
+            base_psnr: (name == "plain").then_some(21.5),
+        };
+        let history = [
+            record("<u>", 0, 1.0, "every"),
+            record("<u>", 1, 3.0, "every"),
+            record("<u>", 0, 2.0, "every"),
+            record("<u>", 1, 5.0, "every"),
+            record("plain", 0, 2.0, "every"),
+            record("plain", 0, 2.0, "sector"),
+        ];
+        let run = Run { name: "more<b>".into(), phases: vec![("training".into(), 1.0)], ..Run::default() };
+        let entries = [entry("base", 20.125, false), entry("more<b>", f64::INFINITY, true)];
+        let html = page("a & b", &truths, &entries, &history, &[run]).unwrap();
+        let count = |part: &str| html.matches(part).count();
+        assert!(html.contains("<title>a &amp; b</title>") && !html.contains("://"));
+        assert_eq!([count("<b>"), count("<i>"), count("<u>")], [0; 3]);
+        assert_eq!((count("<section"), count("type=\"range\""), count("<select>")), (2, 2, 2));
+        assert_eq!(count("<option value=\"2\">more&lt;b&gt;</option>"), 2);
+        // Photograph and two scenes of two views; errors of both scenes, two parts of one.
+        assert_eq!((count("class=\"shot"), count("class=\"part")), (6, 8));
+        // Photographs are large, all others small.
+        assert_eq!((count("data:image/jpeg"), count("data:image/png")), (2, 12));
+        // Of one hold-out, over seconds alone: nothing else goes from one number to another.
+        assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
+        assert_eq!(
+            [count("No plot over bytes or Gaussians"), count("No plot over seconds or bytes or Gaussians")],
+            [1; 2]
         );
-        assert!(html.contains("href=\"stem.photo.png\"") && html.contains("base PSNR"));
-        // Nothing is fetched from anywhere.
-        assert!(!html.contains("http") && !html.contains("src=\"s"));
-        // Reduced to 400 pixels, of the colour it has.
-        let at = html.find("data:image/jpeg;base64,").unwrap() + 23;
-        let data = &html[at..at + html[at..].find('"').unwrap()];
-        let small = image::load_from_memory(&STANDARD.decode(data).unwrap()).unwrap().into_rgb8();
-        assert_eq!(small.dimensions(), (400, 133));
-        // JPEG of one colour: within a step or two.
-        assert!(small.get_pixel(50, 50).0.iter().zip([200u8, 30, 10]).all(|(a, b)| a.abs_diff(b) < 4));
-        assert!(!Page::new(false).finish("plain", &found).contains("base PSNR"));
+        assert!(html.contains("<td>23.50 (22.00 to 25.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
+        assert!(html.contains("<td>22.00</td><td>+0.50</td><td>0.7000</td>"), "what is gained over the base");
+        assert!(html.contains("<td>mean</td><td>20.12</td><td>0.5000</td><td>Infinity</td><td>0.5000</td>"));
+        // Pictures come before what everything took.
+        let [scenes, work, views, took] = ["scenes", "work", "views", "took"].map(|id| {
+            assert_eq!(count(&format!("href=\"#{id}\"")), 1, "{id}");
+            html.find(&format!("<h2 id=\"{id}\">")).unwrap()
+        });
+        assert!(scenes < work && work < views && views < took, "{html}");
+        let without = page("x", &truths, &[entry("base", 20.0, false)], &[], &[]).unwrap();
+        assert!(!without.contains("<svg") && !without.contains("Work and precision"));
+        assert!(!without.contains("over base") && !without.to_lowercase().contains("diffuse"), "{without}");
+    }
+
+    #[test]
+    fn gains_are_over_the_first_scene_and_known_parts_stand_beside_what_is_made_of_them() {
+        let part = |shade| data_of(&image::RgbImage::from_pixel(8, 6, image::Rgb([shade; 3]))).unwrap();
+        let truths = [[1, 2, 3], [4, 5, 6]].map(|color| Truth { parts: Some([part(7), part(8)]), ..truth(color) });
+        let judged = |name: &str, psnr: f64, diffuse: f64| {
+            let parts = Some(PartsQuality { diffuse, specular: f64::INFINITY });
+            let mut entry = Entry { parts, ..entry(name, psnr, true) };
+            entry.views.iter_mut().for_each(|view| view.parts = parts);
+            entry
+        };
+        let entries = [judged("base", 20.0, 31.25), judged("worse", 19.5, 32.5), judged("better", 24.0, 33.5)];
+        let html = page("x", &truths, &entries, &[], &[]).unwrap();
+        let count = |part: &str| html.matches(part).count();
+        assert_eq!([count("over base [dB]"), count("<td>-0.50</td>"), count("<td>+4.00</td>")], [1; 3], "{html}");
+        assert_eq!(count("<td>32.50</td><td>Infinity</td></tr>"), 1, "{html}");
+        // True parts of two views; scores of three scenes there.
+        assert_eq!([count("true diffuse of"), count("true specular of"), count(">33.50 dB</span>")], [2; 3], "{html}");
+        assert_eq!(count("specular × 4</th>"), 2);
+        assert!(serde_json::to_string(&entries[1]).unwrap().contains("\"decomposition\":{\"diffuse\":32.5,"));
+    }
+
+    fn truth(color: [u8; 3]) -> Truth {
+        let photo = data_of(&image::RgbImage::from_pixel(300, 20, image::Rgb(color))).unwrap();
+        Truth { photo, parts: None }
     }
 }

@@ -4,10 +4,7 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    page::{escape, scrolling},
-    spending,
-};
+use super::page::{escape, scrolling};
 use crate::pipelines::spend::Spending;
 
 /// Mean device time of a stage over steps all through a run.
@@ -51,11 +48,6 @@ pub struct Run {
     pub stages: Vec<StageMean>,
     /// The most that the device held; `None` where that is not known.
     pub device_megabytes: Option<f64>,
-}
-
-/// The head and the content of what a page has of a run's plan, where there is one.
-pub fn plan_html(run: &Run) -> Option<(String, String)> {
-    Some((format!("Plan of {}", escape(&run.name)), spending::html(run.plan.as_ref()?)))
 }
 
 /// What all took, side by side, as a page shows it; the stages of a step are folded in. `None` without runs.
@@ -145,6 +137,6 @@ mod tests {
         // A device without timestamps, and nothing told.
         let untimed = html(&[Run { stages: Vec::new(), ..runs[0].clone() }]).unwrap();
         assert!(!untimed.contains("a step") && !untimed.contains("details"), "{untimed}");
-        assert_eq!((html(&[]), plan_html(&runs[0])), (None, None));
+        assert_eq!(html(&[]), None);
     }
 }

@@ -475,7 +475,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         "enhance data --base base.ply -o made.ply",
         "enhance data --base base.ply --method augs --preset quick -o made.ply",
         "render base.ply data -o made",
-        "eval base.ply data --report made",
+        "report data base=base.ply -o made",
     ] {
         work.ok(arguments);
         let whole = work.listing();

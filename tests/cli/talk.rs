@@ -2,7 +2,6 @@
 
 use std::fs;
 
-use glint::{data::write_scene, reference::sample::random_scene};
 use serde_json::Value;
 
 use super::{Work, files, keys, set};
@@ -225,41 +224,6 @@ fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
     let report = work.json(&format!("{enhance} --ratio 0.1 -o c.ply --json"));
     assert!(report["discarded"] == false && report["original_kept"] == true, "{report}");
     assert_eq!(report["gain"]["base_alone"], report["gain"]["before"]);
-}
-
-#[test]
-fn an_evaluation_can_be_looked_at() {
-    let work = Work::new();
-    let mut scene = random_scene(8, 300, 100, 1);
-    let supplement = scene.supplement.as_mut().unwrap();
-    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
-        *mean = mean.map(f32::sin);
-    }
-    write_scene(work.path("scene.ply"), &scene).unwrap();
-    let found = work.json("eval scene.ply data --report seen --json");
-    let pictures = |stem: &str| ["base", "error", "photo", "render"].map(|what| format!("{stem}.{what}.png"));
-    let expected: Vec<String> =
-        [&pictures("a")[..], &["evaluation.json".to_owned()], &pictures("i")[..], &["index.html".to_owned()]].concat();
-    assert_eq!(files(&work.path("seen")), expected);
-    let numbers: Value = serde_json::from_str(&fs::read_to_string(work.path("seen/evaluation.json")).unwrap()).unwrap();
-    assert_eq!(numbers, found);
-    let page = fs::read_to_string(work.path("seen/index.html")).unwrap();
-    assert_eq!((page.matches("<img").count(), page.matches("data:image/jpeg").count()), (8, 8));
-    for view in found["views"].as_array().unwrap() {
-        let psnr = format!("<td>{:.2}</td>", view["augmented"]["psnr"].as_f64().unwrap());
-        assert!(page.contains(&psnr) && page.contains(view["name"].as_str().unwrap()));
-    }
-    // The picture of the photo is the photo, that of the render what `render` makes.
-    let pixels = |name: &str| image::open(work.path(name)).unwrap().into_rgb8();
-    assert_eq!(pixels("seen/a.photo.png"), pixels("data/images/a.png"));
-    work.ok("render scene.ply data -o out");
-    assert_eq!(pixels("seen/a.render.png"), pixels("out/a.png"));
-    work.ok("render scene.ply data -o base --what base");
-    assert_eq!(pixels("seen/a.base.png"), pixels("base/a.png"));
-
-    work.refused("eval scene.ply data --report seen", &["seen/index.html", "--force"]);
-    work.refused("eval scene.ply data --report data/images --force", &["data/images", "photos are read from"]);
-    work.ok("eval scene.ply data --report seen --force");
 }
 
 #[test]

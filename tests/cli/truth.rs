@@ -5,6 +5,7 @@ use std::fs;
 use glint::{
     data::{write_png_rgb, write_scene},
     reference::sample::random_scene,
+    report::pictures::data_of,
 };
 use serde_json::Value;
 
@@ -105,6 +106,12 @@ fn scenes_are_shown_beside_each_other() {
     // Over seconds, of the hold-out in which runs go on.
     assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
     assert!(!html.contains("://") && html.contains("<td>22.00 (21.00 to 23.00)</td>"));
+    // The picture of a photo is the photo, that of a render what `render` makes.
+    work.ok("render augmented.ply data -o renders");
+    for file in ["data/images/a.png", "renders/a.png"] {
+        let pixels = image::open(work.path(file)).unwrap().into_rgb8();
+        assert!(html.contains(&data_of(&pixels).unwrap()), "{file}");
+    }
     // Its numbers are those of eval.
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("shown/report.json")).unwrap()).unwrap();
     let found = work.json("eval augmented.ply data --split all --json");

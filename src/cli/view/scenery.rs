@@ -12,7 +12,7 @@ use crate::{
         render::Needs,
         session::Policy,
     },
-    report::{decompose::decompose, page::FULL_ERROR, sidebyside::error_map},
+    report::{decompose::decompose, pictures::error_map},
     scene::{Camera, Gaussians, Scene, Supplement},
 };
 use glam::DVec3;
@@ -204,7 +204,7 @@ impl Scenery {
             Mode::Error => match look.photo {
                 Some(photo) => {
                     let whole = self.numbers(screen, model, Mode::Augmented, look, Wanted::Color)?;
-                    let mut map = error_map(&whole, &photo.rgb, FULL_ERROR);
+                    let mut map = error_map(&whole, &photo.rgb);
                     for (pixel, _) in map.chunks_exact_mut(3).zip(&photo.counts).filter(|(_, counts)| !**counts) {
                         pixel.fill(128);
                     }
