@@ -4,8 +4,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use drive::{Beside, run_with_progress};
 use clap::ValueEnum;
+use drive::{Beside, run_with_progress};
 use glam::DVec3;
 use report::{Gain, Placement, Report, Seconds, gain, joint_stages, pass_loss};
 use serde::Serialize;

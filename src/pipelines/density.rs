@@ -452,35 +452,12 @@ impl Density {
         event: &Event,
         status: &Buffer<u32>,
     ) {
-        let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(Segment::Base));
+        let (b, n, seed) = (&self.buffers, &self.by_number, self.seed);
         let replacement = self.options.strategy == Strategy::Mcmc;
         let threads = self.draw.workgroup_size();
         recorder.copy(&model.population, 1, &b.words, OLD as usize, 1);
         recorder.fill(&n.copies, 0);
-        for (k, dispatch, page) in model.pages(Segment::Base) {
-            self.weigh.record_indirect(
-                recorder,
-                &density_weigh::Buffers {
-                    population: &model.population,
-                    geometry: part.geometry.page(k),
-                    scores: self.scores.page(k),
-                    alive: &n.alive,
-                    keys: &n.keys,
-                },
-                &density_weigh::Push {
-                    segment: page.segment,
-                    page_first: page.first,
-                    stride: page.capacity,
-                    capacity: part.capacity(),
-                    least_opacity: LEAST_OPACITY,
-                    least_score: LEAST_PULL,
-                    step: event.number,
-                    seed,
-                },
-                &model.population_args,
-                dispatch,
-            );
-        }
+        self.record_weights(recorder, model, event);
         let extent = Extent {
             count: &b.words,
             index: OLD,
@@ -530,6 +507,48 @@ impl Density {
         }
         let sources = Sources { sources: &n.sources, count: &b.words, index: NEW };
         self.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
+        self.record_changes(recorder, model, moments, event, status);
+    }
+
+    /// Who stays, and how much each is wanted.
+    fn record_weights(&self, recorder: &mut Recorder, model: &Model, event: &Event) {
+        let (n, seed, part) = (&self.by_number, self.seed, model.part(Segment::Base));
+        for (k, dispatch, page) in model.pages(Segment::Base) {
+            self.weigh.record_indirect(
+                recorder,
+                &density_weigh::Buffers {
+                    population: &model.population,
+                    geometry: part.geometry.page(k),
+                    scores: self.scores.page(k),
+                    alive: &n.alive,
+                    keys: &n.keys,
+                },
+                &density_weigh::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    capacity: part.capacity(),
+                    least_opacity: LEAST_OPACITY,
+                    least_score: LEAST_PULL,
+                    step: event.number,
+                    seed,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    /// What becomes of those that were copied or moved.
+    fn record_changes(
+        &self,
+        recorder: &mut Recorder,
+        model: &Model,
+        moments: &Beside,
+        event: &Event,
+        status: &Buffer<u32>,
+    ) {
+        let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(Segment::Base));
         for (k, dispatch, page) in model.pages(Segment::Base) {
             self.apply.record_indirect(
                 recorder,

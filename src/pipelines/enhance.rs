@@ -320,160 +320,182 @@ impl Enhancer {
         self.lifted = None;
         loop {
             let started = Instant::now();
-            match &mut self.next {
-                Next::Base if self.options.method == Method::Pursuit => {
-                    self.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
-                    let [lobes, plain] = self.allowance.most();
-                    let most = lobes.max(plain);
-                    let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
-                    if self.allowance.bytes.is_some() {
-                        pursuit.charge(self.allowance.prices());
-                    }
-                    self.next = if self.options.weigh == Weigh::Not || most == 0 {
-                        let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
-                        pursuit.start_within(gaussians, bytes)?;
-                        Next::Place(None)
-                    } else {
-                        Next::Weigh(Box::new(self.pilot(views)?))
-                    };
-                    self.pursuit = Some(pursuit);
-                    self.times.base = started.elapsed();
-                    return Ok(Some(Event::Base));
-                }
-                Next::Weigh(pilot) => {
-                    let (steps, Some(pursuit)) = (pilot.trainer.total(), &mut self.pursuit) else { return Ok(None) };
-                    if let Some(step) = pilot.trainer.advance(&pilot.model, views)? {
-                        self.times.weigh += started.elapsed();
-                        return Ok(Some(Event::Weigh { step, steps }));
-                    }
-                    let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
-                    // What it was is known once it has been looked at.
-                    let seconds = self.times.weigh.as_secs_f64();
-                    self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
-                    let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
-                    pursuit.start_within(gaussians, bytes)?;
-                    self.next = Next::Place(None);
-                    self.times.weigh += started.elapsed();
-                    return Ok(Some(Event::Weighed));
-                }
-                Next::Place(joining) => {
-                    let Some(pursuit) = &mut self.pursuit else { return Ok(None) };
-                    let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
-                    self.times.place += started.elapsed();
-                    if let Some(progress) = progress {
-                        if let (Some(on), true) = (&mut self.training_on, pursuit.has_looked(progress))
-                            && on.before.is_nan()
-                        {
-                            on.before = pursuit.squared_error()?;
-                            if self.options.weigh == Weigh::Limit {
-                                let least = on.least_gain(self.steps, self.original.len() as u32) as f32;
-                                pursuit.demand(least.max(self.options.pursuit.least_gain));
-                            }
-                        }
-                        return Ok(Some(Event::Place(progress)));
-                    }
-                    let joining = joining.take();
-                    self.placed.push(pursuit.placed()?);
-                    self.model.learn_counts()?;
-                    let Some(trainer) = joining else {
-                        let placements = self.options.pursuit.placements.max(1);
-                        self.spending = Some(Spending::new(
-                            &self.allowance,
-                            [placements, self.steps],
-                            &pursuit.choice()?,
-                            pursuit.least_gain(),
-                            self.training_on.as_ref(),
-                        ));
-                        self.next = Next::Begin;
-                        return Ok(Some(Event::Planned));
-                    };
-                    self.next = Next::Join(trainer);
-                    if let Some(event) = self.join_on() {
-                        return Ok(Some(event));
-                    }
-                }
-                Next::Begin => {
+            let event = match (&self.next, self.options.method) {
+                (Next::Base, Method::Pursuit) => self.look(views, started),
+                (Next::Base, Method::Augs) => self.share_out(views, started),
+                (Next::Weigh(_), _) => self.weigh(views, started),
+                (Next::Place(_), _) => self.place(views, started),
+                (Next::Begin, _) => {
                     self.next = self.begin_join(views)?;
                     self.times.join += started.elapsed();
-                    if let Some(event) = self.join_on() {
-                        return Ok(Some(event));
-                    }
+                    Ok(self.join_on())
                 }
-                Next::Base => {
-                    let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
-                    self.base_losses = renders.losses;
-                    self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
-                    self.model.reserve(Segment::Supplement, self.budgets.iter().sum())?;
-                    self.times.base = started.elapsed();
-                    let (schedule, first) = (self.options.schedule, Some(renders.first));
-                    self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, schedule, first)?);
-                    self.times.screen = started.elapsed() - self.times.base;
-                    self.next = Next::Batch(0);
-                    return Ok(Some(Event::Base));
-                }
-                Next::Batch(batch) => {
-                    let batch = *batch;
-                    let Some((batches, range)) = self.batch(batch) else {
-                        self.refiner = None;
-                        self.next = self.begin_join(views)?;
-                        self.times.join = started.elapsed();
-                        if let Next::Join(trainer) = &self.next {
-                            return Ok(Some(Event::Join { step: 0, steps: trainer.total() }));
-                        }
-                        continue;
-                    };
-                    self.next = Next::Screen(batch);
-                    return Ok(Some(Event::Batch { batch, batches, views: range }));
-                }
-                Next::Screen(batch) => {
-                    let batch = *batch;
-                    let Some((batches, range)) = self.batch(batch) else { return Ok(None) };
-                    let Some(refiner) = &mut self.refiner else { return Ok(None) };
-                    if refiner.views() != range {
-                        refiner.start(views, batch)?;
-                    }
-                    if let Some(progress) = refiner.advance(&mut self.renderer, &self.model, views)? {
-                        self.times.screen += started.elapsed();
-                        return Ok(Some(Event::Screen { batch, batches, progress }));
-                    }
-                    self.refined += refiner.refined().counts.iter().sum::<u32>();
-                    self.times.screen += started.elapsed();
-                    let started = Instant::now();
-                    let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
-                    let lifted = self.lift.lift(refiner, views, unit, &mut self.model)?;
-                    self.lifts.push((range.clone(), lifted.lifts.clone()));
-                    self.lifted = Some(lifted);
-                    self.times.lift += started.elapsed();
-                    self.next = Next::Batch(batch + 1);
-                    return Ok(Some(Event::Lifted { views: range }));
-                }
-                Next::Join(trainer) => {
-                    let steps = trainer.total();
-                    if let Some(step) = trainer.advance(&self.model, views)? {
-                        self.times.join += started.elapsed();
-                        return Ok(Some(Event::Join { step, steps }));
-                    }
-                    let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
-                    if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
-                        // What has faded goes in the end, so that others may take its place.
-                        let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
-                        let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
-                        let lobes = self.model.count_of(Segment::Supplement);
-                        let room = self.model.part(Segment::Supplement).capacity().saturating_sub(lobes);
-                        let (gaussians, bytes) = self.allowance.left([done, placements], plain, lobes - faded);
-                        pursuit.start_within(gaussians.min(room), bytes)?;
-                        let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) else {
-                            return Ok(None);
-                        };
-                        self.next = Next::Place(Some(trainer));
-                        continue;
-                    }
-                    self.join = Some(trainer.report());
-                    self.finish_join(views)?;
-                }
-                Next::Done => return Ok(None),
+                (&Next::Batch(batch), _) => self.begin_batch(views, batch, started),
+                (&Next::Screen(batch), _) => self.refine(views, batch, started),
+                (Next::Join(_), _) => self.step_jointly(views, started),
+                (Next::Done, _) => return Ok(None),
+            }?;
+            if event.is_some() {
+                return Ok(event);
             }
         }
+    }
+
+    /// Pursuit: what the base lacks, and what is next.
+    fn look(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        self.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
+        let [lobes, plain] = self.allowance.most();
+        let most = lobes.max(plain);
+        let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
+        if self.allowance.bytes.is_some() {
+            pursuit.charge(self.allowance.prices());
+        }
+        self.next = if self.options.weigh == Weigh::Not || most == 0 {
+            let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
+            pursuit.start_within(gaussians, bytes)?;
+            Next::Place(None)
+        } else {
+            Next::Weigh(Box::new(self.pilot(views)?))
+        };
+        self.pursuit = Some(pursuit);
+        self.times.base = started.elapsed();
+        Ok(Some(Event::Base))
+    }
+
+    fn weigh(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        let (Next::Weigh(pilot), Some(pursuit)) = (&mut self.next, &mut self.pursuit) else { return self.end() };
+        let steps = pilot.trainer.total();
+        if let Some(step) = pilot.trainer.advance(&pilot.model, views)? {
+            self.times.weigh += started.elapsed();
+            return Ok(Some(Event::Weigh { step, steps }));
+        }
+        let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
+        // What it was is known once it has been looked at.
+        let seconds = self.times.weigh.as_secs_f64();
+        self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
+        let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
+        pursuit.start_within(gaussians, bytes)?;
+        self.next = Next::Place(None);
+        self.times.weigh += started.elapsed();
+        Ok(Some(Event::Weighed))
+    }
+
+    fn place(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        let (Next::Place(joining), Some(pursuit)) = (&mut self.next, &mut self.pursuit) else { return self.end() };
+        let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
+        self.times.place += started.elapsed();
+        if let Some(progress) = progress {
+            if let (Some(on), true) = (&mut self.training_on, pursuit.has_looked(progress))
+                && on.before.is_nan()
+            {
+                on.before = pursuit.squared_error()?;
+                if self.options.weigh == Weigh::Limit {
+                    let least = on.least_gain(self.steps, self.original.len() as u32) as f32;
+                    pursuit.demand(least.max(self.options.pursuit.least_gain));
+                }
+            }
+            return Ok(Some(Event::Place(progress)));
+        }
+        let joining = joining.take();
+        self.placed.push(pursuit.placed()?);
+        self.model.learn_counts()?;
+        let Some(trainer) = joining else {
+            let placements = self.options.pursuit.placements.max(1);
+            self.spending = Some(Spending::new(
+                &self.allowance,
+                [placements, self.steps],
+                &pursuit.choice()?,
+                pursuit.least_gain(),
+                self.training_on.as_ref(),
+            ));
+            self.next = Next::Begin;
+            return Ok(Some(Event::Planned));
+        };
+        self.next = Next::Join(trainer);
+        Ok(self.join_on())
+    }
+
+    /// The paper's method: how many 2D Gaussians each view may have.
+    fn share_out(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
+        self.base_losses = renders.losses;
+        self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
+        self.model.reserve(Segment::Supplement, self.budgets.iter().sum())?;
+        self.times.base = started.elapsed();
+        let (schedule, first) = (self.options.schedule, Some(renders.first));
+        self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, schedule, first)?);
+        self.times.screen = started.elapsed() - self.times.base;
+        self.next = Next::Batch(0);
+        Ok(Some(Event::Base))
+    }
+
+    fn begin_batch(&mut self, views: &Views, batch: usize, started: Instant) -> Result<Option<Event>> {
+        if let Some((batches, range)) = self.batch(batch) {
+            self.next = Next::Screen(batch);
+            return Ok(Some(Event::Batch { batch, batches, views: range }));
+        }
+        self.refiner = None;
+        self.next = self.begin_join(views)?;
+        self.times.join = started.elapsed();
+        Ok(match &self.next {
+            Next::Join(trainer) => Some(Event::Join { step: 0, steps: trainer.total() }),
+            _ => None,
+        })
+    }
+
+    fn refine(&mut self, views: &Views, batch: usize, started: Instant) -> Result<Option<Event>> {
+        let (Some((batches, range)), Some(refiner)) = (self.batch(batch), &mut self.refiner) else {
+            return self.end();
+        };
+        if refiner.views() != range {
+            refiner.start(views, batch)?;
+        }
+        if let Some(progress) = refiner.advance(&mut self.renderer, &self.model, views)? {
+            self.times.screen += started.elapsed();
+            return Ok(Some(Event::Screen { batch, batches, progress }));
+        }
+        self.refined += refiner.refined().counts.iter().sum::<u32>();
+        self.times.screen += started.elapsed();
+        let started = Instant::now();
+        let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
+        let lifted = self.lift.lift(refiner, views, unit, &mut self.model)?;
+        self.lifts.push((range.clone(), lifted.lifts.clone()));
+        self.lifted = Some(lifted);
+        self.times.lift += started.elapsed();
+        self.next = Next::Batch(batch + 1);
+        Ok(Some(Event::Lifted { views: range }))
+    }
+
+    fn step_jointly(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        let Next::Join(trainer) = &mut self.next else { return self.end() };
+        let steps = trainer.total();
+        if let Some(step) = trainer.advance(&self.model, views)? {
+            self.times.join += started.elapsed();
+            return Ok(Some(Event::Join { step, steps }));
+        }
+        let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+        if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
+            // What has faded goes in the end, so that others may take its place.
+            let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
+            let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
+            let lobes = self.model.count_of(Segment::Supplement);
+            let room = self.model.part(Segment::Supplement).capacity().saturating_sub(lobes);
+            let (gaussians, bytes) = self.allowance.left([done, placements], plain, lobes - faded);
+            pursuit.start_within(gaussians.min(room), bytes)?;
+            if let Next::Join(trainer) = std::mem::replace(&mut self.next, Next::Done) {
+                self.next = Next::Place(Some(trainer));
+            }
+            return Ok(None);
+        }
+        self.join = Some(trainer.report());
+        self.finish_join(views)?;
+        Ok(None)
+    }
+
+    /// There is nothing more to do.
+    fn end(&mut self) -> Result<Option<Event>> {
+        self.next = Next::Done;
+        Ok(None)
     }
 
     /// Instead of refining the batch that [`Event::Batch`] told of: what an earlier run lifted from it. Waits.

@@ -601,6 +601,12 @@ impl Raster {
             extent(ISECTS, ISECT_BLOCKS),
             ISECTS_SORTED,
         );
+        self.record_ranges(recorder, by_tile.keys, grid, status);
+    }
+
+    /// Where each tile's intersections begin and end, and of a batch which tiles there are.
+    fn record_ranges(&self, recorder: &mut Recorder, sorted_tiles: &Buffer<u32>, grid: &Grid, status: &Buffer<u32>) {
+        let f = &self.buffers;
         if self.options.batch {
             recorder.fill(&f.tile_list_count, 0);
         }
@@ -608,7 +614,7 @@ impl Raster {
             recorder,
             &tile_ranges::Buffers {
                 count: &f.count,
-                isect_tiles: by_tile.keys,
+                isect_tiles: sorted_tiles,
                 tile_ranges: &f.tile_ranges,
                 tile_drawn: &f.tile_drawn,
                 tile_list: &f.tile_list,
@@ -619,7 +625,8 @@ impl Raster {
             grid.tiles(),
         );
         if self.options.batch {
-            let tiles_per_group = threads / self.context.info().subgroup_size;
+            let info = self.context.info();
+            let tiles_per_group = info.workgroup(WORKGROUP) / info.subgroup_size;
             let buffers = dispatch_args::Buffers { count: &f.tile_list_count, dispatch_args: &f.args, status };
             let push = dispatch_args::Push {
                 count_index: 0,
