@@ -1,3 +1,5 @@
+//! `glint demo`: the whole method on a built-in scene, beside its controls.
+
 use std::{path::PathBuf, time::Instant};
 
 use serde::Serialize;

@@ -1,3 +1,5 @@
+//! `glint devices`: lists Vulkan devices, how kernels would run on each, and why one is refused.
+
 use serde::Serialize;
 
 use super::{Outcome, print, print_json, with_hint};

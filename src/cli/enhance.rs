@@ -1,3 +1,5 @@
+//! `glint enhance`: augments a base scene from photos, judges the result on the test photos and discards it where it is worse.
+
 use std::{
     fs,
     path::PathBuf,

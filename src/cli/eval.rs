@@ -1,3 +1,5 @@
+//! `glint eval`: PSNR, SSIM and LPIPS of a scene against the photos of a dataset.
+
 use std::path::PathBuf;
 
 use serde::Serialize;

@@ -1,3 +1,5 @@
+//! `glint export`: writes a scene as a page for browsers.
+
 use std::path::PathBuf;
 
 use serde::Serialize;

@@ -1,3 +1,5 @@
+//! `glint info`: describes a scene or a dataset.
+
 use std::{fmt::Write, path::PathBuf};
 
 use serde::Serialize;

@@ -1,3 +1,5 @@
+//! `glint completions` and `glint man`: what a packager installs beside the program.
+
 use std::{io, path::PathBuf};
 
 use clap::CommandFactory;

@@ -1,3 +1,5 @@
+//! `glint render`: images of a scene from a dataset's cameras or along a camera path.
+
 use std::{collections::HashMap, path::PathBuf};
 
 use clap::ValueEnum;

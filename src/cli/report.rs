@@ -1,3 +1,5 @@
+//! `glint report`: one page that shows scenes beside the photos of a dataset, and beside one another.
+
 use std::{
     collections::BTreeMap,
     fs,

@@ -1,3 +1,5 @@
+//! `glint synth`: writes a traced dataset whose diffuse and specular light is known.
+
 use std::path::PathBuf;
 
 use super::{

@@ -1,3 +1,6 @@
+//! `glint train`: trains a base scene. Here are its options and what a run is made of; `first` has the Gaussians that it begins with,
+//! `course` its loop.
+
 use std::{
     path::PathBuf,
     time::{Duration, Instant},

@@ -1,3 +1,5 @@
+//! `glint verify`: judges a device and its driver, every kernel against float64.
+
 use super::{DeviceArgs, Failure, Outcome, print, print_json};
 use crate::verify::{Options, explain, run};
 
