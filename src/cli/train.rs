@@ -364,12 +364,11 @@ impl Args {
         let at = At { done: resumed, total: iterations, taken: had };
         let spent = clock.map_or(Duration::ZERO, |clock| Duration::from_millis(clock.milliseconds));
         let clocks = Clocks { began, started, spent, evaluating: Duration::ZERO };
-        let (session, model, views) = (&session, &model, &views);
         let mut training = Training {
             args: self,
-            session,
-            model,
-            views,
+            session: &session,
+            model: &model,
+            views: &views,
             course,
             trainer,
             kept,
