@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use glint::data::FileKind;
-
-/// Reads `bytes` as a file of `kind`; an error must be one line that names the file.
-pub fn judge(kind: FileKind, bytes: &[u8]) {
-    if let Err(error) = kind.check(bytes, Path::new("input")) {
+/// Reads `bytes` as a file of `kind`, one of `glint::data::file_kinds`; an error must be one line that names the file.
+pub fn judge(kind: &str, bytes: &[u8]) {
+    if let Err(error) = glint::data::check_file(kind, bytes, Path::new("input")) {
         let message = error.to_string();
         assert!(message.starts_with("input: ") && !message.contains(char::is_control), "{message:?}");
     }

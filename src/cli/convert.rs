@@ -28,18 +28,6 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-The ending of the output's name says what it becomes:
-  .ply             everything, bit for bit
-  .glb             glTF with KHR_gaussian_splatting: everything, as 32-bit floats; lobes in an extension of glint's
-  .compressed.ply  PlayCanvas: positions of 11, 10 and 11 bits within chunks of 256 Gaussians
-  .sog             PlayCanvas: positions of 16 bits, colours and sizes by codebooks, in lossless images
-  .spz             Niantic, version 4 unless --spz-version says otherwise: positions of 24 bits, all else bytes or less
-  .splat           positions and sizes, colours and rotations as bytes; no colour that depends on the view
-
-Only .ply and .glb have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
-out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
-SPZ since version 1, SOG also as a folder, .gltf, and the checkpoints that a run keeps.
-
 Examples:
   glint convert base.ply base.spz
   glint convert base.ply base.spz --spz-version 3        for viewers that know no version 4
@@ -48,9 +36,21 @@ Examples:
   glint convert base.checkpoint.safetensors base.ply     what a run has learned so far
   glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
 
+fn after_help() -> String {
+    let line = |format: &SceneFormat| format!("  {:<17}{}\n", format!(".{}", format.ending), format.about);
+    let formats: String = SceneFormat::ALL.iter().map(line).collect();
+    let lobes = SceneFormat::endings(|format| format.keeps_lobes);
+    format!(
+        "The ending of the output's name says what it becomes:\n{formats}\n\
+         Only {lobes} have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
+         out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
+         SPZ since version 1, SOG also as a folder, .gltf, and the checkpoints that a run keeps.\n\n{EXAMPLES}"
+    )
+}
+
 /// Write a scene as a file of another kind
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = after_help())]
 pub(super) struct Args {
     /// Scene, told by its contents
     input: PathBuf,
@@ -103,10 +103,10 @@ impl Args {
         let (input, output) = (&self.input, &self.output);
         let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         if let Some(version) = self.spz_version {
-            if !matches!(format, SceneFormat::Spz { .. }) {
+            if format.version.is_none() {
                 return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())).into());
             }
-            format = SceneFormat::Spz { version };
+            format.version = Some(version);
         }
         let ending = output.extension().unwrap_or_default().to_string_lossy();
         let mut file = self.lenient.open_file(input)?;
@@ -122,11 +122,11 @@ impl Args {
         }
         check_lobes(&file, format, output)?;
         let degree = file.scene.base.sh_degree;
-        if degree > format.greatest_sh_degree() && degree != BETAS {
+        if degree > format.greatest_sh_degree && degree != BETAS {
             note(format!(
                 "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
                 output.display(),
-                format.greatest_sh_degree() + 1
+                format.greatest_sh_degree + 1
             ));
         }
         // What cannot be compared is told before anything is written.
@@ -137,7 +137,7 @@ impl Args {
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
-            sh_degree: Some(degree.min(format.greatest_sh_degree())).filter(|&degree| degree != BETAS),
+            sh_degree: Some(degree.min(format.greatest_sh_degree)).filter(|&degree| degree != BETAS),
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
             psnr: match (&dataset, &photos) {
@@ -202,16 +202,16 @@ impl Report {
 }
 
 fn unknown(output: &Path) -> Error {
-    let endings: Vec<String> = SceneFormat::ALL.iter().map(|(ending, _)| format!(".{ending}")).collect();
-    Error::input(output, format!("has no ending that says what to write, expected one of {}", endings.join(", ")))
+    let endings = SceneFormat::endings(|_| true);
+    Error::input(output, format!("has no ending that says what to write, expected one of {endings}"))
 }
 
 fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<()> {
     match &file.scene.supplement {
-        Some(supplement) if !format.keeps_lobes() => {
-            let count = supplement.gaussians.len();
+        Some(supplement) if !format.keeps_lobes => {
+            let (count, keep) = (supplement.gaussians.len(), SceneFormat::endings(|format| format.keeps_lobes));
             let what = format!(
-                "this format has no place for the scene's {count} Gaussians with lobes; --base-only leaves them out, .ply keeps them"
+                "this format has no place for the scene's {count} Gaussians with lobes; --base-only leaves them out, {keep} keep them"
             );
             Err(Error::input(output, what))
         }

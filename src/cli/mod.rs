@@ -43,7 +43,7 @@ use tracing_subscriber::EnvFilter;
 
 use crate::{
     Error, Result,
-    data::{self, Dataset, Dropped, Photo, SceneFile, Split, TrainedWith},
+    data::{self, Dataset, Dropped, Photo, SceneFile, Split, TrainedWith, counted},
     gpu::{Context, ContextOptions, GpuError, Twin},
     pipelines::{
         model::Model,
@@ -495,11 +495,6 @@ impl SceneArgs {
         }
         Ok(file)
     }
-}
-
-/// "1 photo", "12 photos".
-fn counted(count: usize, one: &str) -> String {
-    format!("{count} {one}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Prints a result. A reader that has gone away has seen enough.

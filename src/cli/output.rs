@@ -89,7 +89,7 @@ impl OutputArgs {
 
     /// The same for a plain PLY scene, of which `glint convert` makes a scene of any other name.
     pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
-        if SceneFormat::of(path).is_some_and(|format| format != SceneFormat::Ply) {
+        if SceneFormat::of(path).is_some_and(|format| format.ending != "ply") {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let stem = name.split_once('.').map_or(&name[..], |(stem, _)| stem);
             let what = format!(

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::kind::Kind;
-use super::left_out::count;
+use super::formats::Kind;
+use super::left_out::counted;
 use super::names;
 use super::scene_file::is_scene_folder;
 use super::{places, transforms};
@@ -47,7 +47,7 @@ pub(super) fn of_folder(path: &Path) -> String {
     }
     let photos = names::count_photos(path);
     if photos > 0 {
-        let found = count(photos, "photo");
+        let found = counted(photos, "photo");
         return format!("found {found} but no camera poses; run COLMAP to find them, {PAGE}");
     }
     let video = entries(path).into_iter().find(|entry| Kind::of_file(entry).is_ok_and(|kind| kind == Kind::Video));

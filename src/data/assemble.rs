@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
 use super::images;
-use super::left_out::{LeftOut, count};
+use super::left_out::{LeftOut, counted};
 use super::lens::{Distortion, Frame, Lens};
 use super::points::PointCloud;
 use super::sector::{Stand, sector};
@@ -58,7 +58,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
     if masked > 0 {
         let what = "with a mask, whose black pixels do not count";
-        notes.push(format!("{} of {} {what}", count(masked, "photo"), shots.len()));
+        notes.push(format!("{} of {} {what}", counted(masked, "photo"), shots.len()));
     }
 
     let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();
@@ -87,7 +87,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     if transparent > 0 && dataset.kind != DatasetKind::Blender && options.alpha == Alpha::Background {
         let what =
             "an alpha channel, through which the background shines; it can be taken for a mask instead (--alpha mask)";
-        dataset.notes.push(format!("{} with {what}", count(transparent, "photo")));
+        dataset.notes.push(format!("{} with {what}", counted(transparent, "photo")));
     }
     Ok(dataset)
 }
@@ -100,7 +100,7 @@ fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
     let trains = |shot: &Shot| shot.split == Some(Split::Train);
     shots.retain(|shot| !(trains(shot) && shot.path.as_ref().is_some_and(|path| tests.contains(path))));
     if shots.len() < before {
-        let both = count(before - shots.len(), "photo");
+        let both = counted(before - shots.len(), "photo");
         notes.push(format!("{both} for training and for testing: used for testing only"));
     }
 }
@@ -173,7 +173,7 @@ fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
     let respelled = shots.iter().filter(|shot| shot.respelled).count();
     if respelled > 0 {
         let what = "found under another spelling, case, ending or folder of the name";
-        notes.push(format!("{} {what}", count(respelled, "photo")));
+        notes.push(format!("{} {what}", counted(respelled, "photo")));
     }
     Ok(shots)
 }
@@ -257,25 +257,28 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
 fn tell(prepared: &[Prepared], notes: &mut Vec<String>) {
     let turned = prepared.iter().filter(|p| p.orientation != 1).count();
     if turned > 0 {
-        notes.push(format!("{} turned by the EXIF orientation, as the cameras' sizes ask for", count(turned, "photo")));
+        notes.push(format!(
+            "{} turned by the EXIF orientation, as the cameras' sizes ask for",
+            counted(turned, "photo")
+        ));
     }
     let mut cut = LeftOut::default();
     for name in prepared.iter().filter(|p| p.ends_early).filter_map(|p| Some(&p.photos.first()?.name)) {
         cut.add(|| format!("`{name}`"), || format!("`{name}`"));
     }
     if cut.count > 0 {
-        let n = count(cut.count, "JPEG photo");
+        let n = counted(cut.count, "JPEG photo");
         notes.push(format!("{n} without an end, whose missing rows do not count: {}", cut.text()));
     }
     let spheres = prepared.iter().filter(|p| p.distortion == Distortion::Equirectangular).count();
     if spheres > 0 {
-        notes.push(format!("{} of the whole sphere: each becomes the six faces of a cube", count(spheres, "photo")));
+        notes.push(format!("{} of the whole sphere: each becomes the six faces of a cube", counted(spheres, "photo")));
     }
     let fisheye = prepared.iter().filter(|p| p.distortion.is_fisheye()).flat_map(|p| p.photos.first());
     if let Some(first) = fisheye.clone().next() {
         let Camera { width, fx, .. } = first.camera;
         let across = 2.0 * (0.5 * f64::from(width) / fx).atan().to_degrees();
-        let n = count(fisheye.count(), "fisheye photo");
+        let n = counted(fisheye.count(), "fisheye photo");
         notes.push(format!(
             "{n}: of each a pinhole view with the same focal length is used, {across:.0}° across; what is beyond is not"
         ));
@@ -284,7 +287,7 @@ fn tell(prepared: &[Prepared], notes: &mut Vec<String>) {
     if let Some(worst) = smeared.iter().copied().reduce(f64::max) {
         notes.push(format!(
             "{}: up to {:.0} % of the undistorted picture is beyond the file's edge and does not count",
-            count(smeared.len(), "photo"),
+            counted(smeared.len(), "photo"),
             100.0 * worst
         ));
     }
@@ -292,7 +295,7 @@ fn tell(prepared: &[Prepared], notes: &mut Vec<String>) {
     if let [(name, ([cx, cy], [width, height])), ..] = off[..] {
         notes.push(format!(
             "{}: the principal point is outside of the picture, ({cx}, {cy}) in `{name}` of {width} × {height}; is this a crop?",
-            count(off.len(), "photo")
+            counted(off.len(), "photo")
         ));
     }
 }

@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::formats::Kind;
 use super::images::{self, Image};
 use super::lens::Lens;
 use super::points::PointCloud;
 use super::reduce::Reduce;
-use super::{advice, assemble, colmap, kind, places, reduced, transforms};
+use super::{advice, assemble, colmap, places, reduced, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
@@ -233,10 +234,8 @@ impl Dataset {
             }
             return Err(Error::input(path, advice::of_folder(path)));
         }
-        match kind::Kind::of_file(path)? {
-            kind::Kind::Json => {
-                assemble::assemble(DatasetKind::Transforms, transforms::read(path, true, options)?, options)
-            }
+        match Kind::of_file(path)? {
+            Kind::Json => assemble::assemble(DatasetKind::Transforms, transforms::read(path, true, options)?, options),
             other => Err(Error::input(path, advice::of_file(other))),
         }
     }

@@ -1,48 +1,356 @@
-//! Scene files other than PLY: what each keeps of a Gaussian, and how.
+//! Kinds of files, told by their first bytes, and the table of scene formats: who reads and writes each, and what it keeps.
 //!
-//! All of them are read into the units of [`Gaussians`], in the frame of 3DGS PLY files (x right, y down, z to the front), and as
-//! they are: whether the numbers are sound is looked at by who asked for them. Bytes come in whole; sizes and counts in a header are
-//! believed only as far as the file's own size allows.
+//! All formats are read into the units of [`Gaussians`](crate::scene::Gaussians), in the frame of 3DGS PLY files (x right, y down, z to the
+//! front), and as they are: the caller checks the numbers. Bytes come in whole; sizes and counts in a header are believed only as far as
+//! the file's own size allows.
 
+#[cfg(feature = "formats")]
 mod axes;
+#[cfg(feature = "formats")]
+mod common;
+#[cfg(feature = "formats")]
 mod floaters;
+#[cfg(feature = "formats")]
 mod gltf;
+#[cfg(feature = "formats")]
 mod inflate;
+#[cfg(feature = "formats")]
 mod order;
-mod packed_ply;
+#[cfg(feature = "formats")]
+pub(super) mod packed_ply;
+#[cfg(feature = "formats")]
 mod quantise;
+#[cfg(feature = "formats")]
 mod sog;
+#[cfg(feature = "formats")]
 mod splat;
+#[cfg(feature = "formats")]
 mod spz;
+#[cfg(feature = "formats")]
 mod turn;
 
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
-pub(super) use gltf::{parse as parse_gltf, write as write_gltf};
-pub(super) use packed_ply::{is_packed, unpack, write as write_packed_ply};
-pub(super) use sog::{parse as parse_sog, write as write_sog};
-pub(super) use splat::{parse as parse_splat, write as write_splat};
-pub(super) use spz::{parse as parse_spz, write as write_spz};
+use super::ply;
+use super::ply_format::is_ply;
+use super::scene_file::{SOG_META, SceneFile};
+use crate::scene::layout::BETAS;
+use crate::{Error, Result};
 
-use crate::scene::Gaussians;
-
-/// No Gaussians yet, but room for as many. The caller has compared `count` with what there are bytes for.
-fn room(count: usize, sh_degree: u32) -> Gaussians {
-    let mut gaussians = Gaussians { sh_degree, ..Default::default() };
-    gaussians.means.reserve_exact(count);
-    gaussians.log_scales.reserve_exact(count);
-    gaussians.quats.reserve_exact(count);
-    gaussians.opacities.reserve_exact(count);
-    gaussians.sh.reserve_exact(count * gaussians.sh_coefficients());
-    gaussians
+/// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A scene or a point cloud.
+    Ply,
+    /// Something in braces: a transforms.json, perhaps.
+    Json,
+    /// An SPZ scene.
+    Spz,
+    /// The name says so too: the rows have no mark.
+    Splat,
+    /// A scene of mkkellogg's viewer; the name says so.
+    Ksplat,
+    /// The `meta.json` of an SOG scene in a folder; the name says so.
+    Sog,
+    /// An archive: of an SOG scene, perhaps.
+    Zip,
+    /// A compressed stream: an SPZ scene under another name, perhaps.
+    Gzip,
+    /// Binary, or in JSON if the name says so.
+    Gltf,
+    /// Tensors, such as a run keeps: its checkpoint is a scene.
+    Safetensors,
+    /// An image of floats.
+    Exr,
+    /// A photo.
+    Image,
+    /// MP4, QuickTime, Matroska, WebM, AVI or MPEG.
+    Video,
+    /// No bytes.
+    Empty,
+    /// None of these.
+    Unknown,
 }
 
-/// A number that is in the file as a little-endian float32.
-fn f32_at(bytes: &[u8], at: usize) -> f32 {
-    f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+impl Kind {
+    /// Of a file's beginning. `path` is looked at only for what has no mark of its own.
+    pub fn of(start: &[u8], path: &Path) -> Kind {
+        let ending = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+        let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
+        match start {
+            [] => Kind::Empty,
+            _ if is_ply(start) => Kind::Ply,
+            [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
+            [b'P', b'K', 3, 4, ..] => Kind::Zip,
+            [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
+            [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,
+            [0x89, b'P', b'N', b'G', ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => {
+                Kind::Image
+            }
+            [0x1a, 0x45, 0xdf, 0xa3, ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', b' ', ..] => {
+                Kind::Video
+            }
+            // Photos of phones are such containers, too.
+            [_, _, _, _, b'f', b't', b'y', b'p', brand @ ..]
+                if ![&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|photo| brand.starts_with(photo)) =>
+            {
+                Kind::Video
+            }
+            // It begins with any numbers, so less than four bytes can be a mark by chance.
+            _ if ending("splat") => Kind::Splat,
+            // A version before 4 is a whole gzip stream.
+            [0x1f, 0x8b, ..] => {
+                if ending("spz") {
+                    Kind::Spz
+                } else {
+                    Kind::Gzip
+                }
+            }
+            [0xff, 0xd8, 0xff, ..] | [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] | [b'B', b'M', ..] => {
+                Kind::Image
+            }
+            [_, _, _, _, _, _, 0, 0, b'{', ..] => Kind::Safetensors,
+            _ if text.starts_with(b"{") && ending("gltf") => Kind::Gltf,
+            _ if text.starts_with(b"{") && path.file_name().is_some_and(|name| name == SOG_META) => Kind::Sog,
+            _ if text.starts_with(b"{") => Kind::Json,
+            _ if ending("ksplat") => Kind::Ksplat,
+            _ if ["mpg", "mpeg", "mts", "m2ts", "wmv", "flv"].into_iter().any(ending) => Kind::Video,
+            _ => Kind::Unknown,
+        }
+    }
+
+    /// Of a file that can be opened.
+    pub fn of_file(path: &Path) -> Result<Kind> {
+        let fail = |source| Error::io(path, source);
+        let mut start = Vec::new();
+        File::open(path).map_err(fail)?.take(64).read_to_end(&mut start).map_err(fail)?;
+        Ok(Kind::of(&start, path))
+    }
 }
 
-/// A file's name for errors that a writer gives.
-fn name(path: &Path) -> String {
-    path.display().to_string()
+impl Kind {
+    /// Finds the format that such a file may have, and the name for messages.
+    fn format(self) -> Option<(&'static SceneFormat, &'static str)> {
+        let of = |format: &'static SceneFormat| format.kinds.iter().map(move |&(kind, name)| (kind, (format, name)));
+        SceneFormat::ALL.iter().flat_map(of).find(|(kind, _)| *kind == self).map(|(_, found)| found)
+    }
+
+    /// The reader of such a file if a scene can be in it and this build has one.
+    pub(super) fn reader(self) -> Option<Reader> {
+        #[cfg(feature = "train")]
+        if self == Kind::Safetensors {
+            return Some(super::kept::parse);
+        }
+        self.format()?.0.read
+    }
+
+    /// Whether a scene can be in such a file, and this build reads it.
+    pub fn may_be_scene(self) -> bool {
+        self.reader().is_some()
+    }
+
+    /// What to say after that it is not read, if anything.
+    pub(super) fn advice(self) -> &'static str {
+        match self {
+            Kind::Ksplat => "; export it as PLY",
+            Kind::Json => " (where both are arguments, the scene comes before the dataset)",
+            _ if self.format().is_some() && !self.may_be_scene() => "; this build of glint reads PLY scenes only",
+            _ => "",
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Kind::Json => "a JSON file",
+            Kind::Ksplat => "a .ksplat scene",
+            Kind::Safetensors => "a safetensors file",
+            Kind::Exr => "an EXR image",
+            Kind::Image => "an image",
+            Kind::Video => "a video",
+            Kind::Empty => "empty",
+            _ => self.format().map_or("nothing that glint knows", |(_, name)| name),
+        })
+    }
+}
+
+/// Reads a scene from a file's bytes. Files that they name are looked for in the folder, if there is one; the path is only named in errors.
+pub(super) type Reader = fn(&[u8], Option<&Path>, &Path) -> Result<SceneFile>;
+/// Writes a scene to a file, in a version of the format if it has several. Returns a note for each change that nobody would expect.
+#[cfg(feature = "train")]
+pub(super) type Writer = fn(&SceneFile, &Path, Option<u8>) -> Result<Vec<String>>;
+
+/// A format of scene files. A build without its reader and writer still names it in messages.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneFormat {
+    /// Ending of the names of files that are written.
+    pub ending: &'static str,
+    /// One line for the help: what the format keeps.
+    pub about: &'static str,
+    /// The version that is written, if the format has several.
+    pub version: Option<u8>,
+    /// Whether a supplement can be kept.
+    pub keeps_lobes: bool,
+    /// Whether the file says where in the world its coordinates begin ([`Scene::origin`](crate::scene::Scene::origin)) and all that it
+    /// was trained with.
+    pub keeps_origin: bool,
+    /// Whether the file says whether it was trained with antialiasing.
+    pub keeps_antialiased: bool,
+    /// The greatest degree of harmonics that is kept, or [`BETAS`] where these are.
+    pub greatest_sh_degree: u32,
+    /// Kinds of files that are read as this format, with their names for messages.
+    kinds: &'static [(Kind, &'static str)],
+    pub(super) read: Option<Reader>,
+    #[cfg(feature = "train")]
+    pub(super) write: Option<Writer>,
+}
+
+/// Values that most formats share.
+const USUAL: SceneFormat = SceneFormat {
+    ending: "",
+    about: "",
+    version: None,
+    keeps_lobes: false,
+    keeps_origin: true,
+    keeps_antialiased: true,
+    greatest_sh_degree: 3,
+    kinds: &[],
+    read: None,
+    #[cfg(feature = "train")]
+    write: None,
+};
+
+impl SceneFormat {
+    /// All formats. If a name has two of the endings, the later format counts.
+    pub const ALL: &[SceneFormat] = &[
+        SceneFormat {
+            ending: "ply",
+            about: "everything, bit for bit",
+            keeps_lobes: true,
+            greatest_sh_degree: BETAS,
+            kinds: &[(Kind::Ply, "a PLY file")],
+            read: Some(ply::parse),
+            #[cfg(feature = "train")]
+            write: Some(super::ply_write::write_file),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "glb",
+            about: "glTF with KHR_gaussian_splatting: everything, as 32-bit floats; lobes in an extension of glint's",
+            keeps_lobes: true,
+            kinds: &[(Kind::Gltf, "a glTF model")],
+            #[cfg(feature = "formats")]
+            read: Some(gltf::parse),
+            #[cfg(feature = "formats")]
+            write: Some(gltf::write),
+            ..USUAL
+        },
+        // The reader of PLY recognises this one by its header.
+        SceneFormat {
+            ending: "compressed.ply",
+            about: "PlayCanvas: positions of 11, 10 and 11 bits within chunks of 256 Gaussians",
+            #[cfg(feature = "formats")]
+            write: Some(packed_ply::write),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "sog",
+            about: "PlayCanvas: positions of 16 bits, colours and sizes by codebooks, in lossless images",
+            kinds: &[(Kind::Sog, "the description of an SOG scene"), (Kind::Zip, "a ZIP archive")],
+            #[cfg(feature = "formats")]
+            read: Some(sog::parse),
+            #[cfg(feature = "formats")]
+            write: Some(sog::write),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "spz",
+            about: "Niantic, version 4 unless --spz-version says otherwise: positions of 24 bits, all else bytes or less",
+            version: Some(4),
+            keeps_origin: false,
+            // Version 3 and before are gzip data.
+            kinds: &[(Kind::Spz, "an SPZ scene"), (Kind::Gzip, "gzip data")],
+            #[cfg(feature = "formats")]
+            read: Some(spz::parse),
+            #[cfg(feature = "formats")]
+            write: Some(spz::write),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "splat",
+            about: "positions and sizes, colours and rotations as bytes; no colour that depends on the view",
+            keeps_origin: false,
+            keeps_antialiased: false,
+            greatest_sh_degree: 0,
+            kinds: &[(Kind::Splat, "a .splat scene")],
+            #[cfg(feature = "formats")]
+            read: Some(splat::parse),
+            #[cfg(feature = "formats")]
+            write: Some(splat::write),
+            ..USUAL
+        },
+    ];
+
+    /// Finds the format whose ending the name of `path` has.
+    pub fn of(path: &Path) -> Option<SceneFormat> {
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let named = |ending: &str| name.strip_suffix(ending).and_then(|stem| stem.strip_suffix('.')).is_some();
+        Self::ALL.iter().rev().find(|format| named(format.ending)).copied()
+    }
+
+    /// Lists the endings of some formats: ".ply, .glb and .sog".
+    pub fn endings(which: impl Fn(&SceneFormat) -> bool) -> String {
+        let names: Vec<String> = Self::ALL.iter().filter(|f| which(f)).map(|f| format!(".{}", f.ending)).collect();
+        match &names[..] {
+            [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+            names => names.concat(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_known_by_their_first_bytes() {
+        let is = |bytes: &[u8], name: &str, kind| assert_eq!(Kind::of(bytes, Path::new(name)), kind, "{bytes:?}");
+        is(b"ply\nformat", "a", Kind::Ply);
+        is(b"ply\r\nformat", "a.splat", Kind::Ply);
+        is(b"plywood", "a", Kind::Unknown);
+        is(b" \n{\"frames\"", "a", Kind::Json);
+        is(b"\xEF\xBB\xBF{", "a.txt", Kind::Json);
+        is(b"NGSP\x04\0\0\0", "a", Kind::Spz);
+        is(b"\x1f\x8b\x08", "a.SPZ", Kind::Spz);
+        is(b"\x1f\x8b\x08", "a.tgz", Kind::Gzip);
+        is(b"PK\x03\x04", "a.sog", Kind::Zip);
+        is(b"glTF", "a.glb", Kind::Gltf);
+        is(b" {\"asset\"", "a.gltf", Kind::Gltf);
+        is(b"{\"version\"", "folder/meta.json", Kind::Sog);
+        is(b"\x76\x2f\x31\x01", "a", Kind::Exr);
+        for image in [&b"\x89PNG"[..], b"\xff\xd8\xff\xe0", b"RIFF\0\0\0\0WEBP", b"II*\0", b"MM\0*", b"BM6"] {
+            is(image, "a", Kind::Image);
+        }
+        for video in [&b"\0\0\0\x18ftypmp42"[..], b"\0\0\0\x14ftypqt  ", b"\x1a\x45\xdf\xa3", b"RIFF\0\0\0\0AVI LIST"] {
+            is(video, "a", Kind::Video);
+        }
+        is(b"\0\0\x01\xba", "a.MPG", Kind::Video);
+        is(b"\0\0\0\x18ftypheic", "a.mp4", Kind::Unknown);
+        is(b"\x40\x01\0\0\0\0\0\0{\"a\"", "a", Kind::Safetensors);
+        is(b"", "a.ply", Kind::Empty);
+        is(&[7; 64], "a.splat", Kind::Splat);
+        for start in [&b"{\xfd\x72\xc0"[..], b" {", b"\x1f\x8b\x08", b"BM6", b"\xff\xd8\xff", b"\x40\x01\0\0\0\0\0\0{"]
+        {
+            is(start, "a.splat", Kind::Splat);
+        }
+        is(b"PK\x03\x04", "a.splat", Kind::Zip);
+        is(&[7; 64], "a.ksplat", Kind::Ksplat);
+        is(&[7; 64], "a.ply", Kind::Unknown);
+        assert_eq!([Kind::Ksplat, Kind::Image].map(Kind::advice), ["; export it as PLY", ""]);
+        assert!(Kind::of_file(Path::new("nowhere")).unwrap_err().to_string().contains("nowhere"));
+    }
 }

@@ -60,7 +60,7 @@ pub fn origin_words(origin: DVec3) -> [u32; 6] {
 }
 
 /// The scene that a checkpoint's bytes hold. `path` is only named in errors.
-pub(super) fn parse_kept(bytes: &[u8], path: &Path) -> Result<SceneFile> {
+pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     let (tensors, about) = parse_tensors_about(bytes, path)?;
     let about = about.and_then(|text| serde_json::from_str::<Value>(&text).ok()).unwrap_or_default();
     let fail = |what: &str| Error::input(path, what);
@@ -192,7 +192,7 @@ mod tests {
     fn the_scene_of_a_checkpoint_has_the_numbers_that_were_kept() {
         let read = |tensors: &_| {
             let about = json!({"step": 5, "clock": {"total": 9, "taken": 70, "milliseconds": 4}, "settings": {}});
-            parse_kept(&bytes_of(tensors, about), Path::new("x")).unwrap().scene
+            parse(&bytes_of(tensors, about), None, Path::new("x")).unwrap().scene
         };
         for (degree, supplement) in [(0, 0), (3, 4), (BETAS, 0)] {
             let scene = random_scene(1, 7, supplement, degree);
@@ -211,7 +211,7 @@ mod tests {
         let sound = tensors_of(&random_scene(1, 7, 3, 1), DVec3::ONE);
         let about = json!({"step": 5, "clock": null, "settings": {"seed": 1}});
         let refused = |bytes: &[u8], words: &str| {
-            let error = parse_kept(bytes, Path::new("x.safetensors")).unwrap_err().to_string();
+            let error = parse(bytes, None, Path::new("x.safetensors")).unwrap_err().to_string();
             assert!(error.contains("x.safetensors") && error.contains(words), "{error}");
         };
         let whole = bytes_of(&sound, about.clone());

@@ -32,11 +32,11 @@ impl LeftOut {
 
     /// "2 photos of 9 left out: …".
     pub(super) fn note(&self, all: usize, one: &str) -> Option<String> {
-        (self.count > 0).then(|| format!("{} of {all} left out: {}", count(self.count, one), self.text()))
+        (self.count > 0).then(|| format!("{} of {all} left out: {}", counted(self.count, one), self.text()))
     }
 }
 
 /// "1 photo", "2 photos".
-pub(super) fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+pub(crate) fn counted(n: usize, one: &str) -> String {
+    format!("{n} {one}{}", if n == 1 { "" } else { "s" })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::assemble::Listed;
 use super::dataset::Split;
-use super::left_out::count;
+use super::left_out::counted;
 use super::names;
 use crate::{Error, Result};
 
@@ -58,15 +58,15 @@ impl Lists {
             tests += usize::from(shot.split == Some(Split::Test));
             true
         });
-        listed.notes.push(format!("{} for testing, as {} say", count(tests, "photo"), self.from));
+        listed.notes.push(format!("{} for testing, as {} say", counted(tests, "photo"), self.from));
         let left = before - listed.shots.len();
         if left > 0 {
-            listed.notes.push(format!("{} left out, which the lists do not name", count(left, "photo")));
+            listed.notes.push(format!("{} left out, which the lists do not name", counted(left, "photo")));
         }
         if !unknown.is_empty() {
             let mut names: Vec<&&String> = unknown.iter().collect();
             names.sort();
-            let n = count(names.len(), "name");
+            let n = counted(names.len(), "name");
             listed.notes.push(format!("{n} in the lists of which there is no photo, such as `{}`", names[0]));
         }
     }

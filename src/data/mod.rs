@@ -16,13 +16,11 @@ mod check;
 mod colmap;
 #[cfg(feature = "train")]
 mod dataset;
-#[cfg(feature = "formats")]
 mod formats;
 #[cfg(feature = "train")]
 mod images;
 #[cfg(feature = "train")]
 pub mod kept;
-mod kind;
 mod left_out;
 #[cfg(feature = "train")]
 mod lens;
@@ -33,6 +31,7 @@ mod names;
 #[cfg(feature = "train")]
 mod places;
 pub mod ply;
+mod ply_columns;
 mod ply_format;
 mod ply_variants;
 #[cfg(feature = "train")]
@@ -45,6 +44,7 @@ mod reduced;
 #[cfg(feature = "train")]
 mod region;
 mod scene_file;
+mod scenes;
 #[cfg(feature = "train")]
 mod sector;
 #[cfg(feature = "train")]
@@ -64,30 +64,30 @@ pub use atomic::sweep;
 #[cfg(feature = "train")]
 pub use camera_path::CameraPath;
 #[cfg(feature = "formats")]
-pub use check::FileKind;
+pub use check::{check_file, file_kinds};
 #[cfg(feature = "train")]
 pub use dataset::{
     Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split,
     load_photos,
 };
+pub use formats::{Kind, SceneFormat};
 #[cfg(feature = "train")]
 pub use images::Image;
-pub use kind::Kind;
+#[cfg(feature = "cli")]
+pub(crate) use left_out::counted;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
 #[cfg(feature = "train")]
-pub use ply_write::{gaussian_bytes, scene_bytes, write_scene};
+pub use ply_write::{gaussian_bytes, scene_bytes};
 pub use points::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use reduce::Reduce;
 #[cfg(feature = "train")]
 pub use region::{Focus, NEAR};
-pub use scene_file::{
-    SceneFile, SceneFormat, is_scene_folder, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
-    read_scene_leniently,
-};
+pub use scene_file::{SceneFile, is_scene_folder};
+pub use scenes::{parse_scene, read_scene, read_scene_file, read_scene_file_leniently, read_scene_leniently};
 #[cfg(feature = "train")]
-pub use scene_file::{write_scene_as, write_scene_file};
+pub use scenes::{write_scene, write_scene_as, write_scene_file};
 pub(crate) use sound::lengths;
 #[cfg(feature = "c")]
 pub(crate) use sound::make_finite;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::names::Finder;
-use super::{DatasetOptions, left_out::count};
+use super::{DatasetOptions, left_out::counted};
 use crate::{Error, Result};
 
 /// Where a dataset has its own model, in order; and where a tool left the one that it worked with.
@@ -80,7 +80,7 @@ impl Model {
         (!others.is_empty()).then(|| {
             format!(
                 "the model in {place} is read, of {}: there is also {}",
-                count(others.len() + 1, "model"),
+                counted(others.len() + 1, "model"),
                 others.join(", ")
             )
         })

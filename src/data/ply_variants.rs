@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::ply::BASE;
+use super::ply_columns::BASE;
 use super::ply_format::{Element, Number, Ply};
 use crate::Result;
 
@@ -92,20 +92,21 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::data::ply::{DC, FIXED, parse_rows};
+    use crate::data::ply::parse;
+    use crate::data::ply_columns::columns;
     use crate::data::{SceneFile, sound};
     use crate::scene::Scene;
 
     /// Rows of a 3DGS PLY in ASCII, with properties of these types and names behind the usual ones.
     fn with_more(xyz: &str, more: &[&str], rows: &[&str], comment: &str) -> SceneFile {
         let mut text = format!("ply\nformat ascii 1.0\n{comment}element vertex {}\n", rows.len());
-        for (i, name) in FIXED.iter().enumerate() {
-            text += &format!("property {} {name}\n", if i < DC { xyz } else { "float" });
+        for (i, (name, _)) in columns(0, false).iter().enumerate() {
+            text += &format!("property {} {name}\n", if i < 3 { xyz } else { "float" });
         }
         more.iter().for_each(|name| text += &format!("property float {name}\n"));
         text += "end_header\n";
         rows.iter().for_each(|row| text += &format!("{row}\n"));
-        let mut file = parse_rows(text.as_bytes(), Path::new("a.ply")).unwrap();
+        let mut file = parse(text.as_bytes(), None, Path::new("a.ply")).unwrap();
         sound::make_finite(&mut file.scene);
         file
     }

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::formats::Kind;
 use super::left_out::LeftOut;
-use super::ply::BASE;
+use super::ply_columns::BASE;
 use super::ply_format::Ply;
 use crate::{Error, Result};
 
@@ -57,6 +58,10 @@ pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
 
 pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
     let fail = |what: String| Error::input(path, what);
+    let kind = Kind::of(bytes, path);
+    if kind != Kind::Ply {
+        return Err(fail(format!("is {kind}, not a PLY")));
+    }
     let ply = Ply::parse(bytes, path)?;
     let element = ply.element(BASE).ok_or_else(|| fail(format!("has no element `{BASE}`")))?;
     let place = |name| element.scalar(name).ok_or_else(|| fail(format!("element `{BASE}` lacks property `{name}`")));
@@ -117,6 +122,10 @@ mod tests {
         assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
         let read = |text: String, notes: &mut Vec<String>| parse_points(text.as_bytes(), Path::new("p.ply"), notes);
         let error = |text: String| read(text, &mut Vec::new()).unwrap_err().to_string();
+        for (text, name) in [("", "empty"), ("solid cube", "nothing that glint knows"), ("NGSP\x04", "an SPZ scene")] {
+            let error = error(text.into());
+            assert!(error.contains(&format!("is {name}, not a PLY")), "{error}");
+        }
         assert!(error(format!("{head}{rgb}1 2 3 0 9 256\n4 5 6 7 8 9\n")).contains("256"));
         let floats = rgb.replace("uchar", "float");
         let colors = |rows: &str| read(format!("{head}{floats}{rows}"), &mut Vec::new()).unwrap().colors;

@@ -1,6 +1,6 @@
 //! What a scene's numbers must be.
 
-use super::ply::{BASE, FIXED, LOBE, SUPPLEMENT, beyond};
+use super::ply_columns::{BASE, NO_LOBES, SUPPLEMENT, columns, number};
 use crate::{
     Error, Result,
     scene::{Gaussians, Lobes, Scene, layout::BETAS},
@@ -136,40 +136,23 @@ fn faults<'a>(
     gaussians: &'a Gaussians,
     lobes: Option<&'a Lobes>,
 ) -> impl Iterator<Item = (usize, String)> + 'a {
-    let fault = move |row: usize| gaussian_fault(gaussians, row).or_else(|| lobe_fault(lobes?, row));
-    let with_place = move |row| Some((row, format!("row {row} of element `{element}`: {}", fault(row)?)));
-    (0..gaussians.len()).filter_map(with_place)
-}
-
-fn gaussian_fault(gaussians: &Gaussians, row: usize) -> Option<String> {
-    let bad = |name: &str| format!("`{name}` is not a finite number");
-    // guard: PLY: numbers
-    let vector = |values: &[f32], names: &[&str]| Some(bad(names[values.iter().position(|v| !v.is_finite())?]));
-    let k = gaussians.sh_coefficients();
-    let (sh, quat) = (&gaussians.sh[row * k..(row + 1) * k], gaussians.quats[row]);
-    let turn = || {
+    let columns = columns(gaussians.sh_degree, lobes.is_some());
+    let fault = move |row: usize| {
+        for (name, place) in &columns {
+            // guard: PLY: numbers
+            if !number(gaussians, lobes.unwrap_or(&NO_LOBES), row, *place).is_finite() {
+                return Some(format!("`{name}` is not a finite number"));
+            }
+        }
+        let quat = gaussians.quats[row];
         // guard: PLY: rotations
         if !has_direction(&quat) {
             return Some(format!("the rotation `rot_0..3` = {quat:?} has no direction"));
         }
-        None
+        lobe_fault(lobes?, row)
     };
-    let higher = || {
-        // guard: PLY: SH
-        if sh[1..].as_flattened().iter().all(|v| v.is_finite()) {
-            return None;
-        }
-        let (prefix, order) = beyond(gaussians.sh_degree);
-        let first = order.iter().position(|&[k, channel]| !sh[k][channel].is_finite())?;
-        Some(bad(&format!("{prefix}{first}")))
-    };
-    vector(&gaussians.means[row], &FIXED[..3])
-        .or_else(|| vector(&sh[0], &FIXED[3..6]))
-        .or_else(|| vector(&[gaussians.opacities[row]], &FIXED[6..7]))
-        .or_else(|| vector(&gaussians.log_scales[row], &FIXED[7..10]))
-        .or_else(|| vector(&quat, &FIXED[10..]))
-        .or_else(turn)
-        .or_else(higher)
+    (0..gaussians.len())
+        .filter_map(move |row| Some((row, format!("row {row} of element `{element}`: {}", fault(row)?))))
 }
 
 /// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
@@ -178,16 +161,10 @@ fn has_direction(finite: &[f32]) -> bool {
 }
 
 fn lobe_fault(lobes: &Lobes, row: usize) -> Option<String> {
-    let [x, y, z] = lobes.directions[row];
-    for (value, name) in [x, y, z, lobes.widths[row], lobes.sharpness[row]].into_iter().zip(LOBE) {
-        // guard: PLY: lobes
-        if !value.is_finite() {
-            return Some(format!("`{name}` is not a finite number"));
-        }
-    }
+    let direction = lobes.directions[row];
     // guard: PLY: directions
-    if !has_direction(&[x, y, z]) {
-        return Some(format!("the lobe direction {:?} has no direction", [x, y, z]));
+    if !has_direction(&direction) {
+        return Some(format!("the lobe direction {direction:?} has no direction"));
     }
     // guard: PLY: widths
     if !LOBE_WIDTHS.contains(&lobes.widths[row]) {

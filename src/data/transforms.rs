@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::assemble::{Listed, unused_masks};
 use super::dataset::{DatasetOptions, Holdout, Split};
-use super::left_out::count;
+use super::left_out::counted;
 use super::lens::{Distortion, Polynomial};
 use super::lists::Lists;
 use super::names::{self, Finder, tails};
@@ -203,7 +203,7 @@ fn add_masks(shots: &mut [Shot], masks: &Finder) -> Vec<String> {
     shared.sort();
     let note = shared.first().map(|(mask, owners)| {
         let [a, b] = [owners[0], owners[1]].map(|i| &shots[i].name);
-        let (count, mask) = (count(shared.len(), "mask"), mask.display());
+        let (count, mask) = (counted(shared.len(), "mask"), mask.display());
         format!("{count} left out, since several photos share the name: {mask} is for `{a}` and `{b}`; expected a folder for each camera")
     });
     for (mask, owners) in owners {

@@ -72,7 +72,7 @@ fn an_spz_scene_in_a_buffer_view_is_read() {
     };
     let path = folder.path().join("a.spz");
     for version in [2, 3, 4] {
-        write_scene_as(&path, SceneFormat::Spz { version }, &scene).unwrap();
+        write_scene_as(&path, spz(version), &scene).unwrap();
         let plain = read_scene_file(&path).unwrap();
         let mut spz = std::fs::read(&path).unwrap();
         let length = spz.len();

@@ -84,7 +84,7 @@ fn one() -> Scene {
 fn written(scene: &Scene, version: u8) -> Result<Vec<u8>, String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.spz");
-    write_scene_as(&path, SceneFormat::Spz { version }, &scene.clone().into()).map_err(|error| error.to_string())?;
+    write_scene_as(&path, super::spz(version), &scene.clone().into()).map_err(|error| error.to_string())?;
     Ok(fs::read(path).unwrap())
 }
 

@@ -10,9 +10,10 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 
-use super::super::ply_format::{Element, Ply, write_comments};
-use super::{floaters, order, quantise, room};
+use super::common::{put, room};
+use super::{floaters, order, quantise};
 use crate::data::SceneFile;
+use crate::data::ply_format::{Element, Ply, write_comments};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
@@ -180,9 +181,8 @@ fn harmonic_byte(value: f32) -> u8 {
     candidates.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(near)
 }
 
-/// The file's bytes, and what the format changes that nobody would expect. Gaussians are put into another order, in which those of a chunk
-/// are neighbours. Floaters have chunks of their own.
-pub(in crate::data) fn write(file: &SceneFile) -> (Vec<u8>, Vec<String>) {
+/// Gaussians are put into another order, in which those of a chunk are neighbours. Floaters have chunks of their own.
+pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let gaussians = &file.scene.base;
     let (order, fill) = chunks(gaussians);
     let mut sorted = order::take(gaussians, &order);
@@ -231,7 +231,8 @@ pub(in crate::data) fn write(file: &SceneFile) -> (Vec<u8>, Vec<String>) {
         }
     }
     out.extend(harmonics);
-    (out, notes)
+    put(path, &out)?;
+    Ok(notes)
 }
 
 /// Gaussians in the order of the file, floaters last; and which of these rows only fill the chunk before the floaters' first.

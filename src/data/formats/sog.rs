@@ -29,14 +29,14 @@ use serde::{Deserialize, Serialize};
 
 pub(in crate::data) use write::write;
 
-use super::{inflate, quantise, room};
-use crate::data::TrainedWith;
-use crate::scene::Gaussians;
+use super::common::room;
+use super::{inflate, quantise};
+use crate::data::scene_file::SOG_META as META;
+use crate::data::{SceneFile, TrainedWith};
+use crate::scene::Scene;
 use crate::{Error, Result};
 use files::Files;
 
-/// The description's name.
-const META: &str = "meta.json";
 /// Entries in a row of the palette of harmonics.
 const PALETTE_ROW: usize = 64;
 /// The alpha of a rotation whose first component is the largest.
@@ -98,17 +98,13 @@ struct Version {
     version: Option<serde_json::Number>,
 }
 
-/// The Gaussians, what their positions count from, and what they were trained with. `bytes` are an archive's, or a description's whose images
+/// `bytes` are an archive's, or a description's whose images
 /// are in `folder`; `path` is only named in errors.
-pub(in crate::data) fn parse(
-    bytes: &[u8],
-    folder: Option<&Path>,
-    path: &Path,
-) -> Result<(Gaussians, DVec3, TrainedWith)> {
+pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<SceneFile> {
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
 
-fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, TrainedWith), String> {
+fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     let mut files = Files::open(bytes, folder)?;
     let text = files.read(META)?;
     let understand = |error: serde_json::Error| format!("`{META}` is not understood: {error}");
@@ -178,7 +174,8 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<(Gaussians, DVec3, Traine
     let origin = meta.origin.map_or(DVec3::ZERO, DVec3::from_array);
     let antialiased = meta.glint.antialiased.or(meta.antialias.then_some(true));
     let trained_with = TrainedWith { antialiased, ..meta.glint };
-    Ok((out, if origin.is_finite() { origin } else { DVec3::ZERO }, trained_with))
+    let origin = if origin.is_finite() { origin } else { DVec3::ZERO };
+    Ok(SceneFile { trained_with, ..Scene { base: out, origin, ..Default::default() }.into() })
 }
 
 /// What bytes stand for, by channel.

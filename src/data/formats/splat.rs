@@ -6,15 +6,17 @@
 
 use std::path::Path;
 
-use super::{f32_at, quantise, room};
-use crate::scene::Gaussians;
+use super::common::{f32_at, put, room};
+use super::quantise;
+use crate::data::SceneFile;
+use crate::scene::Scene;
 use crate::{Error, Result};
 
 /// Bytes of a Gaussian.
 const RECORD: usize = 32;
 
 /// `path` is only named in errors.
-pub(in crate::data) fn parse(bytes: &[u8], path: &Path) -> Result<Gaussians> {
+pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     if bytes.is_empty() || !bytes.len().is_multiple_of(RECORD) {
         let (whole, left) = (bytes.len() / RECORD, bytes.len() % RECORD);
         let what =
@@ -29,11 +31,12 @@ pub(in crate::data) fn parse(bytes: &[u8], path: &Path) -> Result<Gaussians> {
         out.opacities.push(quantise::opacity_logit(record[27]));
         out.quats.push([28, 29, 30, 31].map(|at| (f32::from(record[at]) - 128.0) / 128.0));
     }
-    Ok(out)
+    Ok(Scene { base: out, ..Default::default() }.into())
 }
 
-/// The file's bytes. Colours outside of 0 to 1 are cut off, harmonics above the constant one left out.
-pub(in crate::data) fn write(gaussians: &Gaussians) -> Vec<u8> {
+/// Colours outside of 0 to 1 are cut off, harmonics above the constant one left out.
+pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
+    let gaussians = &file.scene.base;
     let mut out = Vec::with_capacity(RECORD * gaussians.len());
     let k = gaussians.sh_coefficients();
     for i in 0..gaussians.len() {
@@ -43,7 +46,8 @@ pub(in crate::data) fn write(gaussians: &Gaussians) -> Vec<u8> {
         out.push(quantise::opacity_byte(gaussians.opacities[i]));
         out.extend(rotation(gaussians.quats[i]));
     }
-    out
+    put(path, &out)?;
+    Ok(Vec::new())
 }
 
 /// −1 is the byte 0, but 1 would be 256. A rotation has two quaternions, and the one whose largest component is negative fits.

@@ -17,8 +17,10 @@
 use std::path::Path;
 
 use super::axes::{self, Signs, Y_UP_Z_BACK};
-use super::{floaters, inflate, name, quantise, room};
-use crate::scene::Gaussians;
+use super::common::{name, put, room};
+use super::{floaters, inflate, quantise};
+use crate::data::{SceneFile, TrainedWith};
+use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
 
 const MAGIC: [u8; 4] = *b"NGSP";
@@ -99,12 +101,15 @@ impl Header {
     }
 }
 
-/// The Gaussians, and whether they were trained with antialiasing. `path` is only named in errors.
-pub(in crate::data) fn parse(bytes: &[u8], path: &Path) -> Result<(Gaussians, bool)> {
-    read(bytes).map_err(|what| Error::input(path, what))
+/// `path` is only named in errors.
+pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
+    let (base, antialiased) = read(bytes).map_err(|what| Error::input(path, what))?;
+    // Programs that know nothing of it leave the flag unset.
+    let trained_with = TrainedWith { antialiased: antialiased.then_some(true), ..Default::default() };
+    Ok(SceneFile { trained_with, ..Scene { base, ..Default::default() }.into() })
 }
 
-/// The same where another file has the bytes.
+/// The Gaussians, and whether they were trained with antialiasing.
 pub(super) fn read(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
     if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) }
 }
@@ -274,17 +279,13 @@ fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
     [x, y, z].map(|v| quantise::byte(127.5 * (sign * v + 1.0)))
 }
 
-/// The file's bytes in one of the versions 1 to 4, and what the format changes that nobody would expect. Floaters beyond what leaves the
-/// others 12 bits after the point are moved in.
+/// Writes one of the versions 1 to 4. Version 3 holds what 4 does; 2 has coarser rotations, and 1 positions of 16 bits besides. Floaters
+/// beyond what leaves the others 12 bits after the point are moved in.
 ///
 /// # Errors
 /// [`Error::Usage`] where there is no such version or a position is beyond what it holds.
-pub(in crate::data) fn write(
-    gaussians: &Gaussians,
-    antialiased: bool,
-    version: u8,
-    path: &Path,
-) -> Result<(Vec<u8>, Vec<String>)> {
+pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>) -> Result<Vec<String>> {
+    let (gaussians, version) = (&file.scene.base, version.unwrap_or(VERSION));
     let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
     if !(1..=VERSION).contains(&version) {
         return Err(refuse(format!("there is no SPZ version {version}, expected 1 to {VERSION}")));
@@ -311,12 +312,13 @@ pub(in crate::data) fn write(
     let fail = |error| Error::io(path, error);
     let mut out = Vec::from(MAGIC);
     out.extend([u32::from(version), count].into_iter().flat_map(u32::to_le_bytes));
-    let flags = if antialiased { ANTIALIASED } else { 0 };
+    let flags = if file.trained_with.antialiased == Some(true) { ANTIALIASED } else { 0 };
     out.extend([gaussians.sh_degree as u8, fraction_bits, flags]);
     if version < 4 {
         out.resize(LEGACY_HEADER, 0);
         streams.iter().for_each(|stream| out.extend(*stream));
-        return Ok((inflate::deflate(&out).map_err(fail)?, notes));
+        put(path, &inflate::deflate(&out).map_err(fail)?)?;
+        return Ok(notes);
     }
     let packed: Vec<Vec<u8>> =
         streams.iter().map(|stream| zstd::bulk::compress(stream, LEVEL)).collect::<Result<_, _>>().map_err(fail)?;
@@ -327,7 +329,8 @@ pub(in crate::data) fn write(
         out.extend([packed.len() as u64, stream.len() as u64].into_iter().flat_map(u64::to_le_bytes));
     }
     packed.iter().for_each(|packed| out.extend(packed));
-    Ok((out, notes))
+    put(path, &out)?;
+    Ok(notes)
 }
 
 /// Where positions can lie.

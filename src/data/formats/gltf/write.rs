@@ -8,7 +8,8 @@ use super::{
     LOBE_DIRECTION, LOBE_SHARPNESS, LOBE_WIDTH, LOBES, OPACITY, ROTATION, SCALE, SPLATTING, X_LEFT_Y_UP, axes, harmonic,
 };
 use crate::data::SceneFile;
-use crate::data::formats::{name, quantise};
+use crate::data::formats::common::{name, put};
+use crate::data::formats::quantise;
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
@@ -96,11 +97,9 @@ impl Binary {
     }
 }
 
-/// The file's bytes.
-///
 /// # Errors
 /// [`Error::Usage`] where they are more than a GLB's header can say.
-pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
+pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let base = &file.scene.base;
     let shown = file.shown.as_ref().unwrap_or(base);
     let mut binary = Binary::default();
@@ -165,5 +164,6 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
     out.extend(binary_length.to_le_bytes());
     out.extend(b"BIN\0");
     out.extend(bytes);
-    Ok(out)
+    put(path, &out)?;
+    Ok(Vec::new())
 }

@@ -12,7 +12,8 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::codebook::Codebook;
 use super::{Coded, FIRST_LARGEST, Images, META, Means, Meta, PALETTE_ROW, Palette, cluster};
-use crate::data::formats::{name, order, quantise};
+use crate::data::formats::common::{name, put};
+use crate::data::formats::{order, quantise};
 use crate::data::{SceneFile, TrainedWith};
 use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
@@ -22,11 +23,11 @@ const MOST_ENTRIES: usize = 1 << 16;
 /// WebP has no longer side.
 const LONGEST_SIDE: usize = 16383;
 
-/// The file's bytes: a ZIP archive. Gaussians are put into another order, in which neighbours look alike.
+/// Writes a ZIP archive. Gaussians are put into another order, in which neighbours look alike.
 ///
 /// # Errors
 /// [`Error::Usage`] where they are more than an image has pixels.
-pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
+pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let Scene { base: gaussians, origin, .. } = &file.scene;
     let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
@@ -45,7 +46,8 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path) -> Result<Vec<u8>> {
     meta.origin = Some(origin.to_array()).filter(|_| *origin != DVec3::ZERO);
     (meta.antialias, meta.glint) = (file.trained_with.antialiased == Some(true), file.trained_with);
     let text = serde_json::to_vec(&meta).map_err(|error| Error::io(path, error.into()))?;
-    archive.finish(&text).map_err(|error| Error::io(path, error))
+    put(path, &archive.finish(&text).map_err(|error| Error::io(path, error))?)?;
+    Ok(Vec::new())
 }
 
 struct Archive {

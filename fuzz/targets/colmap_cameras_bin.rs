@@ -1,3 +1,0 @@
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| glint_fuzz::judge(glint::data::FileKind::ColmapCamerasBin, bytes));

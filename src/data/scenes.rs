@@ -1,0 +1,166 @@
+//! Reads and writes scenes in files of any format.
+
+use std::fs;
+use std::path::Path;
+
+#[cfg(feature = "train")]
+use glam::DVec3;
+
+use super::formats::Kind;
+#[cfg(feature = "train")]
+use super::formats::SceneFormat;
+use super::ply_columns::BASE;
+#[cfg(feature = "train")]
+use super::ply_write;
+use super::scene_file::{SOG_META, SceneFile};
+use super::sound::{self, Dropped};
+#[cfg(feature = "train")]
+use super::trained_with::TrainedWith;
+use crate::scene::Scene;
+#[cfg(feature = "train")]
+use crate::scene::layout::{BETAS, colour_name};
+use crate::{Error, Result};
+
+#[cfg(feature = "train")]
+/// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
+/// Every float comes back bit for bit. The file appears whole or not at all.
+pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
+    let path = path.as_ref();
+    sound_or_refused(path, scene)?;
+    ply_write::write(path, None, scene, &TrainedWith::default())
+}
+
+#[cfg(feature = "train")]
+fn sound_or_refused(path: &Path, scene: &Scene) -> Result<()> {
+    sound::check(scene)
+        .map_err(|what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display())))
+}
+
+#[cfg(feature = "train")]
+/// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all. Returns what [`write_scene_as`] does.
+///
+/// # Errors
+/// [`Error::Usage`] where the name has none of the endings, and as [`write_scene_as`].
+pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<String>> {
+    let path = path.as_ref();
+    let format = SceneFormat::of(path).ok_or_else(|| {
+        let endings: Vec<&str> = SceneFormat::ALL.iter().map(|format| format.ending).collect();
+        let (path, endings) = (path.display(), endings.join(", "));
+        Error::Usage(format!("{path}: no scene is written under this name, expected the ending {endings}"))
+    })?;
+    write_scene_as(path, format, file)
+}
+
+#[cfg(feature = "train")]
+/// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all. Returns what the
+/// format changes that nobody would expect, a sentence each: positions on a coarse grid, floaters that were moved, an origin or
+/// settings that are not kept ([`SceneFormat::keeps_origin`]).
+///
+/// # Errors
+/// [`Error::Usage`] where the format has no room for the supplement that the scene has or for a number, and where a number is not finite.
+pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
+    let path = path.as_ref();
+    let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
+    let Scene { base, supplement, origin } = &file.scene;
+    if let (Some(supplement), false) = (supplement, format.keeps_lobes) {
+        let lost = supplement.gaussians.len();
+        return refuse(format!("this format has no place for the scene's {lost} Gaussians with lobes"));
+    }
+    if base.sh_degree == BETAS && format.greatest_sh_degree != BETAS {
+        let (betas, keep) = (colour_name(BETAS), SceneFormat::endings(|format| format.greatest_sh_degree == BETAS));
+        return refuse(format!("this format has no place for {betas}, expected a {keep} or harmonics"));
+    }
+    sound_or_refused(path, &file.scene)?;
+    let Some(write) = format.write else {
+        return refuse("this build of glint writes PLY scenes only".into());
+    };
+    let mut notes = write(file, path, format.version)?;
+    let keep = || SceneFormat::endings(|format| format.keeps_origin);
+    if *origin != DVec3::ZERO && !format.keeps_origin {
+        let [x, y, z] = origin.to_array();
+        notes.push(format!("positions count from ({x}, {y}, {z}), which this format does not keep; {} do", keep()));
+    }
+    let lost = file.trained_with.options_beyond(format.keeps_antialiased);
+    if !format.keeps_origin && !lost.is_empty() {
+        let options = lost.join(" ");
+        notes.push(format!("what it was trained with is not kept: give {options} to glint; {} keep it", keep()));
+    }
+    Ok(notes)
+}
+
+/// Reads a scene of any kind that glint knows, with its supplement if it has one. Numbers must be finite in 32 bits and rotations not
+/// zero.
+pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
+    Ok(read_scene_file(path)?.scene)
+}
+
+/// Reads what is sound of a scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
+/// [`read_scene`] refuses; here they are dropped and counted.
+pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
+    let (file, dropped) = read_scene_file_leniently(path)?;
+    Ok((file.scene, dropped))
+}
+
+/// As [`read_scene`], with what other viewers show.
+pub fn read_scene_file(path: impl AsRef<Path>) -> Result<SceneFile> {
+    let path = path.as_ref();
+    let (file, kind) = open(path)?;
+    checked(file, kind).map_err(|what| Error::input(path, what))
+}
+
+/// As [`read_scene_leniently`], with what other viewers show.
+pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, Dropped)> {
+    let (mut file, kind) = open(path.as_ref())?;
+    let mut dropped = sound::drop_faults(&mut file.scene);
+    dropped.first = dropped.first.map(|what| named(what, kind));
+    if let Some(shown) = file.shown {
+        // It goes with the scene row by row, so it is sound as a whole or of no use.
+        let shown = Scene { base: shown, ..Default::default() };
+        file.shown = (dropped.base == 0 && sound::check(&shown).is_ok()).then_some(shown.base);
+    }
+    Ok((file, dropped))
+}
+
+/// Fails if this reader finds no sound scene in the bytes. Files that they name are not looked for.
+#[cfg(feature = "formats")]
+pub(super) fn check(read: super::formats::Reader, bytes: &[u8], path: &Path) -> Result<()> {
+    let mut file = read(bytes, None, path)?;
+    sound::make_finite(&mut file.scene);
+    sound::check(&file.scene).map_err(|what| Error::input(path, what))
+}
+
+/// The file, if its numbers are sound.
+fn checked(file: SceneFile, kind: Kind) -> Result<SceneFile, String> {
+    sound::check(&file.scene).map_err(|what| named(what, kind))?;
+    Ok(file)
+}
+
+/// What is wrong with a row, without the PLY element's name where the file has no elements.
+fn named(what: String, kind: Kind) -> String {
+    if kind == Kind::Ply { what } else { what.replacen(&format!(" of element `{BASE}`"), "", 1) }
+}
+
+/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of
+/// their own; files that the bytes name are looked for beside it.
+pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let (file, kind) = parse(bytes, path)?;
+    Ok(checked(file, kind).map_err(|what| Error::input(path, what))?.scene)
+}
+
+/// The scene, whatever its numbers are, and the kind of its file.
+fn open(path: &Path) -> Result<(SceneFile, Kind)> {
+    let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    parse(&bytes, path)
+}
+
+fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, Kind)> {
+    let kind = Kind::of(bytes, path);
+    let Some(read) = kind.reader() else {
+        return Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice())));
+    };
+    let mut file = read(bytes, path.parent(), path)?;
+    sound::make_finite(&mut file.scene);
+    file.shown.iter_mut().for_each(sound::make_finite_part);
+    Ok((file, kind))
+}
