@@ -1,3 +1,5 @@
+//! `glint convert`: writes a scene as a file of another format.
+
 use std::{
     fmt::Write,
     fs,
