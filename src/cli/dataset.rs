@@ -154,7 +154,7 @@ pub(super) struct PhotoArgs {
 /// 3DGS trains on photos of at most this width.
 const DEFAULT_MAX_SIZE: u32 = 1600;
 
-/// What was given, else what `scene` was trained with. A contradiction is told.
+/// What was given, else what `scene` was trained with. A note reports a contradiction.
 pub(super) fn settled<T: PartialEq>(
     option: &str,
     [given, trained]: [Option<T>; 2],

@@ -18,9 +18,7 @@ use super::{
 };
 use crate::{
     Result,
-    data::{
-        Dataset, Holdout, Photo, SceneFile, Split, TrainedWith, builtin::builtin_scene, scene_bytes, write_scene_file,
-    },
+    data::{Dataset, Holdout, Photo, Split, TrainedWith, builtin::builtin_scene, scene_bytes, write_ply},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Method, Times},
@@ -40,7 +38,7 @@ use crate::{
         runs::{PHASES, Run, StageMean},
         table::{Cell, Column, Table},
     },
-    scene::{Gaussians, Scene, from_points},
+    scene::{Scene, from_points},
 };
 
 const EXAMPLES: &str = "\
@@ -161,11 +159,7 @@ impl Args {
 
         let base = self.train("base", &session, dataset, &views, points, iterations)?;
         let trained_with = TrainedWith { background: Some(background), antialiased: Some(false), ..Default::default() };
-        let write = |name: &str, scene: &Scene, shown: Option<&Gaussians>| {
-            let (scene, shown) = (scene.clone(), shown.cloned());
-            write_scene_file(self.output.join(name), &SceneFile { shown, trained_with, ..scene.into() })
-        };
-        write(BASE, &base.scene, None)?;
+        write_ply(self.output.join(BASE), &base.scene, None, trained_with)?;
 
         let with_joint = |options: EnhanceOptions| {
             let steps_per_view = joint.unwrap_or(options.join.steps_per_view);
@@ -173,7 +167,7 @@ impl Args {
         };
         let options = with_joint(self.choices.options(self.method, Preset::Quick)?);
         let (augmented, enhanced) = self.augment(self.method, &session, &base, &views, &options)?;
-        write(AUGMENTED, &augmented.scene, enhanced.original.as_ref())?;
+        write_ply(self.output.join(AUGMENTED), &augmented.scene, enhanced.original.as_ref(), trained_with)?;
 
         let (other, choices) = match self.method {
             Method::Pursuit => (Method::Augs, EnhanceOptions::quick()),

@@ -28,7 +28,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, SceneFile, Split, TrainedWith, write_scene_file},
+    data::{Dataset, Photo, SceneFile, Split, TrainedWith, write_ply},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Method},
@@ -41,7 +41,7 @@ use crate::{
         views::{Views, scene_origin_for},
     },
     scene::{
-        Camera, Gaussians, Scene,
+        Camera, Scene,
         layout::{BETAS, colour_name},
     },
 };
@@ -284,7 +284,9 @@ impl Args {
         // What is learned far away is rounded by no file; what counts from elsewhere stays bit for bit.
         let scene = if origin == DVec3::ZERO { scene } else { scene.around(origin) };
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        self.replace.or(KeepArgs::owns(&self.output)).check_ply(&self.output, &inputs)?;
+        // A run by time reads no checkpoint, so it owns no output.
+        let owns = self.time.is_none() && KeepArgs::owns(&self.output);
+        self.replace.or(owns).check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let options = self.options()?;
@@ -335,6 +337,8 @@ impl Args {
             kept = Some(Kept::new(&self.output, settings, &self.keep, *trained_with));
         }
         let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
+        // The time of a resumed joint phase is not that of all its steps, and a run by time has none left.
+        let repeat = self.time.is_none() && earlier.is_none();
         let joins = options.join.steps_per_view as usize * photos.len();
         let length = self.time.map_or_else(|| counted(joins, "joint step"), |time| format!("{time:?}"));
         let base_count = counted(scene.base.len(), "Gaussian");
@@ -349,7 +353,7 @@ impl Args {
         };
         let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
         // Before anything else can fail: what was learned is kept.
-        self.write(&found.scene, found.original.as_ref(), *trained_with)?;
+        write_ply(&self.output, &found.scene, found.original.as_ref(), *trained_with)?;
         let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
         let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
         drop(interrupt);
@@ -357,7 +361,8 @@ impl Args {
             kept.remove()?;
         }
         // Whoever ends it early waits for nothing more.
-        let (gain, discarded) = if ended { (None, false) } else { self.judge(&session, &views, task, &mut found)? };
+        let (gain, discarded) =
+            if ended { (None, false) } else { self.judge(&session, (&views, repeat), task, &mut found)? };
         let report = self.report(context, task, &found, gain, discarded)?;
         match self.json {
             true => print_json(&report)?,
@@ -373,16 +378,11 @@ impl Args {
         Ok(())
     }
 
-    fn write(&self, scene: &Scene, shown: Option<&Gaussians>, trained_with: TrainedWith) -> Result<()> {
-        let (scene, shown) = (scene.clone(), shown.cloned());
-        write_scene_file(&self.output, &SceneFile { shown, trained_with, ..scene.into() }).map(drop)
-    }
-
     /// What the test photos say of the augmentation, and whether it was discarded for that.
     fn judge(
         &self,
         session: &Session,
-        views: &Views,
+        views: (&Views, bool),
         task: &Task<'_>,
         found: &mut Enhanced,
     ) -> Result<(Option<Gain>, bool)> {
@@ -404,12 +404,12 @@ impl Args {
                  budget (--ratio, --bytes, --time) is spent whatever they say",
                 -change
             ));
-            self.write(scene, None, trained_with)?;
+            write_ply(&self.output, scene, None, trained_with)?;
         } else if found.original.is_none() && known.base_alone.psnr < known.before.psnr {
             // The training photos did not tell.
             found.original = Some(scene.base.clone());
             known.base_alone = known.before;
-            self.write(&found.scene, found.original.as_ref(), trained_with)?;
+            write_ply(&self.output, &found.scene, found.original.as_ref(), trained_with)?;
         }
         Ok((gain, discarded))
     }

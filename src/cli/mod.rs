@@ -297,11 +297,11 @@ impl DeviceArgs {
     }
 }
 
-/// The first line of a run: what it is on, from what and how long. Where that is a CPU, why it is no GPU.
+/// Tells what a run is on, from what and how long, before its first step. Where that is a CPU, why it is no GPU.
 fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Display) {
     let info = context.info();
     let sizes = photos.iter().map(|photo| [photo.camera.width, photo.camera.height]);
-    let largest = sizes.clone().max_by_key(|[width, height]| width * height).unwrap_or_default();
+    let largest = sizes.clone().max_by_key(|&[width, height]| u64::from(width) * u64::from(height)).unwrap_or_default();
     let at_most = if sizes.into_iter().all(|size| size == largest) { "" } else { "at most " };
     let ([width, height], photos) = (largest, counted(photos.len(), "photo"));
     progress::tell_run(format_args!(
@@ -319,7 +319,7 @@ fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Displ
 fn no_gpu() -> Option<String> {
     let devices = Context::devices().unwrap_or_default();
     let mut gpus = devices.iter().filter(|(info, _)| !info.is_cpu).peekable();
-    let hint = "what runs on the CPU takes a hundred times as long";
+    let hint = "the run is on the CPU, which is much slower";
     if gpus.peek().is_some() {
         // One that can be used was not asked for.
         let (info, refused) = gpus.find_map(|(info, refused)| Some((info, refused.as_ref()?)))?;

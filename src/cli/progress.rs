@@ -215,7 +215,7 @@ fn every([first, interval]: [Duration; 2], wait: &mpsc::Receiver<()>, mut beat: 
     }
 }
 
-/// Tells what a run does, in its first line.
+/// Tells what a run does.
 pub(super) fn tell_run(text: impl Display) {
     line(text.to_string().replace(char::is_control, " "));
 }

@@ -79,7 +79,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
         }
         _ => {
             return Err(fail(
-                "does not say where its coordinates begin, as before glint kept that: --resume goes on from it",
+                "does not say where its coordinates begin, as before glint kept that: the command that made it resumes it",
             ));
         }
     };

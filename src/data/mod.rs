@@ -87,7 +87,7 @@ pub use region::{Focus, NEAR};
 pub use scene_file::{SceneFile, is_scene_folder};
 pub use scenes::{parse_scene, read_scene, read_scene_file, read_scene_file_leniently, read_scene_leniently};
 #[cfg(feature = "train")]
-pub use scenes::{write_scene, write_scene_as, write_scene_file};
+pub use scenes::{write_ply, write_scene, write_scene_as, write_scene_file};
 pub(crate) use sound::lengths;
 #[cfg(feature = "c")]
 pub(crate) use sound::make_finite;

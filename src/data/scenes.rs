@@ -16,6 +16,8 @@ use super::scene_file::{SOG_META, SceneFile};
 use super::sound::{self, Dropped};
 #[cfg(feature = "train")]
 use super::trained_with::TrainedWith;
+#[cfg(feature = "train")]
+use crate::scene::Gaussians;
 use crate::scene::Scene;
 #[cfg(feature = "train")]
 use crate::scene::layout::{BETAS, colour_name};
@@ -25,9 +27,23 @@ use crate::{Error, Result};
 /// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
 /// Every float comes back bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
+    write_ply(path, scene, None, TrainedWith::default())
+}
+
+#[cfg(feature = "train")]
+/// Writes a PLY as [`write_scene`] does, and as [`write_scene_file`] does of a [`SceneFile`] that nobody has to put together.
+///
+/// # Errors
+/// [`Error::Usage`] where a number is not finite, or the scene's base does not begin with the Gaussians that are `shown`.
+pub fn write_ply(
+    path: impl AsRef<Path>,
+    scene: &Scene,
+    shown: Option<&Gaussians>,
+    trained_with: TrainedWith,
+) -> Result<()> {
     let path = path.as_ref();
     sound_or_refused(path, scene)?;
-    ply_write::write(path, None, scene, &TrainedWith::default())
+    ply_write::write(path, shown, scene, &trained_with)
 }
 
 #[cfg(feature = "train")]

@@ -8,6 +8,10 @@ use std::{
     time::{Duration, Instant},
 };
 
+use glint::data::{
+    kept::checksum,
+    tensors::{Tensor, Values, ValuesRef},
+};
 use serde_json::Value;
 
 use super::{Work, files, run};
@@ -69,6 +73,13 @@ impl Work {
 fn sweep(folder: &Path) {
     for name in files(folder).iter().filter(|name| name.starts_with(".glint-")) {
         fs::remove_file(folder.join(name)).unwrap();
+    }
+}
+
+fn values_of(tensor: &Tensor) -> ValuesRef<'_> {
+    match &tensor.values {
+        Values::F32(values) => ValuesRef::F32(values),
+        Values::U32(values) => ValuesRef::U32(values),
     }
 }
 
@@ -328,18 +339,41 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     // Once the photos' Gaussians are lifted, and then in the joint phase.
     work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
     let lifted = fs::read(work.path(CHECKPOINT)).unwrap();
-    work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
+    let mut command = work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while about(&work.path(CHECKPOINT))["step"] == 0 {
+        assert!(child.try_wait().unwrap().is_none());
+        thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    run::finish(child);
+    sweep(work.0.path());
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
-    assert!(kept.len() > lifted.len());
     for bytes in [&lifted, &kept] {
         fs::write(work.path(CHECKPOINT), bytes).unwrap();
         let report = work.json(&format!("{ENHANCE} -o out.ply --json --force"));
         assert!(report["photos_resumed"] == 7 && whole(), "{report}");
         assert_eq!(files(work.0.path()), ["base.ply", "data", "out.ply", "whole.ply"]);
     }
+    // What the joint phase had learned is what it goes on from.
+    fs::write(work.path(CHECKPOINT), &kept).unwrap();
+    let (mut tensors, text) = glint::data::read_tensors_about(work.path(CHECKPOINT)).unwrap();
+    let mut about: Value = serde_json::from_str(&text.unwrap()).unwrap();
+    assert!(about["step"].as_u64() > Some(0), "{about}");
+    let Some(Tensor { values: Values::F32(lobes), .. }) = tensors.get_mut("supplement.lobes") else { panic!() };
+    lobes.iter_mut().for_each(|v| *v *= 0.9);
+    about["crc32"] = checksum(&about, &tensors).into();
+    let list: Vec<_> = tensors.iter().map(|(name, t)| (&name[..], &t.shape[..], values_of(t))).collect();
+    glint::data::write_tensors_about(work.path(CHECKPOINT), &list, Some(&about.to_string())).unwrap();
+    work.ok(&format!("{ENHANCE} -o out.ply"));
+    assert!(!whole());
     fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
-    let said = work.said(&format!("{ENHANCE} -o out.ply"));
+    let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
     assert!(said.contains("all steps are done again") && whole(), "{said}");
+    // A run by time reads no checkpoint, so what stands beside it is not its own.
+    fs::write(work.path(CHECKPOINT), &kept).unwrap();
+    let by_time = "enhance data --base base.ply -o out.ply --time 9s";
+    work.refused(by_time, &["out.ply", "is there already"]);
 
     // Every option is in the settings unless it says that it is not, and is called by its name.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();

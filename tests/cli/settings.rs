@@ -58,7 +58,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     let whole = psnr(&work, "more.ply data");
     for ending in ["ply", "glb"] {
         work.ok(&format!("convert more.ply copy.{ending} --force"));
-        // glTF has opacities and scales as they are, not their logits and logarithms.
+        // glTF has opacities and scales as they are, not their logits and logarithms: 3e-10 dB here.
         let off = (psnr(&work, &format!("copy.{ending} data")) - whole).abs();
         assert!(off <= if ending == "glb" { 1e-5 } else { 0.0 }, "{ending}: {off}");
     }
@@ -74,7 +74,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         let found = psnr(&work, &format!("copy.{ending} data {again}"));
         assert_eq!(found, psnr(&work, &format!("copy.{ending} data {SAID}")), "{ending}");
         assert_ne!(found, psnr(&work, &format!("copy.{ending} data --background black")), "{ending}");
-        // What bytes cost; .splat has the constant colours alone.
+        // What bytes cost, 0.02 dB; .splat has the constant colours alone.
         assert!((found - base).abs() < if ending == "splat" { 1.0 } else { 0.1 }, "{ending}: {found} and {base}");
     }
 }
@@ -95,4 +95,23 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     assert!(longer["measured"] == true && longer["psnr"].as_f64().is_some_and(f64::is_finite), "{report}");
     let text = work.ok("enhance data --base base.ply -o x.ply --ratio 0.2 --force");
     assert!(text.contains("longer training in its place, as many steps: ") && text.contains("dB (measured)"), "{text}");
+    // A run by time has none left for that.
+    let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 9s --json --force");
+    assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
+}
+
+/// 12 dB are an error of a quarter of the range.
+#[test]
+fn a_scene_of_another_dataset_is_told() {
+    let work = Work::new();
+    let mut white = random_scene(3, 300, 0, 0);
+    white.base.means.iter_mut().flatten().for_each(|v| *v = v.sin());
+    white.base.sh.fill([9.0; 3]);
+    write_scene(work.path("white.ply"), &white).unwrap();
+    let found = work.json("eval white.ply data --json")["base"]["psnr"].as_f64().unwrap();
+    assert!(found < 12.0, "{found}");
+    let told = |arguments: &str| said(&work, arguments).contains("on these photos, as a scene of another dataset has");
+    assert!(told("eval white.ply data") && told("enhance data --base white.ply -o x.ply --ratio 0.1"));
+    work.ok("train data -o own.ply --iterations 100");
+    assert!(!told("eval own.ply data") && !told("enhance data --base own.ply -o y.ply --ratio 0.1"));
 }

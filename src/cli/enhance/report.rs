@@ -32,7 +32,7 @@ pub(super) struct Report<'a> {
     pub(super) output: String,
     pub(super) device: &'a str,
     pub(super) photos: usize,
-    /// Photos whose lifts came from `--work`.
+    /// Photos whose lifts came from a checkpoint.
     pub(super) photos_resumed: usize,
     pub(super) base_gaussians: usize,
     /// Gaussians allowed; with --method augs 2D Gaussians left after the screen phase.
@@ -95,7 +95,8 @@ pub(super) struct Longer {
     measured: bool,
 }
 
-/// A joint phase that took no longer is repeated without what was added, to measure what longer training gains.
+/// A joint phase that took no longer is repeated without what was added, to measure what longer training gains. That doubles a short
+/// run; one of minutes is not worth its control each time.
 const REPEATED: Duration = Duration::from_secs(30);
 
 /// Trains the base on as a joint phase does, with nothing added.
@@ -168,34 +169,28 @@ pub(in crate::cli) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
     found.join.as_ref().map_or_else(Vec::new, |join| StageMean::all(&join.steps.milliseconds()))
 }
 
-/// Compares the base and what became of it with the test views.
+/// Compares the base and what became of it with the test views. `repeat` says whether a short joint phase may be repeated.
 pub(super) fn gain(
     session: &Session,
     base: &Scene,
     found: &Enhanced,
     dataset: &Dataset,
-    views: &Views,
+    (views, repeat): (&Views, bool),
 ) -> Result<Option<Gain>> {
     let photos: Vec<&Photo> = dataset.split(Split::Test).map(|(_, photo)| photo).collect();
     if photos.is_empty() {
         return Ok(None);
     }
-    let measured = found.join.as_ref().filter(|_| found.times.join <= REPEATED);
-    let longer = measured.map(|join| {
-        let (options, steps) = (EnhanceOptions::pursuit().join, join.losses.len() as u32);
-        Ok::<_, Error>(train_longer(session, base, views, &options, steps)?.0)
-    });
-    let longer = longer.transpose()?;
-    let compared = 2 + u64::from(longer.is_some());
-    let bar = Progress::new("comparing", "views", compared * photos.len() as u64);
+    let bar = |scenes: u64| Progress::new("comparing", "views", scenes * photos.len() as u64);
     let options = RenderOptions { policy: session.policy, ..Default::default() };
-    let compare = |scene: &Scene| {
+    let compare = |scene: &Scene, bar: &Progress| {
         evaluate(&session.context, scene, &photos, options, dataset.background, |_| {
             bar.advance();
             Ok(())
         })
     };
-    let before = match compare(base) {
+    let comparing = bar(2);
+    let before = match compare(base, &comparing) {
         // The scene is written: that nothing can be said of it is no failure.
         Err(Error::Usage(why)) => {
             note(why);
@@ -203,19 +198,25 @@ pub(super) fn gain(
         }
         before => before?,
     };
-    let after = compare(&found.scene)?;
+    let after = compare(&found.scene, &comparing)?;
+    drop(comparing);
     let base_alone = if found.original.is_some() { before.augmented } else { after.base };
-    let views = after.views.len();
-    note_uncounted(photos.len() - views);
+    let seen = after.views.len();
+    note_uncounted(photos.len() - seen);
     let (before, after) = (before.augmented, after.augmented);
-    let longer_training = match &longer {
-        Some(longer) => Some(Longer { psnr: compare(longer)?.augmented.psnr - before.psnr, measured: true }),
-        None => {
-            let estimate = found.spending.as_ref().and_then(|plan| plan.training_on_db);
-            estimate.map(|psnr| Longer { psnr, measured: false })
+    let estimate = found.spending.as_ref().and_then(|plan| plan.training_on_db);
+    let mut longer_training = estimate.map(|psnr| Longer { psnr, measured: false });
+    if let (Some(join), true) = (&found.join, repeat && found.times.join <= REPEATED) {
+        let (options, steps) = (EnhanceOptions::pursuit().join, join.losses.len() as u32);
+        let measured = train_longer(session, base, views, &options, steps)
+            .and_then(|(longer, _)| Ok(compare(&longer, &bar(1))?.augmented.psnr - before.psnr));
+        match measured {
+            Ok(psnr) => longer_training = Some(Longer { psnr, measured: true }),
+            // The augmentation is made and judged all the same.
+            Err(error) => note(format!("longer training was not measured: {error}")),
         }
-    };
-    Ok(Some(Gain { views, before, after, base_alone, longer_training }))
+    }
+    Ok(Some(Gain { views: seen, before, after, base_alone, longer_training }))
 }
 
 impl Gain {

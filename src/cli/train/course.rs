@@ -14,7 +14,7 @@ use crate::{
         print, print_json,
         progress::{Progress, learned, note},
     },
-    data::{SceneFile, TrainedWith, gaussian_bytes, write_scene_file},
+    data::{TrainedWith, gaussian_bytes, write_ply},
     pipelines::{
         checkpoint::{Checkpoint, Clock},
         density::{DensityOptions, Strategy},
@@ -174,12 +174,12 @@ impl Training<'_> {
             let found = self.checkpoint();
             self.kept.keep(found)?;
         }
-        let file = SceneFile { trained_with: self.trained_with, ..self.model.download()?.into() };
-        write_scene_file(&self.args.output, &file)?;
+        let scene = self.model.download()?;
+        write_ply(&self.args.output, &scene, None, self.trained_with)?;
         if !interrupt.asked() {
-            self.evaluate(&file.scene)?;
+            self.evaluate(&scene)?;
         }
-        Ok(file.scene.base.len())
+        Ok(scene.base.len())
     }
 
     /// Tells how it gets on once so many steps are done, keeps what is due to be kept and plans the rest of a run by time anew.
