@@ -25,7 +25,12 @@ const TOLD_OUTSIDE: f64 = 0.01;
 /// What is to be told of a folder of masks that is there for nothing.
 pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
     let unused = there && shots.iter().all(|shot| shot.mask.is_none());
-    unused.then(|| "there is a folder of masks, but no file in it is named after a photo".into())
+    let name = shots.first().map(|shot| shot.name.strip_prefix("images/").unwrap_or(&shot.name)).filter(|_| unused);
+    name.map(|name| {
+        format!(
+            "there is a folder of masks, but no file in it is named after a photo; expected `{name}` or `{name}.png`"
+        )
+    })
 }
 
 /// What a dataset's files say.
@@ -144,7 +149,7 @@ fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
     shots.retain(|Shot { name, path, expected, lost: pose, .. }| {
         let quoted = || format!("`{name}`");
         match pose {
-            Some(why) => lost.add(quoted, || format!("`{name}` has no usable pose: {why}")),
+            Some(why) => lost.add(quoted, || format!("`{name}` has no usable camera: {why}")),
             None if path.is_none() => missing.add(quoted, || {
                 let error = expected.try_exists().err();
                 let why = error.map_or("is missing".into(), |error| format!("cannot be looked at: {error}"));
@@ -194,19 +199,18 @@ struct Prepared {
 
 /// The intrinsics for a file of this size and its EXIF orientation, which is 1 unless only the turned picture fits the camera.
 fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
-    let what = match shot.camera.for_image(size) {
-        Ok(frame) => return Ok((frame, 1)),
-        Err(what) => what,
-    };
+    let stored = shot.camera.for_image(size);
+    if stored.is_ok() && !shot.camera.seems_turned(size) {
+        return stored.map(|frame| (frame, 1));
+    }
     let tag = images::orientation(path);
     let upright = images::upright(size, tag);
     match shot.camera.for_image(upright) {
         Ok(frame) if upright != size => Ok((frame, tag)),
-        _ if tag == 1 => Err(what),
-        _ => {
+        _ => stored.map(|frame| (frame, 1)).map_err(|what| {
             let [w, h] = upright;
-            Err(format!("{what}; its EXIF orientation, {tag}, makes it {w} × {h}"))
-        }
+            if tag == 1 { what } else { format!("{what}; its EXIF orientation, {tag}, makes it {w} × {h}") }
+        }),
     }
 }
 

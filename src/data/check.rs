@@ -10,8 +10,8 @@ type Check = fn(&[u8], &Path) -> Result<()>;
 /// Kinds of files other than scenes, and the reader of each.
 const OTHERS: [(&str, Check); 11] = [
     ("ply_points", |bytes, path| points::parse_points(bytes, path, &mut Vec::new()).map(drop)),
-    ("colmap_cameras_bin", |bytes, path| colmap::cameras_binary(bytes, path).map(drop)),
-    ("colmap_cameras_txt", |bytes, path| colmap::cameras_text(bytes, path).map(drop)),
+    ("colmap_cameras_bin", |bytes, path| cameras(colmap::cameras_binary(bytes, path)?, path)),
+    ("colmap_cameras_txt", |bytes, path| cameras(colmap::cameras_text(bytes, path)?, path)),
     ("colmap_images_bin", |bytes, path| poses(colmap::images_binary(bytes, path)?, path)),
     ("colmap_images_txt", |bytes, path| poses(colmap::images_text(bytes, path)?, path)),
     ("colmap_points_bin", |bytes, path| colmap::points_binary(bytes, path, &mut Vec::new()).map(drop)),
@@ -25,6 +25,10 @@ const OTHERS: [(&str, Check); 11] = [
         tensors::parse_tensors(bytes, path).map(drop)
     }),
 ];
+
+fn cameras(cameras: colmap::Cameras, path: &Path) -> Result<()> {
+    cameras.values().try_for_each(|camera| camera.check()).map_err(|what| Error::input(path, what))
+}
 
 fn poses(poses: Vec<colmap::Pose>, path: &Path) -> Result<()> {
     let fault = |pose: &colmap::Pose, what| Error::input(path, format!("image `{}`: its pose {what}", pose.name));

@@ -11,6 +11,7 @@ use super::assemble::{Listed, unused_masks};
 use super::left_out::LeftOut;
 use super::lens::{Distortion, Polynomial};
 use super::names::{self, Finder};
+use super::ply_format::is_nan_of_windows;
 use super::points::{self, PointCloud};
 use super::shot::{Focal, Shot, SourceCamera};
 use super::{DatasetOptions, Holdout, lists, places};
@@ -31,14 +32,20 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
     let mut notes = Vec::from_iter(model.note(root));
     let photos = model.photos(root, options, &mut notes)?;
     let (masks, finder) = (places::masks(&photos), Finder::new(photos));
+    // If some photos are where the model says, the others are missing.
+    let moved = poses.iter().all(|pose| finder.find(&pose.name).is_none());
     let mut shots = Vec::with_capacity(poses.len());
     for pose in poses {
         let Some(camera) = cameras.get(&pose.camera).copied() else {
             let what = format!("image `{}`: its camera {} is not in the model", pose.name, pose.camera);
             return Err(Error::input(&path, what));
         };
-        let (rotation, lost) = pose.rotation().map_or_else(|why| (DMat3::IDENTITY, Some(why)), |turn| (turn, None));
-        let (found, mask) = match names::is_absolute(&pose.name) {
+        let intrinsics = camera.check().map_err(|why| format!("camera {}: {why}", pose.camera));
+        let (rotation, lost) = match intrinsics.and_then(|()| pose.rotation()) {
+            Ok(turn) => (turn, None),
+            Err(why) => (DMat3::IDENTITY, Some(why)),
+        };
+        let (found, mask) = match moved || names::is_absolute(&pose.name) {
             true => {
                 (finder.find_moved(&pose.name), masks.as_ref().and_then(|masks| masks.find_mask_of_tail(&pose.name)))
             }
@@ -209,6 +216,7 @@ const MODELS: [(&str, usize); 18] = [
     ("EQUIRECTANGULAR", 2),
 ];
 
+/// Intrinsics whose numbers are not checked.
 fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<SourceCamera, String> {
     let name = model.to_uppercase();
     let none = Distortion::default();
@@ -259,8 +267,7 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
         }
     };
     let (size, focal) = (Some([width as f64, height as f64]), Focal::Pixels([fx, fy]));
-    let camera = SourceCamera { size, focal, center: Some(center), distortion };
-    camera.check().map(|()| camera)
+    Ok(SourceCamera { size, focal, center: Some(center), distortion })
 }
 
 /// Little-endian numbers off the front of a byte string; nothing when it is too short.
@@ -360,8 +367,7 @@ pub(super) fn cameras_text(bytes: &[u8], path: &Path) -> Result<Cameras> {
         let model: String = field(&mut words, "model").map_err(fail)?;
         let width = field(&mut words, "width").map_err(fail)?;
         let height = field(&mut words, "height").map_err(fail)?;
-        let params: Vec<f64> =
-            words.map(|word| number_of(word, "a parameter")).collect::<Result<_, _>>().map_err(fail)?;
+        let params: Vec<f64> = words.map(|word| float(word, "a parameter")).collect::<Result<_, _>>().map_err(fail)?;
         list.push((id, camera(&model, width, height, &params).map_err(fail)?));
     }
     collect_cameras(list, path)
@@ -501,11 +507,8 @@ fn field<'a, T: FromStr>(words: &mut impl Iterator<Item = &'a str>, name: &str) 
     number_of(words.next().ok_or_else(|| format!("ends before {name}"))?, name)
 }
 
-/// Parses a number. Windows writes NaN as `-nan(ind)` or `1.#QNAN`.
 fn float(word: &str, name: &str) -> Result<f64, String> {
-    let lower = word.to_ascii_lowercase();
-    let is_nan = ["nan(", "#ind", "#qnan", "#snan"].iter().any(|mark| lower.contains(mark));
-    if is_nan { Ok(f64::NAN) } else { number_of(word, name) }
+    if is_nan_of_windows(word) { Ok(f64::NAN) } else { number_of(word, name) }
 }
 
 fn number_of<T: FromStr>(word: &str, name: &str) -> Result<T, String> {
@@ -722,8 +725,6 @@ mod tests {
         };
         with(&cameras_bin(&[(7, 99, &OPENCV)]), &image, &["cameras.bin", "camera 0", "model number 99"]);
         with(&cameras_bin(&[(7, 4, &OPENCV), (7, 4, &OPENCV)]), &image, &["camera 7", "twice"]);
-        with(&cameras_bin(&[(7, 1, &[f64::NAN, 1.0, 1.0, 1.0])]), &image, &["cameras.bin", "focal lengths"]);
-        with(&cameras_bin(&[(7, 1, &[1.0, 1.0, f64::INFINITY, 1.0])]), &image, &["principal point"]);
         with(&camera[..camera.len() - 1], &image, &["ends in camera 0 of 1"]);
         with(&[&camera[..], &[0]].concat(), &image, &["1 bytes are left after the 1 cameras"]);
         with(&camera, &pose("a.jpg", 8, QUAT), &["a.jpg", "camera 8 is not in the model"]);
@@ -784,6 +785,24 @@ mod tests {
             }
             assert_eq!(listed.points.unwrap().positions, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
             assert!(note.contains("2 points of 4 left out"), "{note}");
+        }
+    }
+
+    #[test]
+    fn images_whose_camera_is_none_are_left_out() {
+        let nan = f64::NAN;
+        let cameras = cameras_bin(&[(6, 1, &[1.0; 4]), (7, 1, &[nan, 1.0, 1.0, 1.0]), (8, 1, &[1.0, 1.0, nan, 1.0])]);
+        let images = images_bin(&[6, 7, 8].map(|camera| ("a", camera, QUAT, [0.0; 3])), 0);
+        let text = b"6 PINHOLE 64 48 1 1 1 1\n7 PINHOLE 64 48 -nan(ind) 1 1 1\n8 PINHOLE 64 48 1 1 nan 1\n";
+        for cameras in [("cameras.bin", &cameras[..]), ("cameras.txt", text)] {
+            let shots = model(&[cameras, ("images.bin", &images)]).1.unwrap().shots;
+            let lost = |i: usize| shots[i].lost.clone().unwrap();
+            assert!(
+                shots[0].lost.is_none() && lost(1).starts_with("camera 7: the focal lengths [NaN, 1.0]"),
+                "{}",
+                lost(1)
+            );
+            assert!(lost(2).starts_with("camera 8: the principal point [NaN, 1.0]"), "{}", lost(2));
         }
     }
 

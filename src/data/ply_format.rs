@@ -89,11 +89,18 @@ impl Number {
 
     /// A float32 is parsed as one, so that it is rounded once only.
     fn parse(self, text: &str) -> Option<f64> {
-        match self {
+        let number = match self {
             Number::F32 => text.parse::<f32>().ok().map(f64::from),
             _ => text.parse::<f64>().ok(),
-        }
+        };
+        number.or_else(|| is_nan_of_windows(text).then_some(f64::NAN))
     }
+}
+
+/// Windows writes NaN as `-nan(ind)` or `1.#QNAN`.
+pub(super) fn is_nan_of_windows(word: &str) -> bool {
+    let lower = word.to_ascii_lowercase();
+    ["nan(", "#ind", "#qnan", "#snan"].iter().any(|mark| lower.contains(mark))
 }
 
 #[derive(Debug, Clone)]

@@ -24,7 +24,7 @@ pub(super) struct Shot {
     /// World to camera, OpenCV axes.
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
-    /// Why its pose is none.
+    /// Why it has no pose or no intrinsics.
     pub(super) lost: Option<String>,
     pub(super) split: Option<Split>,
 }
@@ -66,7 +66,8 @@ impl SourceCamera {
                 return Err(format!("the focal lengths {focal:?} are not positive numbers"));
             }
             Focal::Angles { x, y } if ![Some(x), y].iter().flatten().all(angle) => {
-                return Err("the field of view is not between 0 and π".into());
+                let y = y.map(|y| format!(" and {y}")).unwrap_or_default();
+                return Err(format!("the field of view {x}{y} is not between 0 and π"));
             }
             _ => {}
         }
@@ -85,6 +86,14 @@ impl SourceCamera {
         }
     }
 
+    /// Whether the principal point, if nothing says what size it is for, lies nearer to the middle of an image with both sides swapped.
+    pub(super) fn seems_turned(&self, size: [u32; 2]) -> bool {
+        let (None, Some([cx, cy])) = (self.size, self.center) else { return false };
+        let off = |[w, h]: [f64; 2]| (cx / w - 0.5).abs().max((cy / h - 0.5).abs());
+        let [w, h] = size.map(f64::from);
+        off([h, w]) < off([w, h])
+    }
+
     /// The intrinsics for an image file of this size, which may be a reduced copy of what they were made for.
     pub(super) fn for_image(&self, [width, height]: [u32; 2]) -> Result<Frame, String> {
         let (disk_w, disk_h) = (width as f64, height as f64);
@@ -92,7 +101,11 @@ impl SourceCamera {
         let (scale_x, scale_y) = (disk_w / w, disk_h / h);
         // A reduced size is rounded to whole pixels, in either direction.
         if (disk_w - w * scale_y).abs() > 1.0 && (disk_h - h * scale_x).abs() > 1.0 {
-            let turned = if width != height && disk_w == h && disk_h == w { " (it is turned)" } else { "" };
+            let turned = if width != height && disk_w == h && disk_h == w {
+                " (it is turned: rotate the photo, or remove it)"
+            } else {
+                ""
+            };
             return Err(format!(
                 "the image is {width} × {height}, but its camera is for {w} × {h}, of another aspect{turned}"
             ));
@@ -143,6 +156,8 @@ mod tests {
         assert!(camera(Some([1000.0, 10.0])).for_image([500, 4]).is_ok());
         assert!(camera(Some([10.0, 1000.0])).for_image([4, 500]).is_ok());
         assert_eq!(camera(None).for_image([4800, 3400]).unwrap().fx, 4000.0);
+        assert!(camera(None).seems_turned([3400, 4800]) && !camera(None).seems_turned([4800, 3400]));
+        assert!(!camera(Some([640.0, 480.0])).seems_turned([3400, 4800]));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::assemble::{Listed, unused_masks};
 use super::dataset::{DatasetOptions, Holdout, Split};
-use super::left_out::counted;
+use super::left_out::{LeftOut, counted};
 use super::lens::{Distortion, Polynomial};
 use super::lists::Lists;
 use super::names::{self, Finder, tails};
@@ -54,27 +54,41 @@ struct Frame {
     camera: Camera,
 }
 
+/// A number; NaN where Python writes what JSON has no word for, see [`quoted`].
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "Value")]
+struct Number(f64);
+
+impl TryFrom<Value> for Number {
+    type Error = &'static str;
+
+    fn try_from(value: Value) -> Result<Number, &'static str> {
+        let number = value.as_str().map_or(value.as_f64(), |word| word.parse().ok());
+        number.map(Number).ok_or("expected a number")
+    }
+}
+
 /// What may stand once for all frames or in a frame, which then counts.
 #[derive(Deserialize)]
 struct Camera {
     camera_model: Option<String>,
     is_fisheye: Option<bool>,
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    w: Option<f64>,
-    h: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    k5: Option<f64>,
-    k6: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
+    camera_angle_x: Option<Number>,
+    camera_angle_y: Option<Number>,
+    fl_x: Option<Number>,
+    fl_y: Option<Number>,
+    cx: Option<Number>,
+    cy: Option<Number>,
+    w: Option<Number>,
+    h: Option<Number>,
+    k1: Option<Number>,
+    k2: Option<Number>,
+    k3: Option<Number>,
+    k4: Option<Number>,
+    k5: Option<Number>,
+    k6: Option<Number>,
+    p1: Option<Number>,
+    p2: Option<Number>,
 }
 
 /// The file to begin with in a folder, if it has one.
@@ -113,22 +127,21 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
     let found = find_photos(&file, path, &finder, asked.as_deref())?;
     let masks = places::masks(asked.as_deref().unwrap_or(&folder.join("images")));
     let mut shots = Vec::with_capacity(file.frames.len());
+    let (mut with_mask, mut no_mask) = (0, LeftOut::default());
     for (i, (frame, (found, expected))) in file.frames.iter().zip(found).enumerate() {
-        let camera = source_camera(&frame.camera, &file.camera).map_err(|what| frame.fault(i, path, &what))?;
-        let (pose, lost) = match pose(&frame.transform_matrix) {
-            Ok(pose) => (pose, None),
-            Err(why) => ((DMat3::IDENTITY, DVec3::ZERO), Some(format!("frame {i}: {why}"))),
+        let ((camera, pose), lost) = match file.camera_of(frame) {
+            Ok(camera) => (camera, None),
+            Err(why) => ((NO_CAMERA, (DMat3::IDENTITY, DVec3::ZERO)), Some(format!("frame {i}: {why}"))),
         };
-        let mask = match &frame.mask_path {
-            Some(mask) if lost.is_none() => Some(find_mask(mask, &finder).ok_or_else(|| {
-                frame.fault(
-                    i,
-                    path,
-                    &format!("no mask {}; expected it, or no `mask_path`", finder.expected(mask).display()),
-                )
-            })?),
-            _ => None,
-        };
+        let named = frame.mask_path.as_ref().filter(|mask| lost.is_none() && !mask.is_empty());
+        let mask = named.and_then(|mask| find_mask(mask, &finder));
+        if let Some(name) = named {
+            with_mask += 1;
+            if mask.is_none() {
+                let photo = || format!("`{}`", frame.file_path);
+                no_mask.add(photo, || format!("{} of {} is missing", finder.expected(name).display(), photo()));
+            }
+        }
         shots.push(Shot {
             name: names::slashes(&frame.file_path),
             expected,
@@ -145,6 +158,7 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
     }
     let mut notes = masks.as_ref().map(|masks| add_masks(&mut shots, masks)).unwrap_or_default();
     notes.extend(unused_masks(masks.is_some() && notes.is_empty(), &shots));
+    notes.extend(no_mask.note(with_mask, "mask"));
     let mut listed = Listed { shots, points: None, sources: vec![path.to_owned()], notes };
     let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
     let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
@@ -262,6 +276,18 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
+impl File {
+    /// Intrinsics of a frame, and its rotation and translation.
+    fn camera_of(&self, frame: &Frame) -> Result<(SourceCamera, (DMat3, DVec3)), String> {
+        let pose = pose(&frame.transform_matrix)?;
+        Ok((source_camera(&frame.camera, &self.camera)?, pose))
+    }
+}
+
+/// Stands for the intrinsics of a frame that is left out.
+const NO_CAMERA: SourceCamera =
+    SourceCamera { size: None, focal: Focal::Sphere, center: None, distortion: Distortion::Equirectangular };
+
 impl Frame {
     fn fault(&self, index: usize, path: &Path, what: &str) -> Error {
         Error::input(path, format!("frame {index} (`{}`): {what}", self.file_path))
@@ -271,10 +297,10 @@ impl Frame {
 /// Reads `bytes` and judges every frame as [`read`] does, without looking for its image.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let file = parse(bytes, path)?;
-    file.frames.iter().enumerate().try_for_each(|(i, frame)| {
-        let judged = pose(&frame.transform_matrix).and_then(|_| source_camera(&frame.camera, &file.camera));
-        judged.map(drop).map_err(|what| frame.fault(i, path, &what))
-    })
+    file.frames
+        .iter()
+        .enumerate()
+        .try_for_each(|(i, frame)| file.camera_of(frame).map(drop).map_err(|what| frame.fault(i, path, &what)))
 }
 
 fn parse(bytes: &[u8], path: &Path) -> Result<File> {
@@ -321,12 +347,12 @@ fn quoted(bytes: &[u8]) -> Cow<'_, [u8]> {
 fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     macro_rules! given {
         ($field:ident) => {
-            frame.$field.or(all.$field)
+            frame.$field.or(all.$field).map(|Number(value)| value)
         };
     }
     let model = frame.camera_model.as_deref().or(all.camera_model.as_deref()).unwrap_or("OPENCV").to_uppercase();
     let fisheye = match &model[..] {
-        "OPENCV" if given!(is_fisheye) == Some(true) => true,
+        "OPENCV" if frame.is_fisheye.or(all.is_fisheye) == Some(true) => true,
         "OPENCV_FISHEYE" => true,
         "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "EQUIRECTANGULAR" => {
             false
@@ -459,9 +485,9 @@ mod tests {
 
     #[track_caller]
     fn expect(all: Value, frame: Value, parts: &[&str]) {
-        let message = one(all, frame).err().unwrap().to_string();
-        for part in parts.iter().chain(&["transforms.json"]) {
-            assert!(message.contains(part), "`{part}` is not in: {message}");
+        let why = one(all, frame).unwrap().lost.unwrap();
+        for part in parts.iter().chain(&["frame 0: "]) {
+            assert!(why.contains(part), "`{part}` is not in: {why}");
         }
     }
 
@@ -546,8 +572,6 @@ mod tests {
             assert_eq!(shots[1].name, "NaN, \" -Infinity.png", "names are as they were");
             assert_eq!(shots[1].translation, pose(&UPRIGHT).unwrap().1);
         }
-        let error = read(r#", "fl_y": NaN"#).err().unwrap().to_string();
-        assert!(error.contains("not a sound transforms file") && error.contains("NaN"), "{error}");
     }
 
     #[test]
@@ -594,14 +618,17 @@ mod tests {
     #[test]
     fn cameras_that_are_not_read_are_named() {
         let with = |all: Value, parts: &[&str]| expect(all, json!({}), parts);
-        with(json!({}), &["frame 0", "fl_x", "camera_angle_x"]);
+        with(json!({}), &["fl_x", "camera_angle_x"]);
         with(json!({"fl_x": 1.0, "camera_model": "VR180_L"}), &["VR180_L", "OPENCV_FISHEYE"]);
         with(json!({"fl_x": -1.0}), &["focal lengths"]);
-        with(json!({"camera_angle_x": 3.2}), &["field of view"]);
+        with(json!({"camera_angle_x": 47}), &["field of view 47"]);
+        with(json!({"fl_x": 1.0, "cx": "Infinity", "cy": 2}), &["principal point [inf, 2.0]"]);
         with(json!({"fl_x": 1.0, "w": 64}), &["only one of `w` and `h`"]);
         with(json!({"fl_x": 1.0, "w": 0, "h": 5}), &["size"]);
-        with(json!({"fl_x": "wide"}), &["not a sound transforms file"]);
-        expect(json!({"fl_x": 1.0}), json!({"mask_path": "none.png"}), &["frame 0", "mask", "none.png"]);
+        // A frame's own number counts, whatever it is.
+        expect(json!({"fl_x": 1.0}), json!({"fl_x": "NaN"}), &["focal lengths [NaN, NaN]"]);
+        let refused = one(json!({"fl_x": "wide"}), json!({})).err().unwrap().to_string();
+        assert!(refused.contains("not a sound transforms file: expected a number"), "{refused}");
         assert!(
             parse(b"{\"frames\": []}", Path::new("t.json")).err().unwrap().to_string().contains("`frames` is empty")
         );

@@ -52,7 +52,7 @@ fn photos_without_a_pose_are_left_out_and_move_no_other() {
     lost(&[2]);
     let data = open(folder.path());
     assert_eq!((data.photos.len(), names(&data)), (9, names(&whole)));
-    let note = "1 photo of 10 left out: `images/p04.png` has no usable pose: frame 2: `transform_matrix` holds a number that is not finite";
+    let note = "1 photo of 10 left out: `images/p04.png` has no usable camera: frame 2: `transform_matrix` holds a number that is not finite";
     assert_eq!(data.notes, [note]);
     assert_eq!(Dataset::open(folder.path(), &sector).unwrap().photos.len(), 9);
     write(&plain, folder.path(), "nerfstudio");
@@ -63,8 +63,15 @@ fn photos_without_a_pose_are_left_out_and_move_no_other() {
     write(&plain, folder.path(), "nerfstudio");
     lost(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     let refused = error(folder.path());
-    assert!(refused.contains("no photo is left: `images/p01.png` has no usable pose"), "{refused}");
+    assert!(refused.contains("no photo is left: `images/p01.png` has no usable camera"), "{refused}");
     assert!(refused.contains("transforms.json") && refused.contains("(and 9 more: "), "{refused}");
+
+    // One without a focal length.
+    write(&plain, folder.path(), "nerfstudio");
+    edit(folder.path(), |file| file["frames"][2]["fl_x"] = json!("lost"));
+    put(&path, fs::read_to_string(&path).unwrap().replace("\"lost\"", "NaN"));
+    let note = "1 photo of 10 left out: `images/p04.png` has no usable camera: frame 2: the focal lengths [NaN, 9.0] are not positive numbers";
+    assert_eq!(open(folder.path()).notes, [note]);
 
     // COLMAP's own.
     let folder = tempfile::tempdir().unwrap();
@@ -75,7 +82,7 @@ fn photos_without_a_pose_are_left_out_and_move_no_other() {
     put(&images, text.replace(line, "5 nan nan nan nan 0 0 0 1 p05.png"));
     let data = open(folder.path());
     assert_eq!((data.photos.len(), data.notes.len()), (9, 1));
-    assert!(data.notes[0].contains("1 photo of 10 left out: `p05.png` has no usable pose"), "{:?}", data.notes);
+    assert!(data.notes[0].contains("1 photo of 10 left out: `p05.png` has no usable camera"), "{:?}", data.notes);
 }
 
 #[test]
@@ -117,11 +124,34 @@ fn names_of_another_machine_find_the_files_of_this_one() {
     let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
     write(&plain, folder.path(), "COLMAP text");
     let lists = folder.path().join("sparse/0/images.txt");
-    put(&lists, plain.images_txt(|name| format!("D:\\scans\\images\\{}", name.replace('/', "\\")), "\n"));
-    assert_eq!(open(folder.path()).photos.len(), 10);
+    for before in ["images/", "scans/photos/", "D:\\scans\\images\\"] {
+        put(&lists, plain.images_txt(|name| format!("{before}{}", name.replace('/', "\\")), "\n"));
+        assert_eq!(open(folder.path()).photos.len(), 10, "{before}");
+    }
     fs::remove_file(folder.path().join("images/p01.png")).unwrap();
     let data = open(folder.path());
     assert!(data.photos.len() == 9 && data.notes[0].contains("1 photo of 10 left out"), "{:?}", data.notes);
+}
+
+#[test]
+fn masks_that_are_missing_are_told_and_their_photos_are_used_whole() {
+    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
+    write(&plain, folder.path(), "nerfstudio");
+    GrayImage::from_fn(8, 6, |x, _| Luma([255 * u8::from(x < 4)])).save(folder.path().join("there.png")).unwrap();
+    edit(folder.path(), |file| {
+        for (i, mask) in [(1, "gone/a.png"), (3, "gone/b.png"), (5, ""), (7, "there.png")] {
+            file["frames"][i]["mask_path"] = json!(mask);
+        }
+    });
+    let data = open(folder.path());
+    let gone = folder.path().join("gone/a.png");
+    let note = format!(
+        "2 masks of 3 left out: {} of `images/p02.png` is missing (and 1 more: `images/p05.png`)",
+        gone.display()
+    );
+    assert_eq!(data.notes[0], note);
+    let masked: Vec<bool> = data.load_images().unwrap().iter().map(|image| image.mask.is_some()).collect();
+    assert_eq!(masked, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|i| i == 7));
 }
 
 #[test]
@@ -330,6 +360,15 @@ fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
     let small = stored(&upright([12, 16]), 6);
     let (found, _) = open([24, 32], &tagged(&small, 6, "png"), "png").unwrap();
     assert!((found.width, found.height) == (12, 16) && near(&found.rgb, &upright([12, 16])));
+    // Without a size the principal point says which way the picture was.
+    let plain = Plain::new(1, [24, 32], [9.0, 9.0], "sub", 1);
+    let folder = tempfile::tempdir().unwrap();
+    write(&plain, folder.path(), "nerfstudio");
+    edit(folder.path(), |file| (file["w"], file["h"]) = Default::default());
+    for (file, orientation) in [(plain.photos[0].clone(), 1), (stored(&plain.photos[0], 6), 6)] {
+        put(&folder.path().join("images/sub/p00.png"), tagged(&file, orientation, "png"));
+        assert_eq!(self::open(folder.path()).load_images().unwrap()[0].rgb, *plain.photos[0].as_raw());
+    }
     // Where the tag does not help, it is named.
     for (orientation, size, words) in
         [(3, [24, 32], ["32 × 24", "orientation, 3,"]), (6, [20, 32], ["orientation, 6,", "makes it 24 × 32"])]
