@@ -74,6 +74,10 @@ impl Finder {
         only(listing.names.get(&name))
             .or_else(|| only(listing.stems.get(&name)))
             .or_else(|| only(listing.stems.get(without_ending(&name))))
+            .or_else(|| {
+                let meant = unescape(plain.trim()).filter(|meant| *meant != plain)?;
+                self.find(&meant).map(|(path, _)| (path, true))
+            })
     }
 
     /// As [`Finder::find`]; if nothing is found, tries the tails of `name`, which may start with folders of another machine.
@@ -166,6 +170,23 @@ pub(super) fn without_ending(name: &str) -> &str {
     }
 }
 
+/// A URI with its `%20`s and the like as they are meant.
+pub(super) fn unescape(uri: &str) -> Option<String> {
+    let mut out = Vec::new();
+    let mut bytes = uri.bytes();
+    while let Some(byte) = bytes.next() {
+        out.push(match byte {
+            b'%' => {
+                let digit = |byte: u8| char::from(byte).to_digit(16);
+                let (high, low) = (digit(bytes.next()?)?, digit(bytes.next()?)?);
+                u8::try_from(16 * high + low).ok()?
+            }
+            byte => byte,
+        });
+    }
+    String::from_utf8(out).ok()
+}
+
 /// `name` without what could lead out of a folder, so that outputs may be named after photos.
 pub(super) fn clean(name: &str) -> String {
     let parts = Path::new(name).components().filter_map(|part| match part {
@@ -236,6 +257,8 @@ mod tests {
             "Case.png",
             "case.PNG",
             "x.txt",
+            "my photo.png",
+            "50%20.png",
         ]);
         let finder = Finder::new(folder.path());
         let find = |name: &str| {
@@ -254,6 +277,9 @@ mod tests {
         is("r_0.5", "r_0.5.png", false);
         is("R_0.5.tif", "r_0.5.png", true);
         is("Case.png", "Case.png", false);
+        is("my%20photo.png", "my photo.png", true);
+        is("My photo.png ", "my photo.png", true);
+        is("50%20.png", "50%20.png", false);
         // Which one is meant cannot be told, or nothing is.
         for name in ["two.tif", "CASE.png", "sub/a.png", "b.jpg", "x", "x.txt/a", "", "sub"] {
             assert_eq!(find(name), None, "{name}");

@@ -9,7 +9,16 @@ use crate::{Error, Result};
 
 /// Where a dataset has its own model, in order; and where a tool left the one that it worked with.
 const OWN: [&str; 3] = ["sparse/0", "sparse", ""];
-const ASIDE: [&str; 5] = ["colmap/sparse/0", "colmap/sparse", "colmap", "dense/sparse/0", "dense/sparse"];
+const ASIDE: [&str; 7] = [
+    "colmap/sparse/0",
+    "colmap/sparse",
+    "colmap",
+    "dense/sparse/0",
+    "dense/sparse",
+    // instant-ngp.
+    "colmap_text",
+    "colmap_sparse/0",
+];
 /// Folders whose numbered sub-folders are models.
 const NUMBERED: [(&str, bool); 2] = [("sparse", false), ("colmap/sparse", true)];
 /// Where photos are, the best first.
@@ -117,7 +126,7 @@ pub(super) fn asked_folder(root: &Path, asked: &Path) -> Result<PathBuf> {
 pub(super) fn masks(photos: &Path) -> Option<Finder> {
     let (parent, name) = (photos.parent()?, photos.file_name()?.to_str()?);
     let suffix = name.strip_prefix("images").unwrap_or_default();
-    let names = [format!("masks{suffix}"), "masks".into()];
+    let names = [format!("masks{suffix}"), "masks".into(), "mask".into()];
     names.iter().map(|name| parent.join(name)).find(|folder| folder.is_dir()).map(Finder::new)
 }
 
@@ -157,6 +166,7 @@ mod tests {
         is(&["sparse/1/cameras.bin"], "sparse/1", false, &[]);
         is(&["colmap/sparse/0/cameras.bin"], "colmap/sparse/0", true, &[]);
         is(&["dense/sparse/cameras.bin"], "dense/sparse", true, &[]);
+        is(&["colmap_sparse/0/cameras.bin", "colmap_text/cameras.txt"], "colmap_text", true, &["colmap_sparse/0"]);
         let many = [
             "sparse/10/cameras.bin",
             "sparse/2/cameras.bin",
@@ -217,11 +227,18 @@ mod tests {
 
     #[test]
     fn reduced_photos_have_reduced_masks_if_there_are_any() {
-        let folder =
-            folder(&["images/a", "images_4/a", "images_8/a", "masks/a.png", "masks_4/a.png", "other/photos/a"]);
+        let folder = folder(&[
+            "images/a",
+            "images_4/a",
+            "images_8/a",
+            "masks/a.png",
+            "masks_4/a.png",
+            "other/photos/a",
+            "one/mask/a",
+        ]);
         let path = |photos: &str| masks(&folder.path().join(photos)).map(|masks| masks.expected(""));
         let at = |place: &str| Some(folder.path().join(place).join(""));
         assert_eq!([path("images"), path("images_4"), path("images_8")], [at("masks"), at("masks_4"), at("masks")]);
-        assert_eq!(path("other/photos"), None);
+        assert_eq!([path("other/photos"), path("one/images")], [None, at("one/mask")]);
     }
 }

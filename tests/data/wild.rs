@@ -111,7 +111,8 @@ fn masks_that_belong_to_no_photo_are_told() {
         let mask = image::GrayImage::from_pixel(8, 6, image::Luma([255]));
         fs::create_dir(folder.path().join("masks")).unwrap();
         mask.save(folder.path().join("masks/nobody.png")).unwrap();
-        assert!(notes().contains("folder of masks, but no file"), "{kind}: {}", notes());
+        let note = "folder of masks, but no file in it is named after a photo; expected `p01.png` or `p01.png.png`";
+        assert!(notes().contains(note), "{kind}: {}", notes());
         mask.save(folder.path().join("masks/p01.png")).unwrap();
         assert!(notes().contains("1 photo of 10 with a mask"), "{kind}: {}", notes());
     }

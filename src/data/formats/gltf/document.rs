@@ -10,6 +10,8 @@ use base64::Engine;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
+use crate::data::names;
+
 const MAGIC: &[u8] = b"glTF";
 const JSON: &[u8; 4] = b"JSON";
 const BINARY: &[u8; 4] = b"BIN\0";
@@ -189,7 +191,7 @@ impl<'a> Document<'a> {
             return decoded.map_err(|error| format!("has a data URI that is not sound: {error}"));
         }
         let shown: String = uri.chars().take(200).collect();
-        let name = unescape(uri).ok_or_else(|| format!("is in `{shown}`, which is not text"))?;
+        let name = names::unescape(uri).ok_or_else(|| format!("is in `{shown}`, which is not text"))?;
         let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
         let Some(folder) = self.folder.filter(|_| inside && !name.contains("://")) else {
             return Err(format!("is in `{shown}`, expected a file beside this one"));
@@ -257,21 +259,4 @@ fn component(kind: u32, normalized: bool) -> Option<Number> {
         (5126, _) => (4, |b| f32::from_le_bytes(four(b))),
         _ => return None,
     })
-}
-
-/// A URI with its `%20`s and the like as they are meant.
-fn unescape(uri: &str) -> Option<String> {
-    let mut out = Vec::new();
-    let mut bytes = uri.bytes();
-    while let Some(byte) = bytes.next() {
-        out.push(match byte {
-            b'%' => {
-                let digit = |byte: u8| char::from(byte).to_digit(16);
-                let (high, low) = (digit(bytes.next()?)?, digit(bytes.next()?)?);
-                u8::try_from(16 * high + low).ok()?
-            }
-            byte => byte,
-        });
-    }
-    String::from_utf8(out).ok()
 }
