@@ -32,6 +32,8 @@ const LABELS: f32 = 16.0;
 /// Fill for the bytes that a JPEG image lacks, to find the rows that depend on them. Each is a mix of zeros and ones, since no Huffman
 /// table has a code of ones alone.
 const FILLERS: [u8; 3] = [0x55, 0x33, 0x0f];
+/// What to do about a file that cannot be used.
+const NEXT: &str = "convert it, replace it, or remove it and do without";
 
 /// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -242,9 +244,9 @@ fn decode_error(path: &Path, error: image::ImageError) -> Error {
             Error::io(path, source)
         }
         image::ImageError::Unsupported(_) => {
-            Error::input(path, format!("is not a PNG, JPEG, WebP, TIFF or BMP image: {text}"))
+            Error::input(path, format!("is not a PNG, JPEG, WebP, TIFF or BMP image: {text}; {NEXT}"))
         }
-        _ => Error::input(path, format!("cannot be decoded: {text}")),
+        _ => Error::input(path, format!("cannot be decoded: {text}; {NEXT}")),
     }
 }
 
@@ -651,7 +653,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read().unwrap_err().to_string()
         };
-        assert!(fails(b"").contains("a.png"));
+        assert!(fails(b"").contains("a.png") && fails(b"").contains("replace it, or remove it"));
         assert!(fails(b"GIF89a").contains("PNG, JPEG, WebP, TIFF or BMP"));
         let picture = RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]));
         let formats = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff, ImageFormat::Bmp];

@@ -220,6 +220,12 @@ fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
     if ["sh0_0", "beta"].iter().all(splat) {
         return Some("a scene of beta kernels, as DBS writes them");
     }
+    if splat(&"f_anchor_feat_0") {
+        return Some("a scene of anchors and networks, as Scaffold-GS writes it");
+    }
+    if splat(&"scale_1") && !splat(&"scale_2") {
+        return Some("a scene of flat Gaussians without `scale_2`, as 2DGS writes it");
+    }
     let (means, others): (Vec<_>, Vec<_>) =
         columns(0, false).into_iter().partition(|(_, place)| matches!(place, Place::Mean(_)));
     let there = |(name, _): &(String, Place)| vertex.scalar(name).is_some();
@@ -568,8 +574,14 @@ mod tests {
         let face = "element face 0\nproperty list uchar int vertex_indices\n";
         expect(format!("{head}{xyz}{face}end_header\n").as_bytes(), &["mesh", "3DGS"]);
         expect(format!("{head}property uint packed_position\nend_header\n").as_bytes(), &["compressed PLY"]);
-        let kernels = "property float sh0_0\nproperty float beta\n";
-        expect(format!("{head}{xyz}{kernels}end_header\n").as_bytes(), &["beta kernels", "3DGS"]);
+        for (names, kind) in [
+            (["sh0_0", "beta"], "beta kernels"),
+            (["f_anchor_feat_0", "opacity"], "as Scaffold-GS writes it"),
+            (["scale_0", "scale_1"], "flat Gaussians without `scale_2`"),
+        ] {
+            let more = names.map(|name| format!("property float {name}\n")).concat();
+            expect(format!("{head}{xyz}{more}end_header\n").as_bytes(), &[kind, "not a 3DGS PLY"]);
+        }
         expect(b"ply\nformat ascii 1.0\nelement point 0\nend_header\n", &["no element `vertex`"]);
     }
 

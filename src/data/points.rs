@@ -66,7 +66,9 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
     let element = ply.element(BASE).ok_or_else(|| fail(format!("has no element `{BASE}`")))?;
     let place = |name| element.scalar(name).ok_or_else(|| fail(format!("element `{BASE}` lacks property `{name}`")));
     let xyz = [place("x")?, place("y")?, place("z")?];
-    let rgb = match ["red", "green", "blue"].map(|name| element.scalar(name)) {
+    let named = |prefix: &str| ["red", "green", "blue"].map(|name| element.scalar(&format!("{prefix}{name}")));
+    // Older programs say what kind of light it is.
+    let rgb = match Some(named("")).filter(|plain| *plain != [None; 3]).unwrap_or_else(|| named("diffuse_")) {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         [None, None, None] => None,
         _ => return Err(fail(format!("element `{BASE}` has only some of `red`, `green`, `blue`"))),
@@ -120,6 +122,10 @@ mod tests {
         )
         .unwrap();
         assert_eq!(cloud.colors, [[0, 9, 255], [7, 8, 9]]);
+        let diffuse = rgb.replace("uchar ", "uchar diffuse_");
+        let diffuse = format!("{head}{diffuse}1 2 3 0 9 255\n-nan(ind) 5 6 7 8 9\n");
+        let other = parse_points(diffuse.as_bytes(), Path::new("p.ply"), &mut Vec::new()).unwrap();
+        assert_eq!(other.colors, [[0, 9, 255]]);
         let read = |text: String, notes: &mut Vec<String>| parse_points(text.as_bytes(), Path::new("p.ply"), notes);
         let error = |text: String| read(text, &mut Vec::new()).unwrap_err().to_string();
         for (text, name) in [("", "empty"), ("solid cube", "nothing that glint knows"), ("NGSP\x04", "an SPZ scene")] {
