@@ -82,6 +82,9 @@ fn a_floater_has_a_chunk_of_its_own() {
     }
     let (back, notes) = converted(&sample(3, 300, 1), "a.compressed.ply", format("a.compressed.ply"));
     assert!(notes.is_empty() && back.scene.base.len() == 300);
+    // Of so few none is a floater.
+    let (_, notes) = converted(&with_floater(60, [1e5, 0.0, 0.0]), "a.compressed.ply", format("a.compressed.ply"));
+    assert!(notes[0].contains("60 of 60 positions lie on a grid that is coarse"), "{notes:?}");
 }
 
 #[test]

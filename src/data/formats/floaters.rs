@@ -52,8 +52,8 @@ pub(super) fn distance(mean: &[f32; 3], from: [f64; 3]) -> f64 {
 }
 
 /// The median size of a Gaussian along an axis, by which the steps of a grid are judged; 0 of none.
-pub(super) fn median_size(gaussians: &Gaussians) -> f64 {
-    let mut all: Vec<f32> = gaussians.log_scales.as_flattened().to_vec();
+pub(super) fn median_size(log_scales: &[[f32; 3]]) -> f64 {
+    let mut all: Vec<f32> = log_scales.as_flattened().to_vec();
     let middle = all.len() / 2;
     if all.is_empty() { 0.0 } else { f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1).exp() }
 }

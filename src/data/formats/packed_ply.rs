@@ -48,6 +48,8 @@ const NO_COLOUR_BOUNDS: [f32; 6] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
 const PARTS: [u32; 3] = [11, 10, 11];
 /// Logarithms of scales are kept within this, or one Gaussian that is infinitely thin would take the bits of its whole chunk.
 const SCALES: f32 = 20.0;
+/// A grid is told of whose step is more than this part of the median size of a Gaussian of its chunk.
+const COARSE: f64 = 0.5;
 /// A coefficient of 0 to 1 is that of −4 to 4.
 const HARMONICS: f64 = 8.0;
 
@@ -204,9 +206,17 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     let k = sorted.sh_coefficients();
     let colour = |i: usize| sorted.sh[i * k].map(|v| (quantise::C0 * f64::from(v) + 0.5) as f32);
     let scale = |i: usize| sorted.log_scales[i].map(|v| v.clamp(-SCALES, SCALES));
+    let near = if fill.is_empty() { sorted.len() } else { fill.end };
+    let (mut coarse, mut widest) = (0, 0.0f64);
     for begin in (0..sorted.len()).step_by(CHUNK) {
         let rows = begin..sorted.len().min(begin + CHUNK);
         let position = limits(rows.clone().map(|i| sorted.means[i]));
+        let step =
+            |axis: usize| (f64::from(position[axis + 3]) - f64::from(position[axis])) / f64::from(1u32 << PARTS[axis]);
+        let step = (0..3).map(step).fold(0.0, f64::max);
+        if begin < near && step > COARSE * floaters::median_size(&sorted.log_scales[rows.clone()]) {
+            (coarse, widest) = (coarse + rows.len(), widest.max(step));
+        }
         let scales = limits(rows.clone().map(scale));
         let colours = limits(rows.clone().map(colour));
         out.extend([position, scales, colours].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
@@ -223,6 +233,13 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
                 colour,
             ]);
         }
+    }
+    if coarse > 0 {
+        let all = gaussians.len();
+        notes.push(format!(
+            "{coarse} of {all} positions lie on a grid that is coarse for Gaussians of their size, of step {widest:.3} or less: some of \
+             their chunk lie far from the others"
+        ));
     }
     out.extend(words.iter().flat_map(|word| word.to_le_bytes()));
     for row in sorted.sh.chunks_exact(k) {

@@ -302,7 +302,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>)
              others keep a step of {step}"
         ));
     }
-    let size = floaters::median_size(gaussians);
+    let size = floaters::median_size(&gaussians.log_scales);
     if step > COARSE * size {
         notes.push(format!("positions lie on a grid of step {step}, and the median size of a Gaussian is {size:.3}"));
     }
