@@ -37,12 +37,12 @@ float squared_length(vec3 d) {
     return sum;
 }
 
-// `here`: this lane's point p, number `mine` of the set, is of the block.
-void join_block(bool here, vec3 p, uint mine, uint first, uint n, float limit) {
+// `here`: this lane's point p, number `own` of the set with the ancestor `mine`, is of the block.
+void join_block(bool here, vec3 p, uint own, uint mine, uint first, uint n, float limit) {
     const float FAR = 3.402823466e38;
     uint lane = gl_SubgroupInvocationID, width = gl_SubgroupSize;
     vec3 low = subgroupMin(here ? p : vec3(FAR)), high = subgroupMax(here ? p : vec3(-FAR));
-    uint last = subgroupMax(here ? mine : 0);
+    uint last = subgroupMax(here ? own : 0);
     for (uint other = 0; other <= last; other += width) {
         uint theirs = min(other + lane, n - 1);
         vec3 q = points[first + theirs].xyz;
@@ -67,6 +67,9 @@ void join_block(bool here, vec3 p, uint mine, uint first, uint n, float limit) {
 void main() {
     uint at = subgroup_index() * gl_SubgroupSize + gl_SubgroupInvocationID;
     bool open = at < push.point_count;
+    // Read outside of all loops: where the first access to a buffer is in one, llvmpipe of Mesa 25.2 keeps the buffer's address in
+    // lanes, and reads at address 0 in a loop after one that the first lane did not enter.
+    uint ancestor = label_at(min(at, push.point_count - 1)); // a number of its set, like every label
     uint set_index = open ? point_sets[at] : NONE;
     vec3 p = vec3(0.0);
     if (open) {
@@ -79,7 +82,7 @@ void main() {
         bool here = open && set_index == current;
         uint first = point_firsts[current];
         float tau = taus[current];
-        join_block(here, p, at - first, first, point_counts[current], tau * tau);
+        join_block(here, p, at - first, ancestor, first, point_counts[current], tau * tau);
         if (here) open = false;
     }
 }
