@@ -48,8 +48,9 @@ const NO_COLOUR_BOUNDS: [f32; 6] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
 const PARTS: [u32; 3] = [11, 10, 11];
 /// Logarithms of scales are kept within this, or one Gaussian that is infinitely thin would take the bits of its whole chunk.
 const SCALES: f32 = 20.0;
-/// A grid is told of whose step is more than this part of the median size of a Gaussian of its chunk.
-const COARSE: f64 = 0.5;
+/// A grid is told of whose step is more than this part of the median size of a Gaussian of its chunk: a mean is then off by up to
+/// half a standard deviation.
+const COARSE: f64 = 1.0;
 /// A coefficient of 0 to 1 is that of −4 to 4.
 const HARMONICS: f64 = 8.0;
 
