@@ -296,11 +296,20 @@ pub struct Struct {
     layout: Layout,
 }
 
-/// Bytes of a type and what they are a multiple of.
+/// Bytes of a type, what they are a multiple of, and which of its words are floats: bit k for word k.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Layout {
     size: usize,
     align: usize,
+    floats: u32,
+}
+
+impl Layout {
+    /// That of `count` of them in a row.
+    fn times(self, count: usize) -> Self {
+        let floats = (0..count).fold(0, |bits, i| bits | self.floats << (i * self.size / 4));
+        Layout { size: self.size * count, floats, ..self }
+    }
 }
 
 /// A member of a block or struct.
@@ -314,8 +323,8 @@ pub struct Field {
 /// What the host must give to a kernel.
 #[derive(Debug)]
 pub struct Interface {
-    /// Per binding: field name, element type in Rust, access.
-    pub bindings: Vec<(String, String, AccessType)>,
+    /// Per binding: field name, element type in Rust, access, and which words of an element are floats.
+    pub bindings: Vec<(String, String, AccessType, u32)>,
     /// Members of the push constants, in order.
     pub push: Vec<Field>,
     /// Id, name and type of each specialisation constant.
@@ -336,8 +345,8 @@ impl Interface {
                     if desc_bind.set() != 0 {
                         return Err(format!("a buffer is in set {}, expected 0", desc_bind.set()));
                     }
-                    let (name, element) = block_element(&ty, types)?;
-                    if bindings.insert(desc_bind.bind(), (name, element, access)).is_some() {
+                    let (name, element, floats) = block_element(&ty, types)?;
+                    if bindings.insert(desc_bind.bind(), (name, element, access, floats)).is_some() {
                         return Err(format!("binding {} is used twice", desc_bind.bind()));
                     }
                 }
@@ -391,7 +400,7 @@ impl Kernel {
         writeln!(s, "#[derive(Clone, Copy, Debug)]").unwrap();
         writeln!(s, "pub struct Spec {{\n{}}}", fields(spec.iter().map(|(_, n, t)| (n, *t)))).unwrap();
         writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
-        for (n, t, a) in bindings {
+        for (n, t, a, _) in bindings {
             writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
         }
         writeln!(s, "}}").unwrap();
@@ -406,10 +415,10 @@ impl Kernel {
         let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
         writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
         writeln!(s, "    const BINDINGS: &'static [crate::gpu::Binding] = &[").unwrap();
-        for (n, t, a) in bindings {
+        for (n, t, a, floats) in bindings {
             let (access, bytes) = (access(a), format!("size_of::<{t}>() as u32"));
-            writeln!(s, "        crate::gpu::Binding {{ name: c{n:?}, access: {access}, element_bytes: {bytes} }},")
-                .unwrap();
+            let rest = format!("element_bytes: {bytes}, floats: {floats:#b}");
+            writeln!(s, "        crate::gpu::Binding {{ name: c{n:?}, access: {access}, {rest} }},").unwrap();
         }
         writeln!(s, "    ];\n    const CONSTANTS: &'static [crate::gpu::Constant] = &[").unwrap();
         for (id, n, t) in spec {
@@ -443,7 +452,7 @@ impl Kernel {
         let mut s = String::from("/// What a twin of the kernel is given; see [`crate::gpu::Twin`].\n");
         writeln!(s, "pub struct Host<'a> {{\n    pub workgroups: crate::gpu::Workgroups,").unwrap();
         writeln!(s, "    pub spec: Spec,\n    pub push: Push,").unwrap();
-        for (n, t, a) in bindings {
+        for (n, t, a, _) in bindings {
             let exclusive = if matches!(a, AccessType::ReadOnly) { "" } else { "mut " };
             writeln!(s, "    /// {a:?}\n    pub {n}: &'a {exclusive}[{t}],").unwrap();
         }
@@ -498,8 +507,9 @@ fn without_expressions(words: &[u32]) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-/// Field name and element type of a storage block: the array's element, or the block itself if it has no array.
-fn block_element(ty: &Type, types: &mut Types) -> Result<(String, String), String> {
+/// Field name and element type of a storage block, and which words of an element are floats: the array's element, or the block itself if
+/// it has no array.
+fn block_element(ty: &Type, types: &mut Types) -> Result<(String, String, u32), String> {
     let Type::Struct(block) = ty else { return Err("a buffer is not a block".into()) };
     let block_name = block.name.clone().ok_or("a block has no name")?;
     let field = snake(&block_name);
@@ -511,35 +521,36 @@ fn block_element(ty: &Type, types: &mut Types) -> Result<(String, String), Strin
         if array.stride != Some(layout.size) {
             return Err(format!("{block_name} has padding between elements of {element}"));
         }
-        return Ok((field, element));
+        return Ok((field, element, layout.floats));
     }
-    Ok((field, rust_type(ty, types)?.0))
+    let (element, layout) = rust_type(ty, types)?;
+    Ok((field, element, layout.floats))
 }
 
 /// Rust type and layout; a struct is generated on first sight and must be the same at every later one.
 fn rust_type(ty: &Type, types: &mut Types) -> Result<(String, Layout), String> {
     match ty {
-        Type::Scalar(s) => scalar(s).map(|(name, size)| (name.to_owned(), Layout { size, align: size })),
+        Type::Scalar(s) => scalar(s).map(|(name, layout)| (name.to_owned(), layout)),
         Type::Vector(v) => {
-            let (name, size) = scalar(&v.scalar_ty)?;
-            let layout = Layout { size: size * v.nscalar as usize, align: size };
-            Ok((format!("[{name}; {}]", v.nscalar), layout))
+            let (name, layout) = scalar(&v.scalar_ty)?;
+            Ok((format!("[{name}; {}]", v.nscalar), layout.times(v.nscalar as usize)))
         }
         Type::Array(a) => {
-            let (element, Layout { size, align }) = rust_type(&a.element_ty, types)?;
+            let (element, layout) = rust_type(&a.element_ty, types)?;
             let n = a.nelement.ok_or("an unsized array inside a struct")? as usize;
-            if a.stride != Some(size) {
+            if a.stride != Some(layout.size) {
                 return Err(format!("an array has padding between elements of {element}"));
             }
-            Ok((format!("[{element}; {n}]"), Layout { size: size * n, align }))
+            Ok((format!("[{element}; {n}]"), layout.times(n)))
         }
         Type::Struct(st) => {
             let name = st.name.clone().ok_or("a struct has no name")?;
             let list = members(st, types)?;
-            let layout = Layout {
-                size: list.iter().map(|f| f.layout.size).sum(),
-                align: list.iter().map(|f| f.layout.align).max().unwrap_or(1),
-            };
+            let mut layout = Layout { size: 0, align: 1, floats: 0 };
+            for field in list.iter().map(|f| f.layout) {
+                layout.floats |= field.floats << (layout.size / 4);
+                layout = Layout { size: layout.size + field.size, align: layout.align.max(field.align), ..layout };
+            }
             if !layout.size.is_multiple_of(layout.align) {
                 return Err(format!("struct {name} of {} bytes ends in padding to {}", layout.size, layout.align));
             }
@@ -578,9 +589,9 @@ fn members(st: &StructType, types: &mut Types) -> Result<Vec<Field>, String> {
     st.members.iter().map(field).collect()
 }
 
-/// Name in Rust and bytes.
-fn scalar(ty: &ScalarType) -> Result<(&'static str, usize), String> {
-    Ok(match ty {
+/// Name in Rust, and layout.
+fn scalar(ty: &ScalarType) -> Result<(&'static str, Layout), String> {
+    let (name, size) = match ty {
         ScalarType::Float { bits: 32 } => ("f32", 4),
         ScalarType::Float { bits: 16 } => ("crate::gpu::f16", 2),
         ScalarType::Integer { bits: 32, is_signed: false } => ("u32", 4),
@@ -590,7 +601,8 @@ fn scalar(ty: &ScalarType) -> Result<(&'static str, usize), String> {
         ScalarType::Integer { bits: 8, is_signed: false } => ("u8", 1),
         ScalarType::Integer { bits: 8, is_signed: true } => ("i8", 1),
         other => return Err(format!("{other:?} is not a scalar of 8, 16 or 32 bits")),
-    })
+    };
+    Ok((name, Layout { size, align: size, floats: u32::from(name == "f32") }))
 }
 
 fn snake(name: &str) -> String {

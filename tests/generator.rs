@@ -37,7 +37,7 @@ fn source(declarations: &str, body: &str) -> String {
 fn bindings(declarations: &str, body: &str) -> Result<(Vec<String>, Types), String> {
     let mut types = Types::new();
     let interface = Interface::reflect(&kernel(declarations, body), &mut types)?;
-    Ok((interface.bindings.into_iter().map(|(name, ty, _)| format!("{name}: {ty}")).collect(), types))
+    Ok((interface.bindings.into_iter().map(|(name, ty, ..)| format!("{name}: {ty}")).collect(), types))
 }
 
 fn refused(declarations: &str, body: &str) -> String {
@@ -128,7 +128,7 @@ layout(set = 0, binding = 2, scalar) buffer Both { float both[]; };";
         .unwrap()
         .bindings
         .into_iter()
-        .map(|(name, _, access)| format!("{name} {access:?}"))
+        .map(|(name, _, access, _)| format!("{name} {access:?}"))
         .collect();
     assert_eq!(access, ["read ReadOnly", "written WriteOnly", "both ReadWrite"]);
     for body in ["read[i] = 1.0;", "both[i] = written[i];"] {

@@ -270,16 +270,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -351,10 +351,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"copies", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -422,10 +422,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_image.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -493,9 +493,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_noise.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -563,10 +563,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -633,9 +633,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_plan.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"words", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -734,16 +734,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_score.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -824,11 +824,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/density_weigh.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"scores", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"alive", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -897,10 +897,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_apply.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"corrected", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"corrected", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -972,11 +972,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1046,10 +1046,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/exposure_step.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"maps", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1133,13 +1133,13 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_append.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Read, element_bytes: size_of::<Lift>() as u32 },
-        crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Read, element_bytes: size_of::<Lift>() as u32, floats: 0b1111111111111111111 },
+        crate::gpu::Binding { name: c"lift_ranks", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1213,11 +1213,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_count.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1309,15 +1309,15 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_groups.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"group_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rounds", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"group_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rounds", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1398,13 +1398,13 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_join.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1512,19 +1512,19 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_pca.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"train_views", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32 },
-        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"train_views", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"prime_labels", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"cluster_sizes", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32, floats: 0b1111111111111111111 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1622,17 +1622,17 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/lift_points.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"point_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"point_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"points", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"heaviest", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"taus", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"point_sets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"labels", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1701,10 +1701,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_probe.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1772,9 +1772,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/loss_sum.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"losses", access: crate::gpu::Access::Write, element_bytes: size_of::<Loss>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"losses", access: crate::gpu::Access::Write, element_bytes: size_of::<Loss>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1861,13 +1861,13 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -1962,14 +1962,14 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/ssim_forward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"partials", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"tile_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2045,10 +2045,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/gather.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"from", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"gathered", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sources", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"from", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"gathered", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2127,12 +2127,12 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/recount.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"added", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"pages", access: crate::gpu::Access::Read, element_bytes: size_of::<Page>() as u32 },
-        crate::gpu::Binding { name: c"segment_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"population_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"added", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"pages", access: crate::gpu::Access::Read, element_bytes: size_of::<Page>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"segment_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"population_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2235,17 +2235,17 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/adam.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"geometry_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobe_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"geometry_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobe_grads", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2381,22 +2381,22 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"geometry_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobe_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 4]>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2459,7 +2459,7 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/step_done.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2553,16 +2553,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_attenuate.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
-        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
-        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32, floats: 0b111111111 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2627,8 +2627,8 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_blur.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"from_texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
-        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
+        crate::gpu::Binding { name: c"from_texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2716,14 +2716,14 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_claim.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
-        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"claims", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32, floats: 0b111111111 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"claims", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"beaten", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2818,15 +2818,15 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_draw.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"quanta_total", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"quanta_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Write, element_bytes: size_of::<Candidate>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"quanta_total", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"quanta_firsts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Write, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -2902,10 +2902,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_fit.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Write, element_bytes: size_of::<Fit>() as u32 },
-        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Write, element_bytes: size_of::<Fit>() as u32, floats: 0b111111111 },
+        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3002,16 +3002,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_gain.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
-        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
-        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"gain_squares", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32, floats: 0b111111111 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"gains", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"gain_squares", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3106,16 +3106,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_place.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"kept", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32 },
-        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32 },
-        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"plain_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"spent", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"kept", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"order", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"fits", access: crate::gpu::Access::Read, element_bytes: size_of::<Fit>() as u32, floats: 0b111111111 },
+        crate::gpu::Binding { name: c"gain_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"lifts", access: crate::gpu::Access::Write, element_bytes: size_of::<Lift>() as u32, floats: 0b1111111111111111111 },
+        crate::gpu::Binding { name: c"lift_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"plain_flags", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"prices", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"spent", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3174,8 +3174,8 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_quanta.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"quanta", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3270,17 +3270,17 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_residual.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"squares", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"targets", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Write, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"errors", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"error_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"explained", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"squares", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3362,12 +3362,12 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/pursuit_score.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32 },
-        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32 },
-        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32 },
-        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"plots", access: crate::gpu::Access::Read, element_bytes: size_of::<Plot>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"surface_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"candidates", access: crate::gpu::Access::Read, element_bytes: size_of::<Candidate>() as u32, floats: 0b11111111 },
+        crate::gpu::Binding { name: c"texels", access: crate::gpu::Access::Read, element_bytes: size_of::<Texel>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3494,21 +3494,21 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"backdrop", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"backdrop", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"scene_depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3644,22 +3644,22 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 4]>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_words", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 4]>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3787,21 +3787,21 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/blend_backward_atomic.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_slots", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::Read, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"image_grad", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -3915,18 +3915,18 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/emit.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rank_first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splat_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"isect_globals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"global_from_rank", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rank_first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splat_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_globals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"rank_blocks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Read, element_bytes: size_of::<PackedSplat>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4010,11 +4010,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/median_depth.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"median_ids", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4118,16 +4118,16 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32 },
-        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Write, element_bytes: size_of::<PackedSplat>() as u32 },
+        crate::gpu::Binding { name: c"population", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"views", access: crate::gpu::Access::Read, element_bytes: size_of::<View>() as u32, floats: 0b100011111111111111111111111 },
+        crate::gpu::Binding { name: c"geometry", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"sh", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"lobes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"packed_splats", access: crate::gpu::Access::Write, element_bytes: size_of::<PackedSplat>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4209,10 +4209,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/resolve.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"target", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"depth_target", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"target", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"depth_target", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4290,12 +4290,12 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/tile_ranges.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 2]>() as u32 },
-        crate::gpu::Binding { name: c"tile_drawn", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"isect_tiles", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_ranges", access: crate::gpu::Access::Write, element_bytes: size_of::<[u32; 2]>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_drawn", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_list_count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4398,18 +4398,18 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_backward.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"first_slot", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"record_centres", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_shapes", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"record_colours", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4509,17 +4509,17 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_draw.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"quotas", access: crate::gpu::Access::Read, element_bytes: size_of::<Quota>() as u32 },
-        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32 },
-        crate::gpu::Binding { name: c"drawn_pixels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<ScreenState>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"quotas", access: crate::gpu::Access::Read, element_bytes: size_of::<Quota>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"loss_map", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"image", access: crate::gpu::Access::Read, element_bytes: size_of::<[f32; 4]>() as u32, floats: 0b1111 },
+        crate::gpu::Binding { name: c"drawn_pixels", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<ScreenState>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_ages", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_moments", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4609,15 +4609,15 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_project.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
-        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32 },
-        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"depths", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Write, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"splat_colours", access: crate::gpu::Access::Write, element_bytes: size_of::<[f32; 3]>() as u32, floats: 0b111 },
+        crate::gpu::Binding { name: c"depth_keys", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4691,11 +4691,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_prune.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32 },
-        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_states", access: crate::gpu::Access::Read, element_bytes: size_of::<ScreenState>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_planes", access: crate::gpu::Access::Read, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4780,14 +4780,14 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/screen_tiles.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32 },
-        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32 },
-        crate::gpu::Binding { name: c"tile_marks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"forward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"backward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"frames", access: crate::gpu::Access::Read, element_bytes: size_of::<Frame>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"screen_frames", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"tile_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"splats", access: crate::gpu::Access::Read, element_bytes: size_of::<Splat>() as u32, floats: 0b111111 },
+        crate::gpu::Binding { name: c"tile_marks", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"forward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"backward_tiles", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4855,9 +4855,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/dispatch_args.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"dispatch_args", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"status", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -4945,13 +4945,13 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_downsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"values_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"keys_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"values_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"values_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"keys_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"values_out", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5023,9 +5023,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"digit_totals", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5096,9 +5096,9 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/radix_upsweep.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"keys_in", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_counts", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5176,11 +5176,11 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_apply.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"offsets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"offsets", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5251,10 +5251,10 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_reduce.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"values", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"index", access: crate::gpu::Access::Read, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5317,8 +5317,8 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/scan_spine.software.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
-        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32 },
+        crate::gpu::Binding { name: c"count", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
+        crate::gpu::Binding { name: c"block_sums", access: crate::gpu::Access::ReadWrite, element_bytes: size_of::<u32>() as u32, floats: 0b0 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },
@@ -5379,7 +5379,7 @@ impl crate::gpu::Kernel for Kernel {
     const SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
     const SOFTWARE_SPIRV: &'static [u8] = &crate::gpu::Words(*include_bytes!(concat!(env!("OUT_DIR"), "/fma_rate.spv"))).0;
     const BINDINGS: &'static [crate::gpu::Binding] = &[
-        crate::gpu::Binding { name: c"chain_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32 },
+        crate::gpu::Binding { name: c"chain_sums", access: crate::gpu::Access::Write, element_bytes: size_of::<f32>() as u32, floats: 0b1 },
     ];
     const CONSTANTS: &'static [crate::gpu::Constant] = &[
         crate::gpu::Constant { id: 0, name: c"workgroup_size", kind: crate::gpu::ConstantKind::U32 },

@@ -15,7 +15,7 @@ use gpu_allocator::{
 };
 
 use super::{
-    DeviceInfo, Feature, GpuError, Recorder, Requirements, Twin,
+    DeviceInfo, Feature, GpuError, Judge, Recorder, Requirements, Twin,
     device::{self, Limits, Physical, Subgroups},
     functions::{check_device, check_instance, has_push_descriptors},
     instance::{create_instance, create_messenger},
@@ -42,6 +42,9 @@ pub struct ContextOptions {
     /// What stands in for kernels on the host. A stage with a twin makes the recorder submit what it has and wait, so this is
     /// for finding a stage that a driver compiles wrongly, not for work.
     pub twins: Vec<Twin>,
+    /// Compares the results of kernels, or of twins that stand in for them, with those of twins from the same inputs. Each dispatch is
+    /// submitted on its own then.
+    pub judge: Option<Judge>,
     /// For tests: after so many submissions every wait says that the device is lost. A CPU device never is by itself.
     pub lost_after: Option<u64>,
 }
@@ -60,6 +63,7 @@ impl ContextOptions {
             // Nothing fits into a budget that is not a number, and the error says how large it is.
             memory_budget: text("GLINT_MEMORY_BUDGET").map(|bytes| bytes.parse().unwrap_or(0)),
             twins: Vec::new(),
+            judge: None,
             lost_after: text("GLINT_LOST_AFTER").and_then(|count| count.parse().ok()),
         }
     }
@@ -139,6 +143,7 @@ pub(super) struct Inner {
     pub waits: AtomicU64,
     pub stand_ins: AtomicU64,
     pub twins: Vec<Twin>,
+    pub judge: Option<Judge>,
     pub lost_after: Option<u64>,
     pub instance: ash::Instance,
     pub physical: vk::PhysicalDevice,
@@ -160,6 +165,7 @@ struct Own {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
     twins: Vec<Twin>,
+    judge: Option<Judge>,
     lost_after: Option<u64>,
     pipelines: Arc<Made>,
 }
@@ -200,7 +206,7 @@ impl Context {
     ) -> Result<(vk::PhysicalDevice, BTreeSet<Feature>), GpuError> {
         // SAFETY: both are live, as whoever has them says.
         unsafe { check_instance(entry, instance) }?;
-        device::pick(instance, options).map(|(physical, _)| (physical.handle, physical.offered))
+        device::pick(entry, instance, options).map(|(physical, _)| (physical.handle, physical.offered))
     }
 
     /// What a physical device of the caller's instance is to glint, before a device is made of it: what a scene takes there follows from
@@ -230,7 +236,7 @@ impl Context {
         let (entry, instance, debug) = create_instance(options.validation, &[])?;
         let messages = Arc::new(Mutex::new(Vec::new()));
         let messenger = if options.validation { Some(create_messenger(&entry, &instance, &messages)?) } else { None };
-        let opened = device::pick(&instance, options).and_then(|(physical, subgroups)| {
+        let opened = device::pick(&entry, &instance, options).and_then(|(physical, subgroups)| {
             let family = physical.queue_family.ok_or_else(|| GpuError::NoDevice(" with a compute queue".into()))?.0;
             device::open(&instance, &physical, family).map(|device| (physical, subgroups, device, family))
         });
@@ -263,8 +269,8 @@ impl Context {
             labels: debug,
             memory_budget: options.memory_budget,
         };
-        let (twins, lost_after) = (options.twins.clone(), options.lost_after);
-        let own = Own { messages, messenger, owned: true, twins, lost_after, ..Own::default() };
+        let ContextOptions { twins, judge, lost_after, .. } = options.clone();
+        let own = Own { messages, messenger, owned: true, twins, judge, lost_after, ..Own::default() };
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
@@ -296,6 +302,7 @@ impl Context {
         let own = Own {
             messages: inner.messages.clone(),
             twins: options.twins.clone(),
+            judge: options.judge.clone(),
             lost_after: options.lost_after,
             pipelines: if subgroups == inner.subgroups { inner.pipelines.clone() } else { Arc::default() },
             ..Own::default()
@@ -337,7 +344,7 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional, .. } = from;
-        let Own { messages, messenger, owned, twins, lost_after, pipelines } = own;
+        let Own { messages, messenger, owned, twins, judge, lost_after, pipelines } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -376,6 +383,7 @@ impl Context {
             waits: AtomicU64::new(0),
             stand_ins: AtomicU64::new(0),
             twins,
+            judge,
             lost_after,
             messages,
             messenger,
@@ -388,6 +396,22 @@ impl Context {
         let info = context.info();
         tracing::debug!(device = info.name, subgroup = info.subgroup_size, how = ?info.reconvergence, "device opened");
         Ok(context)
+    }
+
+    /// Opens another context on this device, with the same options and a judge.
+    ///
+    /// # Errors
+    /// As of [`Context::again`].
+    pub fn judged(&self, judge: Judge) -> Result<Self, GpuError> {
+        let Inner { twins, lost_after, subgroups, .. } = &*self.0;
+        self.again(&ContextOptions {
+            twins: twins.clone(),
+            judge: Some(judge),
+            lost_after: *lost_after,
+            subgroup_size: Some(subgroups.lanes),
+            software_subgroups: subgroups.software,
+            ..Default::default()
+        })
     }
 
     /// Whether both are the same context, or clones of it.

@@ -7,6 +7,7 @@ use ash::{ext, khr, vk};
 use super::{
     Check, ContextOptions, Feature, GpuError,
     features::{FeatureChain, has_extension},
+    instance::unknown_to_layers,
     needs,
     spirv::{MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW},
 };
@@ -481,8 +482,14 @@ pub(super) fn all(instance: &ash::Instance) -> Result<Vec<Physical>, GpuError> {
 }
 
 /// The device that `options` ask for, by default the first usable discrete GPU, else any that is usable.
-pub(super) fn pick(instance: &ash::Instance, options: &ContextOptions) -> Result<(Physical, Subgroups), GpuError> {
-    let list = all(instance)?;
+pub(super) fn pick(
+    entry: &ash::Entry,
+    instance: &ash::Instance,
+    options: &ContextOptions,
+) -> Result<(Physical, Subgroups), GpuError> {
+    let mut list = all(instance)?;
+    let unknown = options.validation.then(|| unknown_to_layers(entry)).flatten();
+    list.iter_mut().for_each(|p| p.offered.retain(|f| Some(*f) != unknown));
     let usable = |p: Physical| p.check(options, &p.offered).map(|subgroups| (p, subgroups));
     if let Some(wanted) = options.device.as_deref() {
         let found = match wanted.parse::<usize>() {

@@ -7,7 +7,7 @@ use std::{
 
 use ash::{ext, khr, vk};
 
-use super::{Check, GpuError, features::has_extension};
+use super::{Check, Feature, GpuError, features::has_extension};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -64,6 +64,15 @@ pub(crate) fn create_instance(
         let instance = entry.create_instance(&info, None).check("vkCreateInstance")?;
         Ok((entry, instance, debug))
     }
+}
+
+/// Returns the feature that a device may offer but this machine's validation layers report as an error, because they are older.
+pub(super) fn unknown_to_layers(entry: &ash::Entry) -> Option<Feature> {
+    // SAFETY: a plain query.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    let layer = layers.iter().find(|l| l.layer_name_as_c_str().is_ok_and(|n| n == VALIDATION))?;
+    // Ubuntu 24.04 has layers 1.3.275 and, from its updates, Mesa 25.2.
+    (layer.spec_version < vk::make_api_version(0, 1, 3, 276)).then_some(Feature::ShaderMaximalReconvergence)
 }
 
 /// `messages` must outlive the messenger.

@@ -31,7 +31,7 @@ pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};
 pub use pipeline::{Access, Binding, Constant, ConstantKind, Kernel, KernelInfo, MadePipeline, Pipeline, Unit, Words};
 pub use pools::StageTime;
 pub use recorder::{Kept, Recorder, Submission};
-pub use twin::{HostBuffer, Twin, TwinCall, Workgroups, next_binding};
+pub use twin::{HostBuffer, Judge, Shadowed, Twin, TwinCall, Workgroups, next_binding};
 
 use ash::vk;
 

@@ -27,7 +27,8 @@ pub enum Access {
 }
 
 impl Access {
-    pub(super) fn writes(self) -> bool {
+    /// Anything but [`Access::Read`].
+    pub fn writes(self) -> bool {
         self != Access::Read
     }
 }
@@ -41,6 +42,8 @@ pub struct Binding {
     pub access: Access,
     /// Bytes of an element.
     pub element_bytes: u32,
+    /// Which 4-byte words of an element are floats: bit k for word k.
+    pub floats: u32,
 }
 
 /// A specialisation constant of a kernel.

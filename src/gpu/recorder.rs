@@ -5,13 +5,14 @@ use std::{
     ffi::{CStr, CString},
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, Once, atomic::Ordering},
+    time::Duration,
 };
 
 use ash::vk;
 use bytemuck::Pod;
 
 use super::{
-    Access, Binding, Buffer, Check, Context, GpuError, HostBuffer, Kernel, Pipeline, RawBuffer, Twin, TwinCall,
+    Access, Buffer, Check, Context, GpuError, HostBuffer, Judge, Kernel, Pipeline, RawBuffer, Shadowed, Twin, TwinCall,
     Workgroups, needs,
     pools::{CommandSlot, Pools, Sets, StageTime, Stamps, make_slot, recycle},
 };
@@ -93,7 +94,15 @@ impl Kept {
     }
 }
 
-/// How many workgroups a twin stands in for.
+/// What has to do with a kernel beside itself.
+struct Twins {
+    /// Runs in its place.
+    stand_in: Option<Twin>,
+    /// Runs beside it.
+    judge: Option<(Twin, Judge)>,
+}
+
+/// How many workgroups there are.
 enum Count<'a> {
     Of(u32),
     /// Words `3·slot..3·slot+3` of a buffer.
@@ -204,16 +213,10 @@ impl Recorder {
         if groups == 0 {
             return;
         }
-        if let Some(twin) = self.twin::<K>() {
-            return self.stand_in(twin, pipeline, buffers, push, &Count::Of(groups));
+        match self.twins::<K>() {
+            Some(twins) => self.run_alone(twins, pipeline, buffers, push, &Count::Of(groups)),
+            None => drop(self.run_kernel(pipeline, buffers, push, groups)),
         }
-        if !self.bind(pipeline, buffers, push, None) {
-            return;
-        }
-        let x = groups.min(MAX_GROUPS);
-        // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
-        unsafe { self.context.0.device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1) };
-        self.close(K::NAME);
     }
 
     /// Runs `kernel` on as many workgroups as words `3·slot..3·slot+3` of `args` say.
@@ -225,15 +228,46 @@ impl Recorder {
         args: &Buffer<u32>,
         slot: u32,
     ) {
-        if let Some(twin) = self.twin::<K>() {
-            return self.stand_in(twin, pipeline, buffers, push, &Count::Indirect(args, slot));
+        match self.twins::<K>() {
+            Some(twins) => self.run_alone(twins, pipeline, buffers, push, &Count::Indirect(args, slot)),
+            None => drop(self.run_kernel_indirect(pipeline, buffers, push, args, slot)),
         }
+    }
+
+    /// False if it could not be recorded.
+    fn run_kernel<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        groups: u32,
+    ) -> bool {
+        if !self.bind(pipeline, buffers, push, None) {
+            return false;
+        }
+        let x = groups.min(MAX_GROUPS);
+        // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
+        unsafe { self.context.0.device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1) };
+        self.close(K::NAME);
+        true
+    }
+
+    /// False if it could not be recorded.
+    fn run_kernel_indirect<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        args: &Buffer<u32>,
+        slot: u32,
+    ) -> bool {
         if !self.bind(pipeline, buffers, push, Some(args)) {
-            return;
+            return false;
         }
-        // SAFETY: as in `dispatch`; `bind` checked nothing about the slot, which stages derive from their own layout.
+        // SAFETY: as in `run_kernel`; `bind` checked nothing about the slot, which stages derive from their own layout.
         unsafe { self.context.0.device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12) };
         self.close(K::NAME);
+        true
     }
 
     /// Sets every word of a buffer to `word`.
@@ -306,9 +340,15 @@ impl Recorder {
         Ok(())
     }
 
-    /// What stands in for the kernel, if anything does.
-    fn twin<K: Kernel>(&self) -> Option<Twin> {
-        let twin = *self.context.0.twins.iter().find(|twin| twin.stage == K::NAME)?;
+    /// Twins that have to do with the kernel, if there are any.
+    fn twins<K: Kernel>(&self) -> Option<Twins> {
+        let inner = &self.context.0;
+        let of = |twins: &[Twin]| twins.iter().find(|twin| twin.stage == K::NAME).copied();
+        let stand_in = of(&inner.twins);
+        let judge = inner.judge.as_ref().and_then(|judge| Some((of(&judge.twins)?, judge.clone())));
+        if stand_in.is_none() && judge.is_none() {
+            return None;
+        }
         if self.slot.is_none() {
             static TOLD: Once = Once::new();
             TOLD.call_once(|| {
@@ -316,13 +356,13 @@ impl Recorder {
             });
             return None;
         }
-        Some(twin)
+        Some(Twins { stand_in, judge })
     }
 
-    /// Runs what is recorded so far, then the twin on the host, and goes on recording.
-    fn stand_in<K: Kernel>(
+    /// Runs what is recorded so far, then the kernel or its stand-in by itself, and goes on recording.
+    fn run_alone<K: Kernel>(
         &mut self,
-        twin: Twin,
+        twins: Twins,
         pipeline: &Pipeline<K>,
         buffers: &K::Buffers<'_>,
         push: &K::Push,
@@ -331,25 +371,8 @@ impl Recorder {
         if self.failed.is_some() {
             return;
         }
-        let call = |count| TwinCall {
-            workgroups: Workgroups { count, size: pipeline.workgroup_size, lanes: self.context.info().subgroup_size },
-            spec: pipeline.spec.clone(),
-            push: bytemuck::bytes_of(push).to_vec(),
-            bindings: Vec::new(),
-        };
-        let run = || {
-            self.finish_recorded()?;
-            let count = match *count {
-                Count::Of(groups) => [groups, 1, 1],
-                Count::Indirect(args, slot) => {
-                    let words = args.download_range(3 * slot as usize, 3)?;
-                    [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
-                }
-            };
-            K::raw_buffers(buffers, |raw| self.run_twin(twin, call(count), raw, K::BINDINGS))
-        };
+        let outcome = self.run_with_twins(twins, pipeline, buffers, push, count);
         // What is recorded next needs a command buffer even where this failed.
-        let outcome = run();
         self.failed = outcome.and(self.begin_again()).err();
         self.kept.clear();
         self.label(K::LABEL);
@@ -378,33 +401,99 @@ impl Recorder {
         self.begin(c"after a twin")
     }
 
-    /// Hands the twin copies of the buffers and writes back what its kernel writes.
-    fn run_twin(
-        &self,
-        twin: Twin,
-        mut call: TwinCall,
-        raw: &[&Arc<RawBuffer>],
-        bindings: &[Binding],
+    fn run_with_twins<K: Kernel>(
+        &mut self,
+        twins: Twins,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        count: &Count<'_>,
     ) -> Result<(), GpuError> {
-        if call.workgroups.groups() == 0 {
+        self.finish_recorded()?;
+        let groups = match *count {
+            Count::Of(groups) => [groups, 1, 1],
+            Count::Indirect(args, slot) => {
+                let words = args.download_range(3 * slot as usize, 3)?;
+                [0, 1, 2].map(|d| words.get(d).copied().unwrap_or(0))
+            }
+        };
+        let lanes = self.context.info().subgroup_size;
+        let workgroups = Workgroups { count: groups, size: pipeline.workgroup_size, lanes };
+        if workgroups.groups() == 0 {
             return Ok(());
         }
-        for buffer in raw {
-            call.bindings.push(HostBuffer::new(&buffer.bytes().download()?));
-        }
-        // Where an earlier stage left nonsense, a twin that goes by it may index what is not there.
-        let outcome = catch_unwind(AssertUnwindSafe(|| (twin.run)(&mut call))).unwrap_or_else(|panic| {
-            let text = panic.downcast_ref::<String>().map(String::as_str);
-            Err(text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("it panicked").to_owned())
-        });
-        outcome.map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
-        self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
-        let written =
-            raw.iter().zip(bindings).zip(&call.bindings).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
-        for ((buffer, _), now) in written {
-            buffer.bytes().upload(0, now.bytes())?;
+        let before = download::<K>(buffers)?;
+        let call = || TwinCall {
+            workgroups,
+            spec: pipeline.spec.clone(),
+            push: bytemuck::bytes_of(push).to_vec(),
+            bindings: before.clone(),
+        };
+        let time = match twins.stand_in {
+            Some(twin) => {
+                let mut call = call();
+                run_twin(twin, &mut call).map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
+                self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
+                upload::<K>(buffers, &call.bindings)?;
+                None
+            }
+            None => self.run_timed(pipeline, buffers, push, count)?,
+        };
+        if let Some((twin, Judge { judge, .. })) = twins.judge {
+            let (mut call, kernel) = (call(), download::<K>(buffers)?);
+            let failed = run_twin(twin, &mut call).err();
+            let (stage, bindings, constants) = (K::NAME, K::BINDINGS, K::CONSTANTS);
+            judge(&Shadowed {
+                stage,
+                bindings,
+                constants,
+                twin: &call,
+                kernel: &kernel,
+                before: &before,
+                failed,
+                time,
+            });
         }
         Ok(())
+    }
+
+    /// Runs the kernel by itself, with nothing on its way; its time on the device, where there are timestamps.
+    fn run_timed<K: Kernel>(
+        &mut self,
+        pipeline: &Pipeline<K>,
+        buffers: &K::Buffers<'_>,
+        push: &K::Push,
+        count: &Count<'_>,
+    ) -> Result<Option<Duration>, GpuError> {
+        self.begin_again()?;
+        self.kept.clear();
+        self.time_alone();
+        let ran = match *count {
+            Count::Of(groups) => self.run_kernel(pipeline, buffers, push, groups),
+            Count::Indirect(args, slot) => self.run_kernel_indirect(pipeline, buffers, push, args, slot),
+        };
+        if !ran {
+            return self.failed.take().map_or(Ok(None), Err);
+        }
+        self.finish_recorded()?;
+        match &self.slot {
+            Some(slot) if self.timed => Ok(slot.stamps.read(&self.context)?.first().map(|stage| stage.time)),
+            _ => Ok(None),
+        }
+    }
+
+    /// Times the next stage alone, where that is possible; times of earlier ones are lost.
+    fn time_alone(&mut self) {
+        if let Some(slot) = &mut self.slot
+            && self.context.info().timestamp_period > 0.0
+        {
+            self.timed = true;
+            // SAFETY: the device is done with the slot, whose command buffer is recording again.
+            unsafe {
+                slot.stamps.reset(&self.context.0.device);
+                slot.stamps.begin(&self.context.0.device, self.commands);
+            }
+        }
     }
 
     /// For a borrowed command buffer: the buffers that must outlive the commands, and with them the context and its pipelines.
@@ -555,6 +644,27 @@ impl Recorder {
             unsafe { stamps.stamp(&self.context.0.device, self.commands, name) };
         }
     }
+}
+
+/// Copies of what a kernel is given.
+fn download<K: Kernel>(buffers: &K::Buffers<'_>) -> Result<Vec<HostBuffer>, GpuError> {
+    K::raw_buffers(buffers, |raw| raw.iter().map(|buffer| Ok(HostBuffer::new(&buffer.bytes().download()?))).collect())
+}
+
+/// What a stand-in made of the buffers that its kernel writes.
+fn upload<K: Kernel>(buffers: &K::Buffers<'_>, now: &[HostBuffer]) -> Result<(), GpuError> {
+    K::raw_buffers(buffers, |raw| {
+        let written = raw.iter().zip(K::BINDINGS).zip(now).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
+        written.into_iter().try_for_each(|((buffer, _), now)| buffer.bytes().upload(0, now.bytes()))
+    })
+}
+
+fn run_twin(twin: Twin, call: &mut TwinCall) -> Result<(), String> {
+    // Where an earlier stage left nonsense, a twin that goes by it may index what is not there.
+    catch_unwind(AssertUnwindSafe(|| (twin.run)(call))).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        Err(text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("it panicked").to_owned())
+    })
 }
 
 impl Drop for Recorder {

@@ -1,9 +1,11 @@
-//! Functions of the host that stand in for kernels, so that the one which a driver compiles wrongly can be found. What they
-//! compute is the business of whoever hands them to [`ContextOptions`](super::ContextOptions).
+//! Functions of the host that stand in for kernels, or run beside them on the same inputs, so that the one which a driver compiles
+//! wrongly can be found. What they compute is the business of whoever hands them to [`ContextOptions`](super::ContextOptions).
 
-use std::slice;
+use std::{ffi::CStr, fmt, slice, sync::Arc, time::Duration};
 
 use bytemuck::Pod;
+
+use super::{Binding, Constant};
 
 /// Stands in for a kernel wherever a context runs it.
 #[derive(Debug, Clone, Copy)]
@@ -13,6 +15,57 @@ pub struct Twin {
     /// Does to copies of the bound buffers what the dispatch would do to the buffers. What it says where it cannot comes out of
     /// [`Recorder::submit`](super::Recorder::submit).
     pub run: fn(&mut TwinCall) -> Result<(), String>,
+}
+
+/// A dispatch, and its twin's results from copies of the same buffers.
+pub struct Shadowed<'a> {
+    /// [`Kernel::NAME`](super::Kernel::NAME).
+    pub stage: &'static str,
+    /// The kernel's bindings, in the order of the buffers below.
+    pub bindings: &'static [Binding],
+    /// The kernel's specialisation constants.
+    pub constants: &'static [Constant],
+    /// The twin's inputs, with the buffers as it left them.
+    pub twin: &'a TwinCall,
+    /// The buffers as the kernel left them.
+    pub kernel: &'a [HostBuffer],
+    /// The buffers before.
+    pub before: &'a [HostBuffer],
+    /// The twin's error, if it returned one.
+    pub failed: Option<String>,
+    /// Duration of the kernel on the device; `None` without timestamps.
+    pub time: Option<Duration>,
+}
+
+impl Shadowed<'_> {
+    /// Returns the words of a buffer before the dispatch; empty if the kernel has no buffer of this name.
+    pub fn before(&self, name: &CStr) -> &[u32] {
+        let at = self.bindings.iter().position(|binding| binding.name == name);
+        at.map_or(&[], |at| self.before[at].words())
+    }
+
+    /// Returns a specialisation constant; 0 if the kernel has none of this name.
+    pub fn constant(&self, name: &CStr) -> u32 {
+        self.constants
+            .iter()
+            .find(|constant| constant.name == name)
+            .map_or(0, |constant| self.twin.constant(constant.id))
+    }
+}
+
+/// Compares the dispatches of a context with twins.
+#[derive(Clone)]
+pub struct Judge {
+    /// Twins, which run on copies of their kernels' buffers.
+    pub twins: Vec<Twin>,
+    /// Called after every dispatch of a kernel that has a twin.
+    pub judge: Arc<dyn Fn(&Shadowed<'_>) + Send + Sync>,
+}
+
+impl fmt::Debug for Judge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Judge")
+    }
 }
 
 /// How many workgroups a dispatch has, and of how many threads.
@@ -63,6 +116,7 @@ impl TwinCall {
 }
 
 /// A copy of a buffer.
+#[derive(Clone)]
 pub struct HostBuffer {
     /// Words, lest elements lie where their type does not allow it.
     words: Vec<u32>,
@@ -75,9 +129,14 @@ impl HostBuffer {
         HostBuffer { words: bytemuck::pod_collect_to_vec(bytes), bytes: bytes.len() }
     }
 
-    /// What the twin left.
+    /// The contents.
     pub fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.bytes]
+    }
+
+    /// The same in whole words.
+    pub fn words(&self) -> &[u32] {
+        &self.words
     }
 
     /// As many whole elements as there are: an [`Unused`](super::Unused) has fewer than a kernel's buffer has elsewhere.
