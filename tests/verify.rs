@@ -60,3 +60,23 @@ fn the_command_says_the_same() {
     let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
     assert!(json["rows"].as_array().unwrap().iter().all(|row| row["breaches"] == serde_json::json!([])), "{json}");
 }
+
+/// The first steps on a dataset have a row for each stage of training, and a fault breaks every one of them.
+#[test]
+fn training_on_a_dataset_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("photos");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
+    let made = run::run(command.args("synth mixed --views 9 --size 24 --points 80 -o".split(' ')).arg(&photos));
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    for (perturb, code) in [("0", 0), ("2e-3", 1)] {
+        let judged = glint(&[photos.to_str().unwrap(), "--json", "--perturb", perturb]);
+        assert_eq!(judged.status.code(), Some(code), "{}", String::from_utf8_lossy(&judged.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+        let rows = json["rows"].as_array().unwrap();
+        assert!(rows.iter().all(|row| row["breaches"].as_array().unwrap().is_empty() == (code == 0)), "{rows:#?}");
+        let seen: BTreeSet<&str> = rows.iter().map(|row| row["stage"].as_str().unwrap()).collect();
+        let of_training = ["project", "blend", "ssim_forward", "blend_backward", "project_backward", "density_apply"];
+        assert!(of_training.iter().all(|stage| seen.contains(stage)), "{seen:?}");
+    }
+}

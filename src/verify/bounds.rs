@@ -48,7 +48,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 // The bounds hold exponentials, logarithms, roots and quotients that are as inexact as Vulkan allows: `tools/devices rough` tries them.
 // Sines, cosines and angles, of which Vulkan promises little, are polynomials of the kernels' own.
 /// In the order of the table.
-pub const BOUNDS: [Bound; 60] = [
+pub const BOUNDS: [Bound; 59] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -159,18 +159,13 @@ pub const BOUNDS: [Bound; 60] = [
         ..EXACT
     },
     Bound {
-        stage: "(frame)",
-        max: 1e-3,
-        relative_l2: 1e-4,
-        flips: 2e-3,
-        reason: "The whole chain as in (render), and what a mesh hides is one decision more for each Gaussian and pixel.",
-        ..EXACT
-    },
-    Bound {
         stage: "resolve",
         max: 2e-5,
         relative_l2: 5e-6,
-        reason: "sRGB's powers are exp2 of 2.4 log2: Vulkan allows log2 an error of 3 units in the last place of a number of up to 10,                  1e-6, and the power 2.4 times that; two of them where something is exposed or blended.",
+        flips: 0.01,
+        reason: "sRGB's powers are exp2 of 2.4 log2: Vulkan allows log2 an error of 3 units in the last place of a number of up to 10, \
+                 1e-6, and the power 2.4 times that; two of them where something is exposed or blended. A texel may have the code beside \
+                 it where a number is within 2e-5 of the border between two of 255.",
         ..EXACT
     },
     Bound {
@@ -183,7 +178,14 @@ pub const BOUNDS: [Bound; 60] = [
         ..EXACT
     },
     Bound::exact("step_done", INTEGERS),
-    Bound { stage: "ssim_forward", max: 3e-4, relative_l2: 3e-4, reason: LOSS, ..EXACT },
+    Bound {
+        stage: "ssim_forward",
+        max: 2e-3,
+        relative_l2: 1e-3,
+        reason: "In flat areas a variance of 0 is the difference of numbers of order 1: a dozen roundings of 6e-8 over C2 = 9e-4 are 8e-4 of a \
+                 partial, everywhere in a flat picture. The losses have a tenth of that.",
+        ..EXACT
+    },
     Bound {
         stage: "ssim_backward",
         max: 3e-4,

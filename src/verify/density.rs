@@ -4,19 +4,11 @@ use super::{Bench, sort::noise};
 use crate::{
     error::Result,
     gpu::Buffer,
-    reference::{
-        self as twin, NONE, Params, Splat,
-        density_apply::{Apply, Begins, Geometry},
-        density_draw::Draw,
-        density_plan::Plan,
-        density_weigh::Weigh,
-        packed_record::{pack_record, unpack_record},
-        random_scene,
-    },
-    scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, MEAN, OPACITY, quads, sh_planes},
+    reference::{Params, packed_record::pack_record, random_scene},
+    scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, OPACITY, quads, sh_planes},
     stages::{
         WORKGROUP,
-        constants::density::{ADC, BUDGET, MCMC, PULL, SCORES, WORDS},
+        constants::density::{ADC, BUDGET, MCMC, SCORES, WORDS},
         density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
         density_weigh,
         status::{self, Resource, Status},
@@ -24,32 +16,33 @@ use crate::{
     },
 };
 
-const STRATEGIES: [(u32, &str); 3] = [(MCMC, "mcmc"), (ADC, "adc"), (BUDGET, "budget")];
+const STRATEGIES: [u32; 3] = [MCMC, ADC, BUDGET];
 const SEED: u32 = 77;
 const STEP: u32 = 5;
 /// The page begins here in its segment, and the segment in the Gaussian index.
 const PAGE_FIRST: u32 = 64;
 const SEGMENT_FIRST: u32 = 30;
 
-pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let count = if quick { 3000 } else { 300_000 };
     image(bench, if quick { (101, 67) } else { (1000, 701) })?;
     let page = Page::new(bench, count)?;
     for (pulls, packed) in [(false, false), (true, false), (false, true), (true, true)] {
         score(bench, &page, pulls, packed)?;
     }
-    for (strategy, name) in STRATEGIES {
-        weigh(bench, &page, strategy, name)?;
+    for strategy in STRATEGIES {
+        weigh(bench, &page, strategy)?;
     }
     plan(bench)?;
     for replacement in [true, false] {
         draw(bench, count, replacement)?;
     }
     place(bench, count)?;
-    for (strategy, name) in STRATEGIES {
-        apply(bench, &page, strategy, 2, name)?;
+    for strategy in STRATEGIES {
+        apply(bench, &page, strategy, 2)?;
     }
-    apply(bench, &page, BUDGET, 1, "budget, packed moments")?;
+    // Packed.
+    apply(bench, &page, BUDGET, 1)?;
     moved(bench, &page)
 }
 
@@ -64,7 +57,6 @@ struct Page {
     status: Buffer<u32>,
     /// Some opacities are NaN and some scales infinite, some opacities are low.
     quads: Vec<[f32; 4]>,
-    params: Params,
     workgroup_size: u32,
 }
 
@@ -85,22 +77,16 @@ impl Page {
         let end = SEGMENT_FIRST + PAGE_FIRST + count as u32;
         Ok(Page {
             count,
-            population: Buffer::from_slice(bench.context, "population", &[0, SEGMENT_FIRST, end])?,
-            status: Buffer::zeroed(bench.context, "status", status::WORDS)?,
+            population: Buffer::from_slice(&bench.shadowed, "population", &[0, SEGMENT_FIRST, end])?,
+            status: Buffer::zeroed(&bench.shadowed, "status", status::WORDS)?,
             quads,
-            params,
-            workgroup_size: bench.context.info().workgroup(WORKGROUP),
+            workgroup_size: bench.shadowed.info().workgroup(WORKGROUP),
         })
-    }
-
-    fn geometry(&self, i: usize) -> Geometry {
-        let Page { params, .. } = self;
-        Geometry { mean: params.mean(i), log_scale: params.log_scale(i), quat: params.quat(i), logit: params.logit(i) }
     }
 }
 
-fn image(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
-    let context = bench.context;
+fn image(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
+    let context = &bench.shadowed;
     let pixels = width * height;
     let frames = [
         Frame { image_first: 0, target_first: 0, width: 3, height: 3 },
@@ -123,19 +109,11 @@ fn image(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
         targets: &targets_there,
         image_grad: &image_grad,
     };
-    let times = bench.time(|r| stage.record(r, &buffers, &density_image::Push { frame: 1 }, pixels))?;
-    let wide: Vec<[f64; 4]> = image[5..].iter().map(|p| p.map(f64::from)).collect();
-    let want = twin::density_image::density_image(&wide, &targets[9..]);
-    let mut row = bench.row("density_image", "");
-    row.numbers(image_grad.download()?[15..].iter().copied().zip(want.into_iter().flatten()));
-    row.time = times.of("density_image");
-    row.work.bytes = 32.0 * f64::from(pixels);
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &density_image::Push { frame: 1 }, pixels))
 }
 
-fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> Result<()> {
-    let (context, count) = (bench.context, page.count);
+fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> Result<()> {
+    let (context, count) = (&bench.shadowed, page.count);
     let before = (SEGMENT_FIRST + PAGE_FIRST) as usize;
     // One in a thousand over so many tiles that the whole subgroup sums.
     let tiles_of = |i: u32| if i % 1000 == 7 { 300 + noise(i) % 99 } else { noise(i) % 9 };
@@ -194,41 +172,11 @@ fn score(bench: &mut Bench<'_>, page: &Page, pulls: bool, packed_records: bool) 
         half_width: 50.0,
         half_height: 33.5,
     };
-    let prepare = || Ok(there.5.upload(0, &start)?);
-    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
-    let mut want: Vec<[f64; 4]> = start.iter().map(|s| s.map(f64::from)).collect();
-    for i in 0..count {
-        let mut record = [0.0; 9];
-        for slot in (first_slot[before + i]..).take(tile_counts[before + i] as usize) {
-            let slot = slot as usize;
-            let unpacked = unpack_record(words[slot]);
-            for c in 0..3 {
-                record[c] += if packed_records { unpacked[c] } else { f64::from(centres[slot][c]) };
-                record[6 + c] += f64::from(colours[slot][c]);
-            }
-        }
-        let [l11, l12, l22, _] = splats[before + i].shape.map(f64::from);
-        let splat = Splat { l11, l12, l22, ..Splat::default() };
-        let add = twin::density_score::density_score(&record, &splat, pulls.then_some([50.0, 33.5]));
-        let first = if pulls { PULL as usize } else { 0 };
-        (0..2).for_each(|p| want[i][first + p] += add[p]);
-    }
-    let mut row = bench.row(
-        "density_score",
-        format!("{}{}", if pulls { "pulls" } else { "errors" }, if packed_records { ", packed" } else { "" }),
-    );
-    let got = there.5.download()?;
-    for p in 0..SCORES as usize {
-        row.numbers(got.iter().zip(&want).map(|(got, want)| (got[p], want[p])));
-    }
-    row.time = times.of("density_score");
-    row.work.bytes = if packed_records { 16.0 } else { 12.0 } * f64::from(slots) + 24.0 * count as f64;
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, count as u32))
 }
 
-fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Result<()> {
-    let (context, count) = (bench.context, page.count);
+fn weigh(bench: &Bench<'_>, page: &Page, strategy: u32) -> Result<()> {
+    let (context, count) = (&bench.shadowed, page.count);
     // A fifth of the scores is 0.
     let scores: Vec<[f32; 4]> =
         (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| (unit(4 * i + p) - 0.2).max(0.0))).collect();
@@ -258,37 +206,15 @@ fn weigh(bench: &mut Bench<'_>, page: &Page, strategy: u32, name: &str) -> Resul
         step: STEP,
         seed: SEED,
     };
-    let times = bench.time(|r| stage.record(r, &buffers, &push, count as u32))?;
-    let (least_opacity, least_score) = (f64::from(push.least_opacity), f64::from(push.least_score));
-    let w = Weigh { strategy, capacity, least_opacity, least_score, step: STEP, seed: SEED };
-    let want: Vec<(bool, Option<f64>)> = (0..count)
-        .map(|i| {
-            let scores = scores[i].map(f64::from);
-            twin::density_weigh::density_weigh(&w, &page.params, i, PAGE_FIRST + i as u32, scores)
-        })
-        .collect();
-    let first = PAGE_FIRST as usize;
-    let mut row = bench.row("density_weigh", name);
-    row.words(&alive.download()?[first..], &want.iter().map(|&(stays, _)| u32::from(stays)).collect::<Vec<_>>());
-    let got = keys.download()?;
-    let differ = got[first..].iter().zip(&want).filter(|&(&got, (_, key))| (got == NONE) != key.is_none()).count();
-    row.unequal(differ as u64);
-    let value = |word: u32| if strategy == BUDGET { f32::from_bits(word) } else { word as f32 };
-    let keys = got[first..].iter().zip(&want).filter_map(|(&got, &(_, key))| Some((value(got), key?)));
-    row.numbers(keys);
-    row.time = times.of("density_weigh");
-    row.work.bytes = 40.0 * count as f64;
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, count as u32))
 }
 
-fn plan(bench: &mut Bench<'_>) -> Result<()> {
-    let context = bench.context;
+fn plan(bench: &Bench<'_>) -> Result<()> {
+    let context = &bench.shadowed;
     let mut failed = Status::default();
     failed.fail(Resource::Intersections, 5);
     for replacement in [true, false] {
         let stage = density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?;
-        let mut row = bench.row("density_plan", if replacement { "with replacement" } else { "without" });
         // Usual; at the cap; nothing alive; nothing drawable; nothing there; one.
         let cases = [
             ([100_000, 90_000, 80_000], Status::default()),
@@ -308,25 +234,15 @@ fn plan(bench: &mut Bench<'_>) -> Result<()> {
                 let status_there = Buffer::from_slice(context, "status", &status.0)?;
                 let buffers = density_plan::Buffers { status: &status_there, words: &there, dispatch_args: &args };
                 let push = density_plan::Push { capacity: 120_000, target, nth, threads_per_group: 64 };
-                let times =
-                    bench.time_after(|| Ok(there.upload(0, &words)?), |r| stage.record(r, &buffers, &push, 1))?;
-                let [old, alive, candidates] = known;
-                let failed = status.failed();
-                let want = Plan { old, alive, candidates, capacity: 120_000, target, nth, replacement, failed };
-                let [stay, children, new] = twin::density_plan::density_plan(&want);
-                row.words(&there.download()?, &[old, stay, candidates, children, new]);
-                row.words(&args.download()?, &twin::dispatch_args::dispatch_args(children, u32::MAX, 64).2);
-                row.time = times.of("density_plan");
+                bench.run(|recorder| stage.record(recorder, &buffers, &push, 1))?;
             }
         }
-        row.work.bytes = 40.0;
-        bench.push(row);
     }
     Ok(())
 }
 
-fn draw(bench: &mut Bench<'_>, count: usize, replacement: bool) -> Result<()> {
-    let context = bench.context;
+fn draw(bench: &Bench<'_>, count: usize, replacement: bool) -> Result<()> {
+    let context = &bench.shadowed;
     let old = count as u32;
     let children = old / 3;
     // Every third has no weight.
@@ -351,26 +267,13 @@ fn draw(bench: &mut Bench<'_>, count: usize, replacement: bool) -> Result<()> {
     let buffers =
         density_draw::Buffers { words: &words_there, order: &order_there, sources: &sources, copies: &copies };
     let push = density_draw::Push { step: STEP, seed: SEED };
-    let times =
-        bench.time_after(|| Ok(copies.upload(0, &vec![0; count])?), |r| stage.record(r, &buffers, &push, children))?;
-    let draw = replacement.then_some(Draw { total, step: STEP, seed: SEED });
-    let want: Vec<u32> = (0..children).map(|child| twin::density_draw::density_draw(child, &order, draw)).collect();
-    let mut copied = vec![0u32; count];
-    want.iter().for_each(|&parent| copied[parent as usize] += 1);
-    let mut row = bench.row("density_draw", if replacement { "with replacement" } else { "without" });
-    row.words(&sources.download()?[(old - 50) as usize..][..children as usize], &want);
-    row.words(&copies.download()?, &copied);
-    row.time = times.of("density_draw");
-    row.work.bytes = 12.0 * f64::from(children);
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, children))
 }
 
-fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
-    let context = bench.context;
+fn place(bench: &Bench<'_>, count: usize) -> Result<()> {
+    let context = &bench.shadowed;
     let workgroup_size = context.info().workgroup(WORKGROUP);
     let stage = density_place::Stage::new(context, &density_place::Spec { workgroup_size })?;
-    let mut row = bench.row("density_place", "");
     for all in [false, true] {
         let alive: Vec<u32> = (0..count as u32).map(|i| u32::from(!all && !noise(i).is_multiple_of(4))).collect();
         let mut rank = 0;
@@ -390,34 +293,25 @@ fn place(bench: &mut Bench<'_>, count: usize) -> Result<()> {
             density_place::Buffers { words: &words, alive: &alive_there, ranks: &ranks_there, sources: &sources };
         // Two pages.
         let half = count as u32 / 2;
-        let times = bench.time(|r| {
+        bench.run(|recorder| {
             for (page_first, stride) in [(0, half), (half, count as u32)] {
-                stage.record(r, &buffers, &density_place::Push { page_first, stride }, stride);
+                stage.record(recorder, &buffers, &density_place::Push { page_first, stride }, stride);
             }
         })?;
-        let mut want = vec![0; count];
-        for (number, place) in twin::density_place::density_place(&alive, &ranks, stays).into_iter().enumerate() {
-            if let Some(place) = place {
-                want[place as usize] = number as u32;
-            }
-        }
-        row.words(&sources.download()?, &want);
-        row.time = times.all("density_place");
     }
-    row.work.bytes = 12.0 * count as f64;
-    bench.push(row);
     Ok(())
 }
 
 /// `planes`: of moments for each plane that learns.
-fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &str) -> Result<()> {
-    let (context, count) = (bench.context, page.count);
+fn apply(bench: &Bench<'_>, page: &Page, strategy: u32, planes: u32) -> Result<()> {
+    let (context, count) = (&bench.shadowed, page.count);
     let numbers = PAGE_FIRST as usize + count;
     // What is not finite had no children; the last third are children.
-    let sound = |i: usize| page.params.logit(i).is_finite() && page.params.log_scale(i).is_finite();
+    let at = |plane: usize, i: usize| page.quads[plane / 4 * count + i][plane % 4];
+    let sound = |i: usize| (0..GEOMETRY_PLANES).all(|plane| at(plane, i).is_finite());
     let copies: Vec<u32> = (0..numbers)
         .map(|n| match n.checked_sub(PAGE_FIRST as usize) {
-            Some(i) if sound(i) && page.params.logit(i) < 6.0 => [0, 1, 2, 0, 7][noise(n as u32) as usize % 5],
+            Some(i) if sound(i) && at(OPACITY, i) < 6.0 => [0, 1, 2, 0, 7][noise(n as u32) as usize % 5],
             _ => 0,
         })
         .map(|n| if strategy == MCMC { n } else { n.min(1) })
@@ -454,66 +348,24 @@ fn apply(bench: &mut Bench<'_>, page: &Page, strategy: u32, planes: u32, name: &
         geometry: &geometry,
         geometry_moments: &moments_there,
         sh_moments: &sh_there,
-        // A buffer of its own: a twin in the stage's place writes each back.
+        // A buffer of its own: each is compared.
         lobe_moments: &lobes_there,
         scores: &scores,
     };
-    let small = 0.05;
     let push = density_apply::Push {
         segment: 1,
         page_first: PAGE_FIRST,
         stride: count as u32,
-        small,
+        small: 0.05,
         most: 0.8,
         step: STEP,
         seed: SEED,
     };
-    let prepare = || {
-        geometry.upload(0, &page.quads)?;
-        moments_there.upload(0, &moments)?;
-        Ok(sh_there.upload(0, &sh_moments)?)
-    };
-    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
-    let [small, most] = [small, push.most].map(f64::from);
-    let a = Apply { strategy, small, most, step: STEP, seed: SEED };
-    let want: Vec<(Geometry, Begins)> = (0..count)
-        .map(|i| {
-            let number = PAGE_FIRST + i as u32;
-            twin::density_apply::density_apply(&a, &page.geometry(i), number, copies[number as usize], number >= stays)
-        })
-        .collect();
-    let (got, got_moments, got_sh) = (geometry.download()?, moments_there.download()?, sh_there.download()?);
-    let mut row = bench.row("density_apply", name);
-    for c in 0..3 {
-        let plane = |p: usize| got[p / 4 * count..][..count].iter().map(move |quad| quad[p % 4]);
-        row.numbers(plane(MEAN + c).zip(want.iter().map(|(g, _)| g.mean[c])).filter(|(_, want)| want.is_finite()));
-        let scales = plane(LOG_SCALE + c).zip(want.iter().map(|(g, _)| g.log_scale[c]));
-        row.numbers(scales.filter(|(_, want)| want.is_finite()));
-    }
-    let logits = got[OPACITY / 4 * count..][..count].iter().map(|quad| quad[OPACITY % 4]).zip(&want);
-    row.numbers(logits.filter(|(_, (g, _))| g.logit.is_finite()).map(|(got, (g, _))| (got, g.logit)));
-    let bits = |quads: &[[f32; 4]]| -> Vec<u32> { quads.as_flattened().iter().map(|v| v.to_bits()).collect() };
-    for (of_geometry, got, before) in [(true, &got_moments, &moments), (false, &got_sh, &sh_moments)] {
-        let mut kept = before.clone();
-        for (at, quad) in kept.iter_mut().enumerate() {
-            let begins = &want[at % count].1;
-            if begins.all {
-                *quad = [0.0; 4];
-            } else if begins.opacity && of_geometry && at / count / of_each == OPACITY / 4 {
-                quad[OPACITY % 4] = 0.0;
-            }
-        }
-        row.words(&bits(got), &bits(&kept));
-    }
-    row.words(&bits(&scores.download()?), &vec![0; SCORES as usize * count]);
-    row.time = times.of("density_apply");
-    row.work.bytes = count as f64 * 4.0 * (2 + 2 * GEOMETRY_PLANES + GEOMETRY_PLANES + sh) as f64;
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, count as u32))
 }
 
-fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
-    let (context, count) = (bench.context, page.count);
+fn moved(bench: &Bench<'_>, page: &Page) -> Result<()> {
+    let (context, count) = (&bench.shadowed, page.count);
     let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
     let stage = density_noise::Stage::new(context, &density_noise::Spec { workgroup_size: page.workgroup_size })?;
     let buffers = density_noise::Buffers { population: &page.population, status: &page.status, geometry: &geometry };
@@ -526,22 +378,5 @@ fn moved(bench: &mut Bench<'_>, page: &Page) -> Result<()> {
         step: STEP,
         seed: SEED,
     };
-    let prepare = || Ok(geometry.upload(0, &page.quads)?);
-    let times = bench.time_after(prepare, |r| stage.record(r, &buffers, &push, count as u32))?;
-    let got = geometry.download()?;
-    let mut row = bench.row("density_noise", "");
-    let off: Vec<glam::DVec3> = (0..count)
-        .map(|i| {
-            let rate = f64::from(push.rate);
-            twin::density_noise::density_noise(&page.geometry(i), rate, PAGE_FIRST + i as u32, STEP, SEED)
-        })
-        .collect();
-    for c in 0..3 {
-        let means = got[..count].iter().map(|quad| quad[MEAN + c]);
-        row.numbers(means.zip((0..count).map(|i| page.params.mean(i)[c] + off[i][c])));
-    }
-    row.time = times.of("density_noise");
-    row.work.bytes = 68.0 * count as f64;
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, count as u32))
 }

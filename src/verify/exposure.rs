@@ -4,11 +4,7 @@ use super::{Bench, sort::noise};
 use crate::{
     error::Result,
     gpu::Buffer,
-    reference::{
-        exposure_apply::{IDENTITY, Map, exposure_apply as apply_twin},
-        exposure_backward::exposure_backward as backward_twin,
-        exposure_step::{Moments, exposure_step as step_twin},
-    },
+    reference::exposure_apply::IDENTITY,
     stages::{
         WORKGROUP,
         constants::exposure::{CORRECTIONS, FIRST, MAP, MOMENTS, SECOND, SUM_PIXELS},
@@ -23,7 +19,7 @@ const PHOTO: u32 = 2;
 /// Large enough that a wrong step is not a rounding of a map.
 const RATE: f32 = 0.3;
 
-pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     pixels(bench, if quick { (101, 67) } else { (1000, 701) })?;
     // Of more photographs and more runs than a workgroup has threads.
     let (photos, runs) = if quick { (300, 275) } else { (3000, 8100) };
@@ -40,12 +36,8 @@ fn maps(photos: u32) -> Vec<f32> {
     (0..MAP * photos).map(entry).collect()
 }
 
-fn wide<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
-    values.as_chunks::<N>().0.iter().map(|row| row.map(f64::from)).collect()
-}
-
-fn pixels(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
-    let (context, count) = (bench.context, width * height);
+fn pixels(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
+    let (context, count) = (&bench.shadowed, width * height);
     // The second, not at the beginning of the image.
     let frames = [
         Frame { image_first: 0, target_first: 0, width: 3, height: 3 },
@@ -58,27 +50,16 @@ fn pixels(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     // Of one sign more than of the other, as where a photograph is brighter: its sums do not cancel.
     let of = |p: u32, c: u32| if counts(p) { unit(3 * p + c + 77) - 0.3 } else { 0.0 };
     let grads: Vec<f32> = (0..count + 5).flat_map(|p| [0, 1, 2].map(|c| of(p, c))).collect();
-    let maps = maps(PHOTO + 2);
-    let map: Map = wide(&maps)[PHOTO as usize];
-    let wide_image: Vec<[f64; 4]> = image[5..].iter().map(|pixel| pixel.map(f64::from)).collect();
 
     let frames = Buffer::from_slice(context, "frames", &frames)?;
-    let maps = Buffer::from_slice(context, "maps", &maps)?;
+    let maps = Buffer::from_slice(context, "maps", &maps(PHOTO + 2))?;
     let image = Buffer::from_slice(context, "image", &image)?;
     let corrected = Buffer::from_slice(context, "corrected", &vec![[9.0f32; 4]; image.len()])?;
     let spec = exposure_apply::Spec { workgroup_size: context.info().workgroup(WORKGROUP) };
     let stage = exposure_apply::Stage::new(context, &spec)?;
     let buffers = exposure_apply::Buffers { frames: &frames, maps: &maps, image: &image, corrected: &corrected };
     let push = exposure_apply::Push { frame: 1, photo: PHOTO };
-    let times = bench.time(|r| stage.record(r, &buffers, &push, count))?;
-    let (got, want) = (corrected.download()?, apply_twin(&map, &wide_image));
-    let mut row = bench.row("exposure_apply", "");
-    let pairs = got[5..].iter().zip(&want).filter(|(_, want)| want.iter().all(|v| v.is_finite()));
-    row.numbers(pairs.flat_map(|(got, want)| got.iter().copied().zip(want.iter().copied())));
-    row.words(&got[..5], &[[9.0; 4]; 5]);
-    row.time = times.of("exposure_apply");
-    row.work.bytes = 32.0 * f64::from(count);
-    bench.push(row);
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, count))?;
 
     let image_grad = Buffer::from_slice(context, "image_grad", &grads)?;
     let runs = count.div_ceil(SUM_PIXELS);
@@ -93,24 +74,11 @@ fn pixels(bench: &mut Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
         sums: &sums,
     };
     let push = exposure_backward::Push { frame: 1, photo: PHOTO };
-    let times = bench
-        .time_after(|| Ok(image_grad.upload(0, &grads)?), |recorder| stage.record(recorder, &buffers, &push, runs))?;
-    let mut want = wide(&grads[15..]);
-    let want_sums = backward_twin(&map, &wide_image, &mut want);
-    let mut row = bench.row("exposure_backward", "");
-    let got = image_grad.download()?;
-    row.gradients(got[15..].iter().copied().zip(want.into_iter().flatten()));
-    row.gradients(sums.download()?.into_iter().zip(want_sums.into_iter().flatten()));
-    row.words(&got[..15], &grads[..15]);
-    row.time = times.of("exposure_backward");
-    row.work.bytes = (16.0 + 24.0) * f64::from(count);
-    bench.push(row);
-    Ok(())
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, runs))
 }
 
-fn step(bench: &mut Bench<'_>, photos: u32, runs: u32) -> Result<()> {
-    let context = bench.context;
-    let before = maps(photos);
+fn step(bench: &Bench<'_>, photos: u32, runs: u32) -> Result<()> {
+    let context = &bench.shadowed;
     let sums: Vec<f32> = (0..MAP * runs).map(|i| 1e-3 * (unit(i + 5) - 0.4)).collect();
     // As after some steps on gradients of about the size of these.
     let size = 1e-4 * runs as f32;
@@ -120,19 +88,6 @@ fn step(bench: &mut Bench<'_>, photos: u32, runs: u32) -> Result<()> {
         (plane, photo) => 1.0 - [0.9f32, 0.999][(plane - CORRECTIONS) as usize].powi(photo as i32 % 9),
     };
     let moments: Vec<f32> = (0..MOMENTS * photos).map(moment).collect();
-
-    let mut want: Vec<Map> = wide(&before);
-    let read = |m: [f64; MOMENTS as usize]| Moments {
-        first: std::array::from_fn(|e| m[FIRST as usize + e]),
-        second: std::array::from_fn(|e| m[SECOND as usize + e]),
-        corrections: std::array::from_fn(|k| m[CORRECTIONS as usize + k]),
-    };
-    let mut want_moments: Vec<Moments> = wide(&moments).into_iter().map(read).collect();
-    step_twin(&mut want, &mut want_moments, PHOTO as usize, &wide(&sums), RATE.into());
-
-    let there = Buffer::from_slice(context, "maps", &before)?;
-    let beside = Buffer::from_slice(context, "moments", &moments)?;
-    let mut row = bench.row("exposure_step", "");
     let spec = exposure_step::Spec { workgroup_size: SUM_WORKGROUP.min(context.info().max_workgroup) };
     let stage = exposure_step::Stage::new(context, &spec)?;
     let mut failed = Status::default();
@@ -140,35 +95,14 @@ fn step(bench: &mut Bench<'_>, photos: u32, runs: u32) -> Result<()> {
     // A gradient that is no number, and a step that did not fit, move nothing.
     let mut unsound = sums.clone();
     unsound[(MAP * (runs - 1) + 7) as usize] = f32::NAN;
-    for (sums, status, moves) in
-        [(&unsound, Status::default(), false), (&sums, failed, false), (&sums, Status::default(), true)]
-    {
+    for (sums, status) in [(&unsound, Status::default()), (&sums, failed), (&sums, Status::default())] {
         let sums = Buffer::from_slice(context, "sums", sums)?;
         let status = Buffer::from_slice(context, "status", &status.0[..status::WORDS])?;
-        let buffers = exposure_step::Buffers { status: &status, sums: &sums, maps: &there, moments: &beside };
+        let maps = Buffer::from_slice(context, "maps", &maps(photos))?;
+        let moments = Buffer::from_slice(context, "moments", &moments)?;
+        let buffers = exposure_step::Buffers { status: &status, sums: &sums, maps: &maps, moments: &moments };
         let push = exposure_step::Push { photo: PHOTO, photos, runs, rate: RATE };
-        let prepare = || -> Result<()> {
-            there.upload(0, &before)?;
-            Ok(beside.upload(0, &moments)?)
-        };
-        let times = bench.time_after(prepare, |recorder| stage.record(recorder, &buffers, &push, 1))?;
-        let (got, got_moments) = (there.download()?, beside.download()?);
-        if !moves {
-            row.words(&[got, got_moments].concat(), &[&before[..], &moments].concat());
-            continue;
-        }
-        row.numbers(got.into_iter().zip(want.iter().flatten().copied()));
-        let own = (MOMENTS * PHOTO) as usize..(MOMENTS * (PHOTO + 1)) as usize;
-        let Moments { first, second, corrections } = want_moments[PHOTO as usize];
-        let of = |plane: u32, len: usize| got_moments[own.clone()][plane as usize..][..len].iter().copied();
-        row.numbers(of(FIRST, 12).zip(first));
-        row.numbers(of(SECOND, 12).zip(second));
-        row.numbers(of(CORRECTIONS, 2).zip(corrections));
-        let others = |moments: &[f32]| [&moments[..own.start], &moments[own.end..]].concat();
-        row.words(&others(&got_moments), &others(&moments));
-        row.time = times.of("exposure_step");
+        bench.run(|recorder| stage.record(recorder, &buffers, &push, 1))?;
     }
-    row.work.bytes = 4.0 * f64::from(MAP) * (f64::from(runs) + 2.0 * f64::from(photos));
-    bench.push(row);
     Ok(())
 }

@@ -2,14 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{
-    Bench,
-    bounds::NEAR_THRESHOLD,
-    half::rounded,
-    judge::Work,
-    raster::{BACKGROUND, compare_image},
-    sort::noise,
-};
+use super::{Bench, raster::BACKGROUND, sort::noise};
 use crate::{
     error::Result,
     gpu::{Buffer, BufferRange, Pixels},
@@ -17,16 +10,7 @@ use crate::{
         frames::{Blend, DepthForm, Frame, FrameView, Frames, Instance, Limits, Target, Texel, Transform},
         model::{Model, Room},
     },
-    reference::{
-        Background, Intersections, Options, Params, View,
-        blend::{Margin, blend_before},
-        median_depth::{DepthAt, median_depth},
-        packed_splat::packed,
-        project::project,
-        random_camera, random_scene,
-        resolve::{self as twin, To},
-        tiles::Tiling,
-    },
+    reference::{random_camera, random_scene, resolve as twin},
     stages::{
         WORKGROUP,
         constants::resolve::{BGRA8, OPAQUE, OVER, PREMULTIPLIED, RGBA8, RGBA16F, RGBA32F},
@@ -34,13 +18,13 @@ use crate::{
     },
 };
 
-pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     texels(bench, if quick { 5000 } else { 1 << 20 })?;
     whole(bench, quick)
 }
 
-/// Numbers of floats, and of texels whether they are the nearest.
-fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
+/// Of every format and blending.
+fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
     let unit = |i: usize| noise(i as u32) as f32 / u32::MAX as f32;
     let channels: [Vec<f32>; 7] = std::array::from_fn(|c| (0..pixels).map(|p| unit(c * pixels + p)).collect());
     // Colours weighed by alpha, up to 1.5 of it; transmittances from 0 to 1; what is below; depths, one in eight of nothing.
@@ -54,22 +38,22 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
     let depths: Vec<f32> = (0..pixels).map(|p| if p % 8 == 0 { 0.0 } else { 0.2 + 50.0 * channels[4][p] }).collect();
     let below: Vec<[f64; 4]> =
         (0..pixels).map(|p| [channels[5][p], channels[6][p], channels[0][p], channels[4][p]].map(f64::from)).collect();
-    let context = bench.context;
+    let context = &bench.shadowed;
     let (image_there, depths_there) =
         (Buffer::from_slice(context, "image", &image)?, Buffer::from_slice(context, "depths", &depths)?);
     let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
     let background = [0.2, 0.5, 0.9f32];
     let cases = [
-        (RGBA32F, OPAQUE, false, 1.0, "opaque"),
-        (RGBA32F, OPAQUE, true, 1.7, "opaque, linear, exposed"),
-        (RGBA32F, PREMULTIPLIED, true, 2.5, "premultiplied, linear, exposed"),
-        (RGBA32F, OVER, false, 0.5, "over, exposed"),
-        (RGBA32F, OVER, true, 1.0, "over, linear"),
-        (RGBA16F, OVER, true, 1.0, "half, over, linear"),
-        (RGBA8, OVER, false, 1.0, "8 bits, over"),
-        (BGRA8, PREMULTIPLIED, false, 1.0, "8 bits, premultiplied"),
+        (RGBA32F, OPAQUE, false, 1.0),
+        (RGBA32F, OPAQUE, true, 1.7),
+        (RGBA32F, PREMULTIPLIED, true, 2.5),
+        (RGBA32F, OVER, false, 0.5),
+        (RGBA32F, OVER, true, 1.0),
+        (RGBA16F, OVER, true, 1.0),
+        (RGBA8, OVER, false, 1.0),
+        (BGRA8, PREMULTIPLIED, false, 1.0),
     ];
-    for (format, blend, linear, exposure, name) in cases {
+    for (format, blend, linear, exposure) in cases {
         let curves = linear || exposure != 1.0;
         let stage = resolve::Stage::new(context, &resolve::Spec { workgroup_size: WORKGROUP, curves })?;
         let words = twin::words(format);
@@ -93,44 +77,13 @@ fn texels(bench: &mut Bench<'_>, pixels: usize) -> Result<()> {
             target: &target,
             depth_target: &depth_target,
         };
-        let times = bench.time_after(
-            || Ok(target.upload(0, &texels)?),
-            |recorder| stage.record(recorder, &buffers, &push, push.pixels),
-        )?;
-        let (got, depths_got) = (target.download()?, depth_target.download()?);
-        let to = To { blend, linear, exposure: exposure.into(), background: background.map(f64::from) };
-        let mut row = bench.row("resolve", name);
-        row.chosen = format == RGBA8;
-        row.time = times.of("resolve");
-        let read = if blend == OVER { 4.0 * words as f64 } else { 0.0 };
-        row.work = Work { bytes: pixels as f64 * (16.0 + 4.0 + 4.0 + 4.0 * words as f64 + read), operations: 0.0 };
-        let mut wrong = 0;
-        let mut numbers = Vec::new();
-        for ((color, before), after) in image.iter().zip(texels.chunks_exact(words)).zip(got.chunks_exact(words)) {
-            let want = to.resolve(color.map(f64::from), twin::unpack(format, before));
-            let have = twin::unpack(format, after);
-            for c in 0..4 {
-                if format == RGBA32F {
-                    numbers.push((have[c] as f32, want[c]));
-                } else {
-                    // Half a step of the texel, and the error that the row's bound allows before it is rounded.
-                    let step = if format == RGBA16F { want[c].abs().max(6e-5) / 1024.0 } else { 1.0 / 255.0 };
-                    let want = if format == RGBA16F { want[c] } else { want[c].clamp(0.0, 1.0) };
-                    wrong += u64::from((have[c] + bench.shift() - want).abs() > 0.5 * step + 2e-5);
-                }
-            }
-        }
-        row.numbers(numbers);
-        row.numbers(depths_got.iter().zip(&depths).map(|(&got, &z)| (got, twin::depth(z.into(), form.map(f64::from)))));
-        row.unequal(wrong);
-        bench.push(row);
+        bench.run(|recorder| stage.record(recorder, &buffers, &push, push.pixels))?;
     }
     Ok(())
 }
 
-/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths and with depths of its own,
-/// against a twin that shares nothing with the device but the scene.
-fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths and with depths of its own.
+fn whole(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (1500, 500, 97, 71) } else { (20_000, 5_000, 403, 301) };
     let scene = random_scene(41, count, supplement, 3);
     let camera = random_camera(width, height);
@@ -150,7 +103,7 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         if p as u32 % width < width / 2 { (0.3 / (1.5 + 8.0 * p as f64 / pixels as f64)) as f32 } else { 0.0 }
     };
     let depths: Vec<f32> = (0..pixels).map(depth).collect();
-    let context = bench.context;
+    let context = &bench.shadowed;
     let (mesh, target) =
         (Buffer::from_slice(context, "mesh", &depths)?, Buffer::<[f32; 4]>::zeroed(context, "target", pixels)?);
     let depth_target = Buffer::<f32>::zeroed(context, "depth_target", pixels)?;
@@ -165,16 +118,8 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         }),
         ..FrameView::new(moved)
     };
-    let mut params = Params::from_scene(&scene)?;
-    for (half, depth_out, name) in [
-        (false, false, "turned, occluded"),
-        (false, true, "turned, occluded, with depths"),
-        (true, false, "turned, occluded, half width"),
-    ] {
+    for (half, depth_out) in [(false, false), (false, true), (true, false)] {
         let model = Model::upload_around(context, DVec3::ZERO, &scene, Room { half, ..Default::default() })?;
-        if half {
-            params = rounded(&params);
-        }
         let limits = Limits { depth_in: true, depth_out, texel: Texel::Rgba32F, ..Limits::of(&model, width, height) };
         let mut frames = Frames::new(context, limits)?;
         let instances = [Instance { transform, ..Instance::of(&model) }];
@@ -183,42 +128,7 @@ fn whole(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
         let frame = Frame { slot: 0, instances: &instances, views: &[view] };
         frames.reserve(16 * (count + supplement) as u32)?;
         // SAFETY: mesh and target live, and nobody else uses them.
-        let times = bench.time(|recorder| drop(unsafe { frames.record_into(recorder, &frame) }))?;
-        let options = Options { active_degree: 3, ..Default::default() };
-        let seen = View::from_camera(&camera).rounded();
-        let tiling = Tiling::new(width, height, &options);
-        let mut projected = project(&params, &seen, &options);
-        if half {
-            projected = packed(projected, &tiling);
-        }
-        let isects = Intersections::new(&projected, tiling);
-        // In the model's own units.
-        let farthest = |p: usize| twin::camera_z(depths[p].into(), [form.a, form.b]) / transform.scale;
-        let behind = Background::Color(BACKGROUND.map(f64::from));
-        let want = blend_before(&projected.splats, &isects, behind, 0.5, farthest);
-        let mut got = target.download()?;
-        // Opaque texels have alpha 1; the transmittance is the twin's.
-        got.iter_mut().zip(&want.image).for_each(|(got, want)| got[3] = want[3] as f32);
-        let mut row = bench.row("(frame)", name);
-        row.chosen = true;
-        row.time = times.sum();
-        compare_image(&mut row, &got, &want, Margin::image);
-        if depth_out {
-            // Of the model's own units to those of the world.
-            let own = median_depth(&params, &seen, &want.median, DepthAt::MaximumResponse, 1.0);
-            let form = [form.a, form.b];
-            let wanted: Vec<f64> = own.iter().map(|z| twin::depth(transform.scale * z, form)).collect();
-            let got = depth_target.download()?;
-            // Where Gaussians change places, or a point meets the near plane, one side may take another depth.
-            let near = |depth: f64| (twin::camera_z(depth, form) / view.near - 1.0).abs() < NEAR_THRESHOLD;
-            let is_calm = |p: &usize| {
-                let margin = &want.margins[*p];
-                let calm = margin.image().min(margin.median) > NEAR_THRESHOLD;
-                calm && !near(wanted[*p]) && !near(got[*p].into())
-            };
-            row.numbers((0..pixels).filter(is_calm).map(|p| (got[p], wanted[p])));
-        }
-        bench.push(row);
+        bench.run(|recorder| drop(unsafe { frames.record_into(recorder, &frame) }))?;
     }
     Ok(())
 }

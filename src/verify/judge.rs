@@ -169,6 +169,18 @@ impl Row {
         raise(&mut self.errors.flips, count as f64 / of.max(1) as f64);
     }
 
+    /// The worse of its errors and these.
+    pub(super) fn worsen(&mut self, by: &Errors) {
+        let e = &mut self.errors;
+        let pairs = [(&mut e.max, by.max), (&mut e.relative_l2, by.relative_l2), (&mut e.cosine_loss, by.cosine_loss)];
+        pairs.into_iter().for_each(|(old, new)| new.into_iter().for_each(|new| raise(old, new)));
+        if let Some(bias) = by.bias
+            && e.bias.is_none_or(|old| !(bias.abs() <= old.abs()))
+        {
+            e.bias = Some(bias);
+        }
+    }
+
     /// Time relative to the floor.
     pub fn ratio(&self) -> Option<f64> {
         Some(self.time? / self.floor.filter(|&f| f > 0.0)?)

@@ -1,112 +1,33 @@
 //! The L1 + SSIM loss and its gradient.
 
-use super::Bench;
+use super::{Bench, sort::noise};
 use crate::{
     error::Result,
     gpu::{Buffer, Recorder},
     pipelines::loss::{self as pipeline, LossOptions, Photometric, TileLists, Tiles},
-    reference::{self, ssim_forward::SsimForward as Twin},
     stages::{
         ssim::{tiles_for, tiles_per_frame},
         types::Frame,
     },
-    verify::{judge::Work, sort::noise},
 };
 
-pub(super) fn cases(bench: &mut Bench<'_>, quick: bool) -> Result<()> {
+pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     // Whole and broken tiles, frames smaller than a tile and than the window.
     // (Scratch is as large for each frame as for the largest: four of these are a third of what llvmpipe binds.)
     let first = if quick { (101, 75) } else { (800, 533) };
     let sizes = &[first, (64, 48), (5, 70), (1, 1)];
-    let (batch, masked) = (Batch::new(sizes), Batch::masked(sizes));
-    // Each pixel and channel: five moments forward and three partials backward, filtered by eleven taps in each direction.
-    let channels = 3.0 * batch.image.len() as f64;
-    let pixels = batch.image.len() as f64;
-    let (all, counting) = (batch.twins(), masked.twins());
-    // Masks are in the targets, so every variant has them; they are looked at together with the map, which has them too.
-    let cases =
-        [(Tiles::All, ""), (Tiles::Map, "loss map"), (Tiles::Listed, "tile list"), (Tiles::Map, "loss map, masked")];
-    for (tiles, name) in cases {
-        let has_mask = name.ends_with("masked");
-        let (batch, twins) = if has_mask { (&masked, &counting) } else { (&batch, &all) };
-        let there = There::new(bench, batch)?;
-        let times = bench.time(|recorder| there.record(recorder, tiles))?;
-        let (gradient, map) = (there.image_grad.download()?, there.loss.loss_map().download()?);
-        let losses = there.loss.losses.mapped();
-
-        let (mut forward, mut backward) = (bench.row("ssim_forward", name), bench.row("ssim_backward", name));
-        let mut sum = bench.row("loss_sum", name);
-        for (f, (frame, (twin, twin_gradient))) in batch.frames.iter().zip(twins).enumerate() {
-            let range = frame.image_first as usize..(frame.image_first + frame.width * frame.height) as usize;
-            if tiles == Tiles::Listed && !listed(f) {
-                // Tiles that are not listed keep what they had.
-                let touched = gradient[3 * range.start..3 * range.end].iter().filter(|g| !g.is_nan()).count();
-                backward.unequal(touched as u64);
-                continue;
-            }
-            let [l1, squared, ssim, total] =
-                reference::loss_sum::loss_sum(twin.sums, frame.width as usize, frame.height as usize);
-            let loss = losses[f];
-            sum.numbers([(loss.l1, l1), (loss.total, total)]);
-            sum.numbers([(loss.squared, squared)]);
-            // 1 − SSIM is what the loss is made of; SSIM itself is near 1.
-            sum.numbers([(loss.ssim, ssim)]);
-            if tiles == Tiles::Map {
-                forward.numbers(map[range.clone()].iter().copied().zip(twin.loss_map.iter().copied()));
-            } else {
-                forward.unequal(map[range.clone()].iter().filter(|loss| !loss.is_nan()).count() as u64);
-                forward.numbers([(loss.total, total)]);
-            }
-            let want = twin_gradient.iter().flatten().copied();
-            backward.gradients(gradient[3 * range.start..3 * range.end].iter().copied().zip(want));
-            if has_mask {
-                // To the bit: where nothing counts nothing is drawn and nothing is learned.
-                let left_out: Vec<usize> = range.filter(|&i| !batch.counts(frame, i)).collect();
-                forward.unequal(left_out.iter().filter(|&&i| map[i] != 0.0).count() as u64);
-                backward.unequal(left_out.iter().filter(|&&i| gradient[3 * i..3 * i + 3] != [0.0; 3]).count() as u64);
-            }
+    for batch in [Batch::new(sizes), Batch::masked(sizes)] {
+        for tiles in [Tiles::All, Tiles::Map, Tiles::Listed] {
+            let there = There::new(bench, &batch)?;
+            bench.run(|recorder| there.record(recorder, tiles))?;
         }
-        // Training has all tiles, the screen phase a list, and a loss map where it draws.
-        backward.chosen = tiles != Tiles::Map;
-        let share = if tiles == Tiles::Listed { listed_share(batch) } else { 1.0 };
-        let partials = 9.0 * 4.0 * pixels;
-        let map_bytes = if tiles == Tiles::Map { 4.0 * pixels } else { 0.0 };
-        forward.work =
-            Work { bytes: share * (20.0 * pixels + partials) + map_bytes, operations: share * channels * (4.0 * 22.0) };
-        backward.work =
-            Work { bytes: share * (20.0 * pixels + partials + 12.0 * pixels), operations: share * channels * 66.0 };
-        sum.work.bytes = 12.0 * f64::from(there.tiles_per_frame) * batch.frames.len() as f64;
-        forward.time = times.of("ssim_forward");
-        backward.time = times.of("ssim_backward");
-        sum.time = times.of("loss_sum");
-        bench.push(forward);
-        bench.push(backward);
-        if tiles == Tiles::All {
-            bench.push(sum);
-        }
-    }
-    probe(bench, &masked, sizes)
-}
-
-/// The gradient that is drawn.
-fn probe(bench: &mut Bench<'_>, batch: &Batch, sizes: &[(u32, u32)]) -> Result<()> {
-    let (there, step) = (There::new(bench, batch)?, 12_345);
-    let times = bench.time(|recorder| {
+        // The gradient that is drawn.
+        let there = There::new(bench, &batch)?;
         for (f, &(width, height)) in sizes.iter().enumerate() {
             let batch = there.batch(f as u32, 1);
-            there.loss.record_probe(recorder, &batch, &there.image_grad, width * height, step);
+            bench.run(|r| there.loss.record_probe(r, &batch, &there.image_grad, width * height, 12_345))?;
         }
-    })?;
-    let got = there.image_grad.download()?;
-    let mut row = bench.row("loss_probe", "");
-    for (f, frame) in batch.frames.iter().enumerate() {
-        let (image, targets) = batch.pixels(frame);
-        let want = reference::loss_probe::loss_probe(&image, targets, f as u32, step);
-        row.numbers(got[3 * frame.image_first as usize..].iter().copied().zip(want.into_iter().flatten()));
     }
-    row.work.bytes = 32.0 * batch.image.len() as f64;
-    row.time = times.of("loss_probe");
-    bench.push(row);
     Ok(())
 }
 
@@ -115,25 +36,19 @@ fn listed(frame: usize) -> bool {
     frame != 1
 }
 
-fn listed_share(batch: &Batch) -> f64 {
-    let pixels = |f: &Frame| f64::from(f.width * f.height);
-    let some: f64 = batch.frames.iter().enumerate().filter(|(i, _)| listed(*i)).map(|(_, f)| pixels(f)).sum();
-    some / batch.image.len() as f64
-}
-
 /// Frames behind one another in one image buffer, their targets in another order with a gap.
-pub struct Batch {
+struct Batch {
     /// Where each lies in both.
-    pub frames: Vec<Frame>,
+    frames: Vec<Frame>,
     /// sRGB and transmittance.
-    pub image: Vec<[f32; 4]>,
+    image: Vec<[f32; 4]>,
     /// Packed 8-bit RGBA; alpha 0 does not count.
-    pub targets: Vec<u32>,
+    targets: Vec<u32>,
 }
 
 impl Batch {
     /// Gradients, edges, noise, flat bright places (where float32 variances cancel most), colours above 1.
-    pub fn new(sizes: &[(u32, u32)]) -> Self {
+    fn new(sizes: &[(u32, u32)]) -> Self {
         let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
         let pixels = |&(width, height): &(u32, u32)| width * height;
         let mut batch = Batch { frames: vec![], image: vec![], targets: vec![0; 7] };
@@ -160,7 +75,7 @@ impl Batch {
 
     /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts. What is rendered
     /// there is far from the photograph, so that it shows wherever it is looked at.
-    pub fn masked(sizes: &[(u32, u32)]) -> Self {
+    fn masked(sizes: &[(u32, u32)]) -> Self {
         let mut batch = Self::new(sizes);
         for (f, frame) in batch.frames.iter().enumerate() {
             for i in 0..frame.width * frame.height {
@@ -173,30 +88,6 @@ impl Batch {
             }
         }
         batch
-    }
-
-    /// Whether the pixel at `i` of the images, one of `frame`'s, counts.
-    fn counts(&self, frame: &Frame, i: usize) -> bool {
-        reference::ssim_forward::counts(self.targets[frame.target_first as usize + i - frame.image_first as usize])
-    }
-
-    fn twins(&self) -> Vec<(Twin, Vec<[f64; 3]>)> {
-        let twin = |frame: &Frame| {
-            let (width, height) = (frame.width as usize, frame.height as usize);
-            let (image, targets) = self.pixels(frame);
-            let forward = reference::ssim_forward::ssim_forward(width, height, &image, targets);
-            let backward = reference::ssim_backward::ssim_backward(width, height, &image, targets, &forward.partials);
-            (forward, backward)
-        };
-        self.frames.iter().map(twin).collect()
-    }
-
-    /// What the twins read of a frame.
-    pub fn pixels(&self, frame: &Frame) -> (Vec<[f64; 4]>, &[u32]) {
-        let pixels = (frame.width * frame.height) as usize;
-        let image = &self.image[frame.image_first as usize..][..pixels];
-        let targets = &self.targets[frame.target_first as usize..][..pixels];
-        (image.iter().map(|p| p.map(f64::from)).collect(), targets)
     }
 }
 
@@ -214,7 +105,7 @@ struct There {
 
 impl There {
     fn new(bench: &Bench<'_>, batch: &Batch) -> Result<Self> {
-        let context = bench.context;
+        let context = &bench.shadowed;
         let (frame_count, tiles) = (batch.frames.len() as u32, tiles_per_frame(&batch.frames));
         let nans = |len| vec![f32::NAN; len];
         let list: Vec<u32> = (0..frame_count)

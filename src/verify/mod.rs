@@ -14,9 +14,11 @@ mod model;
 mod pursuit;
 mod raster;
 pub mod screen;
+mod shadow;
 mod sort;
 mod step;
 pub mod task;
+mod work;
 
 use std::{fmt, time::Instant};
 
@@ -25,6 +27,9 @@ use serde::Serialize;
 pub use bounds::{BOUNDS, Bound, NEAR_THRESHOLD};
 pub use floor::Rates;
 pub use judge::{Breach, Errors, Row, Work};
+pub use work::{STEPS, work};
+
+use shadow::Shadow;
 
 use crate::{
     error::Result,
@@ -60,25 +65,22 @@ pub struct Report {
 /// Only where the device cannot do something at all; a wrong result is a [`Breach`] of a row.
 pub fn run(context: &Context, options: &Options) -> Result<Report> {
     let start = Instant::now();
-    let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 });
+    let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 })?;
     floor::measure(&mut bench)?;
-    sort::cases(&mut bench, options.quick)?;
-    model::cases(&mut bench, options.quick)?;
+    sort::cases(&bench, options.quick)?;
+    model::cases(&bench, options.quick)?;
     raster::cases(&mut bench, options.quick)?;
     half::cases(&mut bench, options.quick)?;
-    loss::cases(&mut bench, options.quick)?;
-    exposure::cases(&mut bench, options.quick)?;
-    screen::cases(&mut bench, options.quick)?;
-    lift::cases(&mut bench, options.quick)?;
-    density::cases(&mut bench, options.quick)?;
-    pursuit::cases(&mut bench, options.quick)?;
-    frames::cases(&mut bench, options.quick)?;
-    let Bench { rates, rows, .. } = bench;
-    let mut report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
-    for row in &mut report.rows {
-        row.floor = rates.floor(row.work);
-        row.judge();
-    }
+    loss::cases(&bench, options.quick)?;
+    exposure::cases(&bench, options.quick)?;
+    density::cases(&bench, options.quick)?;
+    frames::cases(&bench, options.quick)?;
+    screen::cases(&bench, options.quick)?;
+    lift::cases(&bench, options.quick)?;
+    pursuit::cases(&bench, options.quick)?;
+    let rates = bench.rates;
+    let rows = bench.into_rows();
+    let report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };
     Ok(report)
 }
 
@@ -88,12 +90,12 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
 /// # Errors
 /// As [`run`].
 pub fn check(context: &Context) -> Result<Vec<Row>> {
-    let mut bench = Bench::new(context, 0.0, 0);
-    sort::check(&mut bench)?;
+    let mut bench = Bench::new(context, 0.0, 0)?;
+    sort::check(&bench)?;
     raster::check(&mut bench)?;
-    bench.rows.iter_mut().for_each(Row::judge);
-    bench.rows.retain(|row| !row.breaches.is_empty());
-    Ok(bench.rows)
+    let mut rows = bench.into_rows();
+    rows.retain(|row| !row.breaches.is_empty());
+    Ok(rows)
 }
 
 impl Report {
@@ -110,16 +112,39 @@ struct Bench<'a> {
     repeats: usize,
     rates: Rates,
     rows: Vec<Row>,
+    /// The same device, on which every dispatch is judged.
+    shadowed: Context,
+    shadow: Shadow,
 }
 
 impl<'a> Bench<'a> {
     /// Times are medians of `repeats` runs after the first.
-    fn new(context: &'a Context, perturb: f64, repeats: usize) -> Self {
-        Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new() }
+    fn new(context: &'a Context, perturb: f64, repeats: usize) -> Result<Self> {
+        let shadow = Shadow::new(perturb);
+        let shadowed = shadow.context(context)?;
+        Ok(Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new(), shadowed, shadow })
+    }
+
+    /// Runs what `record` records, on the device that is judged.
+    fn run(&self, record: impl FnOnce(&mut Recorder)) -> Result<()> {
+        let mut recorder = self.shadowed.recorder("verify")?;
+        record(&mut recorder);
+        Ok(recorder.submit()?.wait().map(drop)?)
     }
 
     fn row(&self, stage: &'static str, variant: impl Into<String>) -> Row {
         Row::new(stage, variant, self.perturb)
+    }
+
+    /// All rows, judged, in the order of the bounds.
+    fn into_rows(mut self) -> Vec<Row> {
+        for row in &mut self.rows {
+            row.floor = self.rates.floor(row.work);
+            row.judge();
+        }
+        self.rows.extend(self.shadow.rows());
+        self.rows.sort_by_key(|row| BOUNDS.iter().position(|bound| bound.stage == row.stage));
+        self.rows
     }
 
     fn push(&mut self, row: Row) {
@@ -177,11 +202,6 @@ impl Times {
     fn of(&self, stage: &str) -> Option<f64> {
         let times: Vec<f64> = self.stages.iter().filter(|(name, _)| *name == stage).map(|(_, time)| *time).collect();
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
-    }
-
-    /// Seconds of the n-th call of a stage; none without timestamps.
-    fn nth(&self, stage: &str, n: usize) -> Option<f64> {
-        self.stages.iter().filter(|(name, _)| *name == stage).nth(n).map(|(_, time)| *time)
     }
 
     /// Seconds of all calls of a stage together; none without timestamps.
@@ -252,17 +272,6 @@ impl fmt::Display for Report {
         let launch = self.rows.iter().find(|row| row.stage == "dispatch_args").and_then(|row| row.time);
         if let Some(launch) = launch {
             writeln!(f, "A dispatch of one thread takes {:.1} µs, which no floor contains.", launch * 1e6)?;
-        }
-        let backward = |variant| {
-            let mut rows = self.rows.iter().filter(|row| row.stage == step::WHOLE);
-            rows.find(|row| row.variant == variant).and_then(|row| row.time).map(|seconds| seconds * 1e3)
-        };
-        if let (Some(fixed), Some(atomic)) = (backward(step::DETERMINISTIC), backward(step::ATOMIC)) {
-            writeln!(
-                f,
-                "Deterministic gradients take {fixed:.2} ms, float atomics {atomic:.2} ms (rows {}).",
-                step::WHOLE
-            )?;
         }
         writeln!(
             f,
