@@ -22,7 +22,7 @@ Examples:
   glint verify garden                      # check the first training steps on a dataset
   glint verify garden base.ply             # start these steps from a scene";
 
-/// Check a device and its driver: every stage's error against float64, and its time against what the hardware allows
+/// Check a device and its driver: the error of every kernel against float64, and its time
 ///
 /// Without a dataset, every stage runs in each variant, on built-in data. With a dataset, glint trains on its photos for 30 steps and compares
 /// each dispatch with float64 on the same buffers: a broken row names the stage that deviates. Exit code 1 if a bound is broken.
@@ -45,8 +45,7 @@ pub(super) struct Args {
     /// Small cases only: less than a minute on two CPU cores, where all take some minutes
     #[arg(long)]
     quick: bool,
-    /// Print JSON: {"device","rates","rows":[{"stage","variant","chosen","errors","breaches","time","work","floor"}],"seconds"};
-    /// times in seconds
+    /// Print JSON: {"device","rates","rows":[{"stage","variant","errors","breaches","time"}],"seconds"}; times in seconds
     #[arg(long)]
     json: bool,
     /// Show that the bounds notice: put this relative error into every reference result, upon which rows must break; with 0.002

@@ -828,23 +828,6 @@ impl Raster {
         &self.by_depth.global_from_rank[self.depth_sort.last_pair()]
     }
 
-    /// Tiles of the sorted intersections.
-    #[cfg(feature = "train")]
-    pub(crate) fn isect_tiles(&self) -> &Buffer<u32> {
-        [&self.sorting.isect_keys, &self.sorting.isect_tiles][self.tile_sort.last_pair()]
-    }
-
-    #[cfg(feature = "train")]
-    pub(crate) fn isect_slots(&self) -> &Buffer<u32> {
-        &self.isects.isect_slots
-    }
-
-    /// Whose slots are, see `glsl/shared/slots.glsl`.
-    #[cfg(feature = "train")]
-    pub(crate) fn rank_blocks(&self) -> &Buffer<[u32; 2]> {
-        &self.isects.rank_blocks
-    }
-
     fn args_for(
         &self,
         recorder: &mut Recorder,

@@ -7,10 +7,8 @@ use serde::Serialize;
 pub struct Bound {
     /// The kernel, or in brackets what several make together.
     pub stage: &'static str,
-    /// Of [`Errors::max`](super::judge::Errors::max), and so on for the four below.
+    /// Of [`Errors::max`](super::judge::Errors::max); likewise the others.
     pub max: f64,
-    /// 0 where no terms are known.
-    pub terms: f64,
     /// See `max`.
     pub relative_l2: f64,
     /// See `max`; 0 where there are no gradients.
@@ -27,7 +25,7 @@ impl Bound {
     }
 }
 
-const EXACT: Bound = Bound { stage: "", max: 0.0, terms: 0.0, relative_l2: 0.0, bias: 0.0, flips: 0.0, reason: "" };
+const EXACT: Bound = Bound { stage: "", max: 0.0, relative_l2: 0.0, bias: 0.0, flips: 0.0, reason: "" };
 
 /// Float32 may decide otherwise than float64 where a pixel is this close (relatively) to a threshold. The exponent has an
 /// error of some 1e-6 (|w|² ≤ 11 from coordinates of 1e2 px with 1e-7 of rounding, times slopes up to 1/0.55 per px: 2e-5
@@ -48,7 +46,7 @@ const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance i
 // The bounds hold exponentials, logarithms, roots and quotients that are as inexact as Vulkan allows: `tools/devices rough` tries them.
 // Sines, cosines and angles, of which Vulkan promises little, are polynomials of the kernels' own.
 /// In the order of the table.
-pub const BOUNDS: [Bound; 59] = [
+pub const BOUNDS: [Bound; 57] = [
     Bound {
         stage: "fma_rate",
         max: 5e-7,
@@ -107,19 +105,16 @@ pub const BOUNDS: [Bound; 59] = [
     Bound {
         stage: "blend_backward",
         max: 1e-4,
-        terms: 3e-5,
         relative_l2: 2e-5,
         bias: 1e-5,
         flips: 0.05,
         reason: "What lies behind is the final colour less all before it: roundings of 6e-8 of the colour, divided by 1 − α, \
-                 0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further. Of its terms \
-                 w is known to some 1e-7, α to |w| ≤ 3.3 times that, and ww to both: ten such roundings, and for needles tenfold. \
+                 0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further. \
                  A packed number is a code of some 2^-9: an error of 1e-5 of terms that cancel puts one in fifty on the other side.",
     },
     Bound {
         stage: "blend_backward_atomic",
         max: 1e-4,
-        terms: 3e-5,
         relative_l2: 2e-5,
         bias: 1e-5,
         reason: "The same as blend_backward's: a Gaussian has up to some hundred tiles here, and sums of n terms one after the other \
@@ -129,33 +124,22 @@ pub const BOUNDS: [Bound; 59] = [
     Bound {
         stage: "project_backward",
         max: 3e-4,
-        terms: 1e-3,
         relative_l2: 1e-4,
-        bias: 1e-5,
+        bias: 3e-5,
         flips: 0.05,
         reason: "Records that partly cancel, through a chain whose depth is a difference as in project: 1e-5 usual, 1e-4 what is \
-                 promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is. Of its terms a \
-                 gradient is known to 1e-6 over how near to 0 a factor comes, such as the angle left to a lobe's end: the nearest but one \
-                 in a thousand to 1e-3 of its range. A word of moments holds the second in steps of 1e-3 of itself and the first in some \
-                 thousands: an error of 1.3e-5 puts one in thirty on the other side of the draw by which it is rounded.",
+                 promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is. A word of moments holds \
+                 the second in steps of 1e-3 of itself and the first in some thousands: an error of 1.3e-5 puts one in thirty on the \
+                 other side of the draw by which it is rounded. Of betas a few in 1e5 have a factor near 0, the angle left to a lobe's \
+                 end, which float32 knows to 1e-3.",
     },
     Bound {
         stage: "adam",
         max: 5e-5,
-        relative_l2: 1e-5,
+        relative_l2: 2e-5,
         flips: 0.05,
         reason: "1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is; the step, of which it is the root, \
                  and the parameter, which it changes by a hundredth, are off by less. Words of moments as project_backward.",
-        ..EXACT
-    },
-    Bound {
-        stage: "(render)",
-        max: 1e-3,
-        relative_l2: 1e-4,
-        flips: 1e-3,
-        reason: "Projection's error of 1e-6 of some hundred pixels moves the edge of a needle of half a pixel by 1e-3 of its \
-                 slope: single pixels below the 1e-3 that counts as a flip. On the whole a tenth of an 8-bit step in the \
-                 mean square is far away.",
         ..EXACT
     },
     Bound {
@@ -166,15 +150,6 @@ pub const BOUNDS: [Bound; 59] = [
         reason: "sRGB's powers are exp2 of 2.4 log2: Vulkan allows log2 an error of 3 units in the last place of a number of up to 10, \
                  1e-6, and the power 2.4 times that; two of them where something is exposed or blended. A texel may have the code beside \
                  it where a number is within 2e-5 of the border between two of 255.",
-        ..EXACT
-    },
-    Bound {
-        stage: "(render backward)",
-        max: 3e-4,
-        terms: 1e-3,
-        relative_l2: 1e-4,
-        bias: 2e-5,
-        reason: "The same as project_backward's, with projection's own error before it: relative L2 1e-4, cosine 1 − 1e-8.",
         ..EXACT
     },
     Bound::exact("step_done", INTEGERS),
@@ -247,12 +222,9 @@ pub const BOUNDS: [Bound; 59] = [
     Bound {
         stage: "screen_backward",
         max: 1e-4,
-        terms: 1e-4,
         relative_l2: 5e-5,
         bias: 1e-5,
-        reason: "Gradients as screen_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward. Of \
-                 its terms a gradient is known as well as an exponential, to 1e-6 where Vulkan's 3 + 2|x| ULP are used up: in the \
-                 size of a narrow 2D Gaussian by some ten such factors, and tenfold.",
+        reason: "Gradients as screen_project, from sums that partly cancel: tenfold. In steps, 1 − 0.999 as in project_backward.",
         ..EXACT
     },
     Bound {

@@ -3,7 +3,6 @@
 // The house guards positively, so that NaN fails: `!(x <= limit)` is meant.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use bytemuck::Pod;
 use serde::Serialize;
 
 use super::bounds::{self, Bound};
@@ -13,10 +12,6 @@ use super::bounds::{self, Bound};
 pub struct Errors {
     /// Largest difference, relative to the group's largest value.
     pub max: Option<f64>,
-    /// Difference of a gradient, relative to the sum of the magnitudes of the terms that make it up, which all but one in a
-    /// thousand stay below: small gradients count as much as large ones, and what cancels is not asked for more than its terms
-    /// have. (One in a thousand has a factor near 0, such as a harmonic's node, that float32 does not know any better.)
-    pub terms: Option<f64>,
     /// ‖got − want‖₂ / ‖want‖₂.
     pub relative_l2: Option<f64>,
     /// 1 − cosine between gradients.
@@ -40,15 +35,6 @@ pub struct Breach {
     pub limit: f64,
 }
 
-/// What a stage cannot do without.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Work {
-    /// Inputs read once and outputs written once.
-    pub bytes: f64,
-    /// Multiply-adds; a division, a root, an exponential and a comparison count as one.
-    pub operations: f64,
-}
-
 /// One stage in one variant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
@@ -56,61 +42,29 @@ pub struct Row {
     pub stage: &'static str,
     /// What its constants and its input were.
     pub variant: String,
-    /// What the engine takes on this device by itself.
-    pub chosen: bool,
     /// Against the twin.
     pub errors: Errors,
     /// Empty: the row passes.
     pub breaches: Vec<Breach>,
     /// Seconds per call on the device; none without timestamps.
     pub time: Option<f64>,
-    /// What the floor is made from.
-    pub work: Work,
-    /// Seconds that [`Row::work`] takes at the measured rates.
-    pub floor: Option<f64>,
     #[serde(skip)]
     perturb: f64,
 }
 
 impl Row {
     pub(super) fn new(stage: &'static str, variant: impl Into<String>, perturb: f64) -> Self {
-        Row {
-            stage,
-            variant: variant.into(),
-            chosen: true,
-            errors: Errors::default(),
-            breaches: Vec::new(),
-            time: None,
-            work: Work::default(),
-            floor: None,
-            perturb,
-        }
+        Row { stage, variant: variant.into(), errors: Errors::default(), breaches: Vec::new(), time: None, perturb }
     }
 
-    /// Numbers of one kind against the twin's.
+    /// Compares numbers of one kind with the twin's.
     pub(super) fn numbers(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
         self.group(pairs, false);
     }
 
-    /// The same, of a gradient: direction and bias count too.
+    /// Compares a gradient, whose direction and bias count too.
     pub(super) fn gradients(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
         self.group(pairs, true);
-    }
-
-    /// The same, each with the sum of the magnitudes of its terms.
-    pub(super) fn sums(&mut self, triples: impl IntoIterator<Item = (f32, f64, f64)> + Clone) {
-        let of_terms = |(got, want, terms): (f32, f64, f64)| {
-            let off = (f64::from(got) - want * (1.0 + self.perturb)).abs();
-            // Factors that float32 flushes to 0: powers of small cosines. Adam's 1e-15 sees nothing of it.
-            if off < 1e-30 { 0.0 } else { off / terms }
-        };
-        let mut all: Vec<f64> = triples.clone().into_iter().map(of_terms).collect();
-        let at = all.len() * 999 / 1000;
-        if at < all.len() {
-            // NaN is the largest.
-            raise(&mut self.errors.terms, *all.select_nth_unstable_by(at, f64::total_cmp).1);
-        }
-        self.gradients(triples.into_iter().map(|(got, want, _)| (got, want)));
     }
 
     fn group(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>, gradient: bool) {
@@ -146,19 +100,6 @@ impl Row {
         }
     }
 
-    /// Words that must be the twin's.
-    pub(super) fn words<T: Pod + PartialEq>(&mut self, got: &[T], want: &[T]) {
-        let mut want = want.to_vec();
-        let middle = want.len() / 2;
-        if self.perturb != 0.0
-            && let Some(element) = want.get_mut(middle)
-        {
-            bytemuck::bytes_of_mut(element)[0] ^= 1;
-        }
-        let differ = got.iter().zip(&want).filter(|(g, w)| g != w).count() + got.len().abs_diff(want.len());
-        self.unequal(differ as u64);
-    }
-
     /// Things that are wrong whatever the bounds say.
     pub(super) fn unequal(&mut self, count: u64) {
         *self.errors.unequal.get_or_insert(0) += count;
@@ -181,14 +122,9 @@ impl Row {
         }
     }
 
-    /// Time relative to the floor.
-    pub fn ratio(&self) -> Option<f64> {
-        Some(self.time? / self.floor.filter(|&f| f > 0.0)?)
-    }
-
     /// Fills [`Row::breaches`].
     pub(super) fn judge(&mut self) {
-        let Errors { max, terms, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
+        let Errors { max, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
         let mut check = |measure, value: Option<f64>, limit: f64| {
             if let Some(value) = value
                 && !(value.abs() <= limit)
@@ -199,7 +135,6 @@ impl Row {
         check("unequal", unequal.map(|n| n as f64), 0.0);
         let bound = bounds::of(self.stage).unwrap_or(Bound::exact(self.stage, ""));
         check("max", max, bound.max);
-        check("of terms", terms, bound.terms);
         check("relative L2", relative_l2, bound.relative_l2);
         // The angle φ between got and want has sin φ ≤ the relative L2 error, so 1 − cos φ is at most its square.
         check("1 - cosine", cosine_loss, bound.relative_l2 * bound.relative_l2);
@@ -236,15 +171,6 @@ mod tests {
     }
 
     #[test]
-    fn small_gradients_count_as_much_as_large_ones() {
-        let mut row = row(0.0);
-        row.sums((0..2000).map(|i| if i < 3 { (2e-6, 1e-6, 4e-6) } else { (1.0, 1.0, 1.0) }));
-        assert!((row.errors.terms.unwrap() - 0.25).abs() < 1e-6 && row.errors.max.unwrap() < 1e-5);
-        row.sums([(f32::NAN, 1.0, 1.0)]);
-        assert!(row.errors.terms.unwrap().is_nan());
-    }
-
-    #[test]
     fn nan_breaks_the_bound() {
         for pair in [(f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, 0.0)] {
             let mut row = row(0.0);
@@ -262,9 +188,8 @@ mod tests {
     #[test]
     fn a_perturbed_twin_is_noticed() {
         let mut row = row(1e-3);
-        row.words(&[1u32], &[1]);
         row.numbers([(1.0, 1.0)]);
         row.judge();
-        assert_eq!(row.breaches.len(), 3);
+        assert_eq!(row.breaches.len(), 2);
     }
 }

@@ -1,22 +1,19 @@
-//! Judges a device, its driver and glint's kernels on it: every stage against its float64 twin, beside its time and what
-//! that time could be at best. Needs no data.
+//! Verifies glint's kernels on a device and its driver: every dispatch of the pipelines against its float64 twin, and its time.
 
 mod bounds;
 mod density;
 mod exposure;
-mod floor;
 mod frames;
-mod half;
 mod judge;
 pub mod lift;
 pub mod loss;
 mod model;
 mod pursuit;
 mod raster;
+mod rates;
 pub mod screen;
 mod shadow;
 mod sort;
-mod step;
 pub mod task;
 mod work;
 
@@ -25,8 +22,8 @@ use std::{fmt, time::Instant};
 use serde::Serialize;
 
 pub use bounds::{BOUNDS, Bound, NEAR_THRESHOLD};
-pub use floor::Rates;
-pub use judge::{Breach, Errors, Row, Work};
+pub use judge::{Breach, Errors, Row};
+pub use rates::Rates;
 pub use work::{STEPS, work};
 
 use shadow::Shadow;
@@ -51,7 +48,7 @@ pub struct Options {
 pub struct Report {
     /// On which.
     pub device: DeviceInfo,
-    /// What floors are made from.
+    /// Measured rates of the device.
     pub rates: Rates,
     /// In the order of the pipeline.
     pub rows: Vec<Row>,
@@ -66,11 +63,10 @@ pub struct Report {
 pub fn run(context: &Context, options: &Options) -> Result<Report> {
     let start = Instant::now();
     let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 })?;
-    floor::measure(&mut bench)?;
+    rates::measure(&mut bench)?;
     sort::cases(&bench, options.quick)?;
     model::cases(&bench, options.quick)?;
-    raster::cases(&mut bench, options.quick)?;
-    half::cases(&mut bench, options.quick)?;
+    raster::cases(&bench, options.quick)?;
     loss::cases(&bench, options.quick)?;
     exposure::cases(&bench, options.quick)?;
     density::cases(&bench, options.quick)?;
@@ -90,9 +86,9 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
 /// # Errors
 /// As [`run`].
 pub fn check(context: &Context) -> Result<Vec<Row>> {
-    let mut bench = Bench::new(context, 0.0, 0)?;
+    let bench = Bench::new(context, 0.0, 0)?;
     sort::check(&bench)?;
-    raster::check(&mut bench)?;
+    raster::check(&bench)?;
     let mut rows = bench.into_rows();
     rows.retain(|row| !row.breaches.is_empty());
     Ok(rows)
@@ -139,7 +135,6 @@ impl<'a> Bench<'a> {
     /// All rows, judged, in the order of the bounds.
     fn into_rows(mut self) -> Vec<Row> {
         for row in &mut self.rows {
-            row.floor = self.rates.floor(row.work);
             row.judge();
         }
         self.rows.extend(self.shadow.rows());
@@ -152,23 +147,12 @@ impl<'a> Bench<'a> {
         self.rows.push(row);
     }
 
-    /// How far off the twin's input is where its results are sets, in pixels or as a logit: 2 for a perturbation of 0.002.
-    fn shift(&self) -> f64 {
-        1000.0 * self.perturb
-    }
-
     /// Times what `record` records. It must be something that can be done again and again.
     fn time(&self, record: impl Fn(&mut Recorder)) -> Result<Times> {
-        self.time_after(|| Ok(()), record)
-    }
-
-    /// The same, with `prepare` before each run.
-    fn time_after(&self, prepare: impl Fn() -> Result<()>, record: impl Fn(&mut Recorder)) -> Result<Times> {
         let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
         let mut whole = Vec::new();
         // The first run warms up and counts for nothing.
         for run in 0..=self.repeats {
-            prepare()?;
             let mut recorder = self.context.recorder("verify")?;
             recorder.time_stages();
             record(&mut recorder);
@@ -204,12 +188,6 @@ impl Times {
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
     }
 
-    /// Seconds of all calls of a stage together; none without timestamps.
-    fn all(&self, stage: &str) -> Option<f64> {
-        let calls = self.stages.iter().filter(|(name, _)| *name == stage).count();
-        self.of(stage).map(|time| time * calls as f64)
-    }
-
     /// Seconds of all calls of all stages; none without timestamps.
     fn sum(&self) -> Option<f64> {
         (!self.stages.is_empty()).then(|| self.stages.iter().map(|(_, time)| time).sum())
@@ -235,7 +213,7 @@ pub fn explain() -> String {
     let mut text = String::new();
     for b in BOUNDS {
         let limit = |name: &str, v: f64| if v == 0.0 { String::new() } else { format!(", {name} {v:.0e}") };
-        let limits = [("max", b.max), ("terms", b.terms), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
+        let limits = [("max", b.max), ("L2", b.relative_l2), ("bias", b.bias), ("flips", b.flips)];
         let limits: String = limits.into_iter().map(|(name, v)| limit(name, v)).collect();
         let limits = if limits.is_empty() { ", exact".to_owned() } else { limits };
         text += &format!("{}{limits}\n    {}\n", b.stage, b.reason);
@@ -243,19 +221,16 @@ pub fn explain() -> String {
     text
 }
 
-const COLUMNS: [Column; 13] = [
+const COLUMNS: [Column; 10] = [
     column("stage", "stage", ""),
     column("variant", "variant", ""),
     column("max", "max", "of largest"),
-    column("terms", "terms", "of their sum"),
     column("relative_l2", "L2", "relative"),
     column("cosine_loss", "1−cos", ""),
     column("bias", "bias", ""),
     column("flips", "flips", ""),
     column("unequal", "unequal", ""),
     column("time", "time", "µs"),
-    column("floor", "floor", "µs"),
-    column("ratio", "time/floor", ""),
     column("verdict", "", ""),
 ];
 
@@ -271,12 +246,9 @@ impl fmt::Display for Report {
         )?;
         let launch = self.rows.iter().find(|row| row.stage == "dispatch_args").and_then(|row| row.time);
         if let Some(launch) = launch {
-            writeln!(f, "A dispatch of one thread takes {:.1} µs, which no floor contains.", launch * 1e6)?;
+            writeln!(f, "A dispatch of one thread takes {:.1} µs.", launch * 1e6)?;
         }
-        writeln!(
-            f,
-            "* is what the engine chooses on this device. Floor: bytes or operations that the stage cannot do without.\n"
-        )?;
+        writeln!(f)?;
         let mut table = Table::new(COLUMNS);
         let small = |v: Option<f64>| v.map(|v| if v == 0.0 { "0".to_owned() } else { format!("{v:.1e}") }).into();
         for row in &self.rows {
@@ -287,17 +259,14 @@ impl fmt::Display for Report {
             };
             table.row([
                 row.stage.into(),
-                format!("{}{}", row.variant, if row.chosen { " *" } else { "" }).into(),
+                row.variant.clone().into(),
                 small(e.max),
-                small(e.terms),
                 small(e.relative_l2),
                 small(e.cosine_loss),
                 small(e.bias),
                 small(e.flips),
                 e.unequal.into(),
                 row.time.map(|t| t * 1e6).into(),
-                row.floor.map(|t| t * 1e6).into(),
-                row.ratio().into(),
                 Cell::Text(verdict),
             ]);
         }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Bench, Report, floor};
+use super::{Bench, Report, rates};
 use crate::{
     data::Photo,
     error::Result,
@@ -32,7 +32,7 @@ pub fn work(
 ) -> Result<Report> {
     let (start, context) = (Instant::now(), session.context.clone());
     let mut bench = Bench::new(&context, perturb, 1)?;
-    floor::measure(&mut bench)?;
+    rates::measure(&mut bench)?;
     let session = Session { context: bench.shadowed.clone(), ..session.clone() };
     let views = upload_photos(&session.context, photos, session.background, 0, |_, _| ())?;
     let first = scene.base.len() as u32;

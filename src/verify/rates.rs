@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Bench, judge::Work};
+use super::Bench;
 use crate::{
     error::Result,
     gpu::{Buffer, Location},
@@ -17,17 +17,6 @@ pub struct Rates {
     pub bytes: f64,
     /// Float32 multiply-adds per second.
     pub operations: f64,
-}
-
-impl Rates {
-    /// Seconds that no implementation can go below, as far as the rates were really the best.
-    pub fn floor(&self, work: Work) -> Option<f64> {
-        if work == Work::default() {
-            return None;
-        }
-        let seconds = (work.bytes / self.bytes).max(work.operations / self.operations);
-        seconds.is_finite().then_some(seconds)
-    }
 }
 
 /// A measurement shorter than this says more of the launch (some µs) than of the rate.
@@ -79,7 +68,6 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let got = chain_sums.download_range(0, 1024)?;
         let want = reference::fma_rate::fma_rate(1024, CHAINS, DEPTH * ROUNDS, f64::from(FACTOR), f64::from(TERM));
         row.numbers(got.into_iter().zip(want));
-        row.work = Work { bytes: 4.0 * f64::from(count), operations };
         row.time = times.of("fma_rate");
         bench.push(row);
         return Ok(());
