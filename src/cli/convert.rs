@@ -58,17 +58,10 @@ pub(super) struct Args {
     input: PathBuf,
     /// File to write
     output: PathBuf,
-    /// Leave out Gaussians with lobes
-    #[arg(long)]
-    base_only: bool,
-    /// Version of an SPZ file, for viewers that do not know 4: 3 holds the same in more bytes, 2 has coarser rotations, 1 positions of 16
-    /// bits besides
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
-    spz_version: Option<u8>,
+    #[command(flatten)]
+    save: SaveArgs,
     #[command(flatten)]
     lenient: SceneArgs,
-    #[command(flatten)]
-    replace: OutputArgs,
     /// Render the views of a dataset before and after, and print the mean PSNR of the one to the other
     #[arg(long, value_name = "DATASET")]
     compare: Option<PathBuf>,
@@ -84,6 +77,61 @@ pub(super) struct Args {
     draw: DrawArgs,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// How a scene is written.
+#[derive(Debug, clap::Args)]
+pub(super) struct SaveArgs {
+    /// Leave out Gaussians with lobes
+    #[arg(long)]
+    base_only: bool,
+    /// Version of an SPZ file, for viewers that do not know 4: 3 holds the same in more bytes, 2 has coarser rotations, 1 positions of 16
+    /// bits besides
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
+    spz_version: Option<u8>,
+    #[command(flatten)]
+    replace: OutputArgs,
+}
+
+/// A scene that may be written, and how.
+pub(super) struct Prepared {
+    file: SceneFile,
+    format: SceneFormat,
+}
+
+impl SaveArgs {
+    /// Fails if `file` cannot be written to `output`, or should not be.
+    pub(super) fn prepare(&self, output: &Path, file: SceneFile, inputs: &Inputs) -> Result<Prepared> {
+        let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
+        if let Some(version) = self.spz_version {
+            if format.version.is_none() {
+                return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())));
+            }
+            format.version = Some(version);
+        }
+        let ending = output.extension().unwrap_or_default().to_string_lossy();
+        self.replace.check_file(output, &ending, "a scene", inputs)?;
+        let file = if self.base_only { file.into_base() } else { file };
+        check_lobes(&file, format, output)?;
+        let degree = file.scene.base.sh_degree;
+        if degree > format.greatest_sh_degree && degree != BETAS {
+            note(format!(
+                "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
+                output.display(),
+                format.greatest_sh_degree + 1
+            ));
+        }
+        Ok(Prepared { file, format })
+    }
+}
+
+impl Prepared {
+    pub(super) fn write(&self, output: &Path) -> Result<()> {
+        for text in write_scene_as(output, self.format, &self.file)? {
+            note(format!("{}: {text}", output.display()));
+        }
+        Ok(())
+    }
 }
 
 #[derive(Serialize)]
@@ -103,39 +151,19 @@ struct Report {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         let (input, output) = (&self.input, &self.output);
-        let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
-        if let Some(version) = self.spz_version {
-            if format.version.is_none() {
-                return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())).into());
-            }
-            format.version = Some(version);
-        }
-        let ending = output.extension().unwrap_or_default().to_string_lossy();
-        let mut file = self.lenient.open_file(input)?;
+        let file = self.lenient.open_file(input)?;
         let (photos, draw) = (self.photos.like(file.trained_with, input), self.draw.like(file.trained_with, input));
         let dataset = self.compare.as_ref().map(|path| photos.open(path)).transpose()?;
         let mut inputs = Inputs::default().scene(input);
         if let Some(dataset) = &dataset {
             inputs = inputs.dataset(dataset);
         }
-        self.replace.check_file(output, &ending, "a scene", &inputs)?;
-        if self.base_only {
-            file = file.into_base();
-        }
-        check_lobes(&file, format, output)?;
+        let prepared = self.save.prepare(output, file, &inputs)?;
+        let Prepared { file, format } = &prepared;
         let degree = file.scene.base.sh_degree;
-        if degree > format.greatest_sh_degree && degree != BETAS {
-            note(format!(
-                "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
-                output.display(),
-                format.greatest_sh_degree + 1
-            ));
-        }
         // What cannot be compared is told before anything is written.
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
-        for text in write_scene_as(output, format, &file)? {
-            note(format!("{}: {text}", output.display()));
-        }
+        prepared.write(output)?;
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),

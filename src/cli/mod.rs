@@ -8,6 +8,7 @@ mod dataset;
 mod deadline;
 mod demo;
 mod devices;
+pub mod embed;
 mod enhance;
 mod eval;
 mod export;
@@ -50,7 +51,6 @@ use crate::{
         session::{Policy, Reduction, Session},
     },
     reference,
-    scene::Scene,
 };
 use dataset::{PhotoArgs, settled};
 use progress::{LogWriter, note};
@@ -143,31 +143,37 @@ pub fn main() -> ExitCode {
         Some(what) => Err(Error::Usage(what).into()),
         None => run(&cli.command),
     };
-    let (text, code) = match outcome {
-        Ok(()) => return ExitCode::SUCCESS,
-        Err(Failure::Error(error)) => (error.to_string(), error.exit_code()),
-        Err(Failure::Validation(count)) => (format!("the validation layers found {count} faults (see above)"), 1),
+    let Err(failure) = outcome else { return ExitCode::SUCCESS };
+    let (line, code) = told(failure);
+    // Nobody is left to tell when stderr is gone.
+    let _ = writeln!(io::stderr(), "error: {line}");
+    ExitCode::from(code)
+}
+
+/// The message for a failure, and its exit code.
+fn told(failure: Failure) -> (String, u8) {
+    let (text, code) = match failure {
+        Failure::Error(error) => (error.to_string(), error.exit_code()),
+        Failure::Validation(count) => (format!("the validation layers found {count} faults (see above)"), 1),
         #[cfg(feature = "view")]
-        Err(Failure::NoWindow(why)) => (
+        Failure::NoWindow(why) => (
             format!(
                 "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
             ),
             1,
         ),
-        Err(Failure::Interrupted(what)) => (what, interrupt::EXIT_CODE),
-        Err(Failure::Device(what)) => (
+        Failure::Interrupted(what) => (what, interrupt::EXIT_CODE),
+        Failure::Device(what) => (
             format!(
                 "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
                  stages (--twin), or use it anyway (--unchecked)"
             ),
             1,
         ),
-        Err(Failure::Bounds(count)) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
+        Failure::Bounds(count) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
     };
-    // One line, whatever a driver or a file name put into it. Nobody is left to tell when stderr is gone.
-    let line = text.replace(char::is_control, " ");
-    let _ = writeln!(io::stderr(), "error: {line}");
-    ExitCode::from(code)
+    // One line, whatever a driver or a file name put into it.
+    (text.replace(char::is_control, " "), code)
 }
 
 fn run(command: &Command) -> Outcome {
@@ -464,7 +470,8 @@ struct SceneArgs {
 
 impl SceneArgs {
     /// Reads a scene.
-    fn open(&self, path: &Path) -> Result<Scene> {
+    #[cfg(feature = "view")]
+    fn open(&self, path: &Path) -> Result<crate::scene::Scene> {
         Ok(self.open_file(path)?.scene)
     }
 
@@ -499,6 +506,10 @@ impl SceneArgs {
 
 /// Prints a result. A reader that has gone away has seen enough.
 fn print(text: impl Display) -> Result<()> {
+    if embed::is_embedded() {
+        embed::print(&text.to_string());
+        return Ok(());
+    }
     let mut out = io::stdout().lock();
     match write!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::io(PathBuf::from("stdout"), error)),

@@ -17,7 +17,7 @@ use std::{
 
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::deadline::mean;
+use super::{deadline::mean, embed};
 use crate::gpu::Context;
 
 /// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
@@ -116,9 +116,10 @@ impl Progress {
         let cost: Cost = Arc::new(cost);
         let (bar, before) = (ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden()), Arc::default());
         set_style(&bar, [label, unit, ""], &before, &cost);
-        let bar = if is_quiet() { bar } else { BARS.add(bar) };
+        let hidden = is_quiet() || embed::is_embedded();
+        let bar = if hidden { bar } else { BARS.add(bar) };
         bar.tick();
-        let ended = (BARS.is_hidden() && !is_quiet()).then(|| {
+        let ended = (BARS.is_hidden() && !hidden).then(|| {
             let (ended, wait) = mpsc::channel();
             let (shown, before, cost) = (bar.clone(), Arc::clone(&before), Arc::clone(&cost));
             let beat = move || line(heartbeat([label, unit], &shown, &before, &cost));
@@ -138,11 +139,19 @@ impl Progress {
     /// So many are done.
     pub(super) fn set(&self, done: u64) {
         self.bar.set_position(done);
+        self.tell();
     }
 
     /// One more is done.
     pub(super) fn advance(&self) {
         self.bar.inc(1);
+        self.tell();
+    }
+
+    /// Tells a program that runs the command.
+    fn tell(&self) {
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        embed::phase(embed::Phase { name: self.label, unit: self.unit, done, total });
     }
 
     /// So many are done of what is now thought to be all.
@@ -223,11 +232,15 @@ pub(super) fn tell_run(text: impl Display) {
 /// Tells something that the user would not expect, such as what was left out and why.
 pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
     // One line, whatever a file name put into it.
-    line(format!("note: {}", text.into().replace(char::is_control, " ")));
+    let text = text.into().replace(char::is_control, " ");
+    match embed::is_embedded() {
+        true => embed::note(text),
+        false => line(format!("note: {text}")),
+    }
 }
 
 fn line(text: impl Display) {
-    if !is_quiet() {
+    if !is_quiet() && !embed::is_embedded() {
         // With stderr gone there is nobody to tell.
         BARS.suspend(|| drop(writeln!(io::stderr(), "{text}")));
     }

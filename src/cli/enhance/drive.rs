@@ -11,6 +11,7 @@ use crate::{
         Look,
         dataset::note_foreign_base,
         deadline::{Deadline, MOST},
+        embed,
         interrupt::Interrupt,
         kept::Kept,
         print,
@@ -203,6 +204,8 @@ impl Augmentation<'_> {
         }
         let lately = self.enhancer.lately(step, self.views);
         self.show("joining", step.into(), steps.into(), Some(learned(lately, None, &self.session.context)));
+        let (gaussians, seconds) = (self.enhancer.model().count(), self.begun.elapsed().as_secs_f64());
+        embed::step(embed::Step { step, steps, lately, gaussians, seconds });
         let Beside { kept, interrupt, .. } = &mut self.beside;
         if let (0, Some(earlier)) = (step, kept.as_mut().and_then(|(_, earlier)| earlier.take())) {
             self.enhancer.resume_join(&earlier)?;

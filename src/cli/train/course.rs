@@ -8,6 +8,7 @@ use crate::{
     cli::{
         Failure, Look, Outcome, counted,
         deadline::{Deadline, Plan},
+        embed,
         history::{History, Moment},
         interrupt::Interrupt,
         kept::Kept,
@@ -194,7 +195,10 @@ impl Training<'_> {
             halvings => format!(", photos at 1/{}", 1 << halvings),
         };
         let lately = self.trainer.lately(done, self.views.cameras.len());
-        self.bar.say(learned(lately, self.trainer.gaussians(), &self.session.context) + &small);
+        let gaussians = self.trainer.gaussians();
+        self.bar.say(learned(lately, gaussians, &self.session.context) + &small);
+        let (gaussians, seconds) = (gaussians.unwrap_or(self.course.first), self.clocks.seconds());
+        embed::step(embed::Step { step: taken, steps: all, lately, gaussians, seconds });
         if self.kept.is_due() {
             let found = self.checkpoint();
             self.kept.keep(found)?;

@@ -1,0 +1,57 @@
+//! Devices that are open, one context for each, and cameras from numpy's matrices.
+
+use std::{ffi::OsString, process, sync::Mutex};
+
+use glam::{DMat3, DVec3};
+use glint::{cli::embed, gpu::Context, scene::Camera};
+
+use crate::{Failure, bad, noted};
+
+/// Device, context and the process that opened it.
+static OPEN: Mutex<Vec<(Option<String>, Context, u32)>> = Mutex::new(Vec::new());
+
+/// The context of a device, which is opened and checked when it is first asked for.
+///
+/// # Errors
+/// What the command line says of such a device; and in a forked process, where the driver's threads are missing.
+pub fn context(device: Option<&str>) -> Result<Context, Failure> {
+    let mut open = OPEN.lock().unwrap_or_else(|error| error.into_inner());
+    if open.iter().any(|(.., process)| *process != process::id()) {
+        return Err(bad(
+            "a process that was forked cannot use the device that its parent has opened: start it by `spawn`",
+        ));
+    }
+    if let Some((_, context, _)) = open.iter().find(|(name, ..)| name.as_deref() == device) {
+        return Ok(context.clone());
+    }
+    let arguments: Vec<OsString> = device.iter().map(|name| format!("--device={name}").into()).collect();
+    let (context, _) = noted(|listener| embed::device(&arguments, listener))?;
+    open.push((device.map(str::to_owned), context.clone(), process::id()));
+    Ok(context)
+}
+
+/// Beyond this side a pixel's coordinate has fewer than 8 fractional bits.
+const MAX_SIDE: u32 = 1 << 15;
+
+/// A pinhole camera from the rows of its matrices: 3 × 3 in pixels, and 4 × 4 from the world to the camera.
+pub fn camera(width: u32, height: u32, k: &[f64], viewmat: &[f64]) -> Result<Camera, Failure> {
+    let (&[fx, skew, cx, k10, fy, cy, k20, k21, k22], Ok(view)) = (k, <&[f64; 16]>::try_from(viewmat)) else {
+        return Err(bad(format!(
+            "a camera: K and viewmat have {} and {} numbers, expected 3 × 3 and 4 × 4",
+            k.len(),
+            viewmat.len()
+        )));
+    };
+    if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+        return Err(bad(format!("a camera: an image of {width} × {height} pixels, expected sides of 1 to {MAX_SIDE}")));
+    }
+    if [skew, k10, k20, k21, k22 - 1.0] != [0.0; 5] || !(fx > 0.0 && fy > 0.0) {
+        return Err(bad(format!("a camera: K is {k:?}, expected rows fx 0 cx, 0 fy cy and 0 0 1")));
+    }
+    if !view.iter().chain(k).all(|number| number.is_finite()) || view[12..] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(bad(format!("a camera: viewmat is {view:?}, expected finite numbers and a last row of 0 0 0 1")));
+    }
+    let row = |i: usize| DVec3::new(view[4 * i], view[4 * i + 1], view[4 * i + 2]);
+    let rotation = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+    Ok(Camera { width, height, fx, fy, cx, cy, rotation, translation: DVec3::new(view[3], view[7], view[11]) })
+}

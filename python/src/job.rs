@@ -1,0 +1,124 @@
+//! A command that runs in a thread of its own while Python waits for its events.
+
+use std::{
+    ffi::OsString,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{Receiver, RecvTimeoutError, sync_channel},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use glint::cli::embed::{self, Event, Failed, Listener, Phase, STOPPED, Step};
+use pyo3::{IntoPyObjectExt, prelude::*};
+
+use crate::Failure;
+
+/// How often Python hears of signals.
+const LISTEN_EVERY: Duration = Duration::from_millis(50);
+
+type Ended = (String, Result<(), Failed>);
+
+struct Running {
+    events: Receiver<Event>,
+    thread: JoinHandle<Ended>,
+}
+
+/// It advances while events are taken: the channel holds one.
+#[pyclass(frozen)]
+pub struct Job {
+    stop: Arc<AtomicBool>,
+    running: Mutex<Option<Running>>,
+    ended: Mutex<Option<Ended>>,
+}
+
+impl Job {
+    /// The next event within a moment; `Ok(None)` once there are no more.
+    fn next(&self) -> Result<Option<Event>, RecvTimeoutError> {
+        let mut running = self.running.lock().unwrap_or_else(|error| error.into_inner());
+        let Some(Running { events, .. }) = &*running else { return Ok(None) };
+        match events.recv_timeout(LISTEN_EVERY) {
+            Ok(event) => return Ok(Some(event)),
+            Err(RecvTimeoutError::Timeout) => return Err(RecvTimeoutError::Timeout),
+            Err(RecvTimeoutError::Disconnected) => {}
+        }
+        if let Some(Running { thread, .. }) = running.take() {
+            let fault = || Failed { text: "a fault in glint".into(), code: 1 };
+            let ended = thread.join().unwrap_or_else(|_| (String::new(), Err(fault())));
+            *self.ended.lock().unwrap_or_else(|error| error.into_inner()) = Some(ended);
+        }
+        Ok(None)
+    }
+}
+
+#[pymethods]
+impl Job {
+    #[new]
+    fn new(arguments: Vec<OsString>) -> PyResult<Self> {
+        let (sender, events) = sync_channel(1);
+        let stop = Arc::new(AtomicBool::new(false));
+        let asked = Arc::clone(&stop);
+        let work = move || {
+            let stop = Arc::clone(&asked);
+            // Whoever has gone away wants no more.
+            let tell = move |event| {
+                if sender.send(event).is_err() {
+                    asked.store(true, Ordering::Relaxed);
+                }
+            };
+            embed::command(&arguments, Listener { tell: Box::new(tell), stop })
+        };
+        let thread = thread::Builder::new().name("glint".into()).spawn(work)?;
+        Ok(Job { stop, running: Mutex::new(Some(Running { events, thread })), ended: Mutex::new(None) })
+    }
+
+    /// Waits for the next event, a tuple that begins with its kind; None once the command has ended.
+    fn wait(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        loop {
+            match py.detach(|| self.next()) {
+                Ok(None) => return Ok(None),
+                Ok(Some(Event::Note(text))) => return ("note", text).into_py_any(py).map(Some),
+                Ok(Some(Event::Phase(Phase { name, unit, done, total }))) => {
+                    return ("phase", name, unit, done, total).into_py_any(py).map(Some);
+                }
+                Ok(Some(Event::Step(Step { step, steps, lately, gaussians, seconds }))) => {
+                    let [loss, psnr] = lately.map_or([None; 2], |both| both.map(Some));
+                    return ("step", step, steps, loss, psnr, gaussians, seconds).into_py_any(py).map(Some);
+                }
+                Err(_) => py.check_signals()?,
+            }
+        }
+    }
+
+    /// Asks for an end.
+    fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// What an ended command has printed, and whether it was stopped.
+    ///
+    /// # Errors
+    /// Why it failed.
+    fn result(&self) -> Result<(String, bool), Failure> {
+        match self.ended.lock().unwrap_or_else(|error| error.into_inner()).clone() {
+            Some((printed, Ok(()))) => Ok((printed, false)),
+            Some((printed, Err(Failed { code: STOPPED, .. }))) => Ok((printed, true)),
+            Some((_, Err(failed))) => Err(failed.into()),
+            None => Ok((String::new(), true)),
+        }
+    }
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        self.stop();
+        let running = self.running.get_mut().unwrap_or_else(|error| error.into_inner()).take();
+        if let Some(Running { events, thread }) = running {
+            drop(events);
+            // It writes what it has learned.
+            Python::attach(|py| py.detach(|| drop(thread.join())));
+        }
+    }
+}

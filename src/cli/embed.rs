@@ -1,0 +1,321 @@
+//! Runs commands for a program that links glint. Progress, notes and reports go to that program instead of stdout and stderr, an end is
+//! asked for by a flag instead of a signal, and a panic becomes an error.
+
+use std::{
+    any::Any,
+    cell::{Cell, RefCell},
+    ffi::OsString,
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    path::PathBuf,
+    rc::Rc,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use clap::{Arg, ArgAction, CommandFactory, Parser};
+
+use super::{
+    Cli, DeviceArgs, Outcome, SceneArgs, check, convert::SaveArgs, dataset::PhotoArgs, interrupt, output::Inputs, run,
+    told,
+};
+use crate::{
+    data::{Dataset, SceneFile},
+    gpu::Context,
+};
+
+/// What a command tells while it runs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// A sentence that the command line prints to stderr.
+    Note(String),
+    /// How far a phase is.
+    Phase(Phase),
+    /// How far training or a joint phase is.
+    Step(Step),
+}
+
+/// How far a phase is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phase {
+    /// What is done, for example "reading".
+    pub name: &'static str,
+    /// What is counted, for example "photos".
+    pub unit: &'static str,
+    /// How many are done.
+    pub done: u64,
+    /// Of how many.
+    pub total: u64,
+}
+
+/// How far training or a joint phase is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Steps that are done, those of earlier runs included.
+    pub step: u32,
+    /// Of how many, as far as is known.
+    pub steps: u32,
+    /// Mean loss and PSNR \[dB\] of the last pass through the photos; `None` before the first step of a run.
+    pub lately: Option<[f64; 2]>,
+    /// Gaussians in all.
+    pub gaussians: u32,
+    /// Since the first step of this run.
+    pub seconds: f64,
+}
+
+/// Why a command failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failed {
+    /// One line, as the command line prints it.
+    pub text: String,
+    /// The command line's exit code: 2 for bad input, 1 for the machine, [`STOPPED`] after an end was asked for.
+    pub code: u8,
+}
+
+/// [`Failed::code`] of a command that was asked to end.
+pub const STOPPED: u8 = interrupt::EXIT_CODE;
+
+/// Who gets the events, and how they ask for an end.
+pub struct Listener {
+    /// Gets events, on the thread that runs the command.
+    pub tell: Box<dyn FnMut(Event)>,
+    /// Set to ask for an end. A run that learns then writes its scene and checkpoint, as after Ctrl-C; anything else ends with nothing done.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// The listener of the command that runs on this thread.
+struct Caller {
+    tell: RefCell<Box<dyn FnMut(Event)>>,
+    stop: Arc<AtomicBool>,
+    /// A loop looks at `stop` and ends by itself.
+    listening: Cell<bool>,
+    printed: RefCell<String>,
+}
+
+thread_local! {
+    static CALLER: RefCell<Option<Rc<Caller>>> = const { RefCell::new(None) };
+}
+
+fn caller() -> Option<Rc<Caller>> {
+    CALLER.with_borrow(Clone::clone)
+}
+
+/// Unwinds a command that is asked to end.
+struct Stopped;
+
+/// Runs a command, given as on the command line without the program's name. Gives back what it printed, which is there even if it failed,
+/// and why it failed.
+pub fn command(arguments: &[OsString], listener: Listener) -> (String, Result<(), Failed>) {
+    let (printed, result) = with(listener, || {
+        let name = OsString::from("glint");
+        Ok(Cli::try_parse_from(std::iter::once(&name).chain(arguments))).map(|cli| cli.map(|cli| run(&cli.command)))
+    });
+    (printed, result.and_then(|parsed| parsed.map_err(unparsed)?.map_err(failed)))
+}
+
+/// Reads a scene. `arguments` are its path and options of reading.
+///
+/// # Errors
+/// As the command line's.
+pub fn load(arguments: &[OsString], listener: Listener) -> Result<SceneFile, Failed> {
+    parsed(arguments, listener, |LoadArgs { scene, lenient }| Ok(lenient.open_file(&scene)?))
+}
+
+/// Writes a scene. `arguments` are the path and options of writing.
+///
+/// # Errors
+/// As the command line's.
+pub fn save(arguments: &[OsString], file: SceneFile, listener: Listener) -> Result<(), Failed> {
+    parsed(arguments, listener, |WriteArgs { output, save }| {
+        save.prepare(&output, file, &Inputs::default())?.write(&output)?;
+        Ok(())
+    })
+}
+
+/// Reads a dataset, but no pixels. `arguments` are its path and options of reading photos.
+///
+/// # Errors
+/// As the command line's.
+pub fn dataset(arguments: &[OsString], listener: Listener) -> Result<Dataset, Failed> {
+    parsed(arguments, listener, |DatasetArgs { dataset, photos }| Ok(photos.open(&dataset)?))
+}
+
+/// Opens and checks a device, as commands do. `arguments` are options of devices.
+///
+/// # Errors
+/// As the command line's.
+pub fn device(arguments: &[OsString], listener: Listener) -> Result<Context, Failed> {
+    parsed(arguments, listener, |OpenArgs { device }| {
+        let options = device.options();
+        let context = Context::new(&options).map_err(|error| device.explain(&options, error))?;
+        check::check(&context, &options, device.unchecked)?;
+        Ok(context)
+    })
+}
+
+#[derive(Parser)]
+#[command(no_binary_name = true)]
+struct LoadArgs {
+    /// Scene, told by its contents
+    scene: PathBuf,
+    #[command(flatten)]
+    lenient: SceneArgs,
+}
+
+#[derive(Parser)]
+#[command(no_binary_name = true)]
+struct WriteArgs {
+    /// File to write; its ending says what it becomes
+    output: PathBuf,
+    #[command(flatten)]
+    save: SaveArgs,
+}
+
+#[derive(Parser)]
+#[command(no_binary_name = true)]
+struct DatasetArgs {
+    /// Folder or JSON file of the dataset
+    dataset: PathBuf,
+    #[command(flatten)]
+    photos: PhotoArgs,
+}
+
+#[derive(Parser)]
+#[command(no_binary_name = true)]
+struct OpenArgs {
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// An option of a command.
+#[derive(Debug, Clone)]
+pub struct Opt {
+    /// Without dashes.
+    pub name: String,
+    /// What it does.
+    pub help: String,
+    /// It takes a value.
+    pub takes_value: bool,
+    /// It may be given several times.
+    pub repeats: bool,
+    /// The value that it has if it is not given.
+    pub default: Option<String>,
+    /// The values that it can have, where these are names.
+    pub names: Vec<String>,
+}
+
+/// The options of a command, or of [`load`], [`save`], [`dataset`] or [`device`]; none of what is neither.
+pub fn options(command: &str) -> Vec<Opt> {
+    let command = match command {
+        "load" => LoadArgs::command(),
+        "save" => WriteArgs::command(),
+        "dataset" => DatasetArgs::command(),
+        "device" => OpenArgs::command(),
+        name => Cli::command().find_subcommand(name).cloned().unwrap_or_default(),
+    };
+    command.get_arguments().filter(|argument| !argument.is_hide_set()).filter_map(option).collect()
+}
+
+fn option(argument: &Arg) -> Option<Opt> {
+    let text = |text: &std::ffi::OsStr| text.to_string_lossy().into_owned();
+    Some(Opt {
+        name: argument.get_long()?.to_owned(),
+        help: argument.get_help().map(ToString::to_string).unwrap_or_default(),
+        takes_value: argument.get_action().takes_values(),
+        repeats: matches!(argument.get_action(), ArgAction::Append),
+        default: argument
+            .get_default_values()
+            .first()
+            .filter(|_| !argument.is_hide_default_value_set())
+            .map(|v| text(v)),
+        names: argument.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect(),
+    })
+}
+
+/// Parses `arguments` and does `work` with them.
+fn parsed<A: Parser, T>(
+    arguments: &[OsString],
+    listener: Listener,
+    work: impl FnOnce(A) -> Outcome<T>,
+) -> Result<T, Failed> {
+    let arguments = A::try_parse_from(arguments).map_err(unparsed)?;
+    with(listener, || Ok(work(arguments))).1?.map_err(failed)
+}
+
+/// Does `work` with a listener on this thread. Gives back what it printed.
+fn with<T>(listener: Listener, work: impl FnOnce() -> Result<T, Failed>) -> (String, Result<T, Failed>) {
+    let Listener { tell, stop } = listener;
+    let caller = Rc::new(Caller { tell: tell.into(), stop, listening: Cell::default(), printed: RefCell::default() });
+    let before = CALLER.replace(Some(Rc::clone(&caller)));
+    let result = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(unwound(&*panic)));
+    CALLER.set(before);
+    (caller.printed.take(), result)
+}
+
+fn failed(failure: super::Failure) -> Failed {
+    let (text, code) = told(failure);
+    Failed { text, code }
+}
+
+/// The message without its advice for a shell.
+fn unparsed(error: clap::Error) -> Failed {
+    let text = error.render().to_string();
+    let end = ["\n\nUsage", "\n\nFor more"].into_iter().filter_map(|start| text.find(start)).min();
+    let text = text[..end.unwrap_or(text.len())].trim_start_matches("error: ").trim();
+    Failed { text: text.to_owned(), code: 2 }
+}
+
+fn unwound(panic: &(dyn Any + Send)) -> Failed {
+    if panic.is::<Stopped>() {
+        return Failed { text: "stopped before anything was done".into(), code: STOPPED };
+    }
+    let said = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+    Failed { text: format!("a fault in glint: {}", said.unwrap_or("unknown")), code: 1 }
+}
+
+/// Whether a program is told in place of a terminal.
+pub(super) fn is_embedded() -> bool {
+    caller().is_some()
+}
+
+/// Hands the caller what goes to stdout elsewhere.
+pub(super) fn print(text: &str) {
+    if let Some(caller) = caller() {
+        caller.printed.borrow_mut().push_str(text);
+    }
+}
+
+/// Hands the caller a note.
+pub(super) fn note(text: String) {
+    if let Some(caller) = caller() {
+        (caller.tell.borrow_mut())(Event::Note(text));
+    }
+}
+
+/// Tells the caller how far a phase is. If an end is asked for and no loop listens, the command ends here.
+pub(super) fn phase(phase: Phase) {
+    if let Some(caller) = caller() {
+        (caller.tell.borrow_mut())(Event::Phase(phase));
+        if caller.stop.load(Ordering::Relaxed) && !caller.listening.get() {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+}
+
+/// Tells the caller how far a run is.
+pub(super) fn step(step: Step) {
+    if let Some(caller) = caller() {
+        (caller.tell.borrow_mut())(Event::Step(step));
+    }
+}
+
+/// Tells that from now on a loop ends by itself when an end is asked for, or no longer does; whether there is a caller.
+pub(super) fn listen(listening: bool) -> bool {
+    caller().map(|caller| caller.listening.set(listening)).is_some()
+}
+
+/// Whether the caller asks for an end.
+pub(super) fn asked() -> bool {
+    caller().is_some_and(|caller| caller.stop.load(Ordering::Relaxed))
+}
