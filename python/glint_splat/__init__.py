@@ -1,9 +1,11 @@
 """3D Gaussian scenes on any Vulkan device: load, render, differentiate, train and augment.
 
-Arrays are numpy's and live on the host; `numpy.ndarray.__dlpack__` hands them to other frameworks without a copy. Keyword arguments
-are the options of the `glint` command with underscores in place of dashes. Notes that the command prints are warnings of the category
-`Note`, its errors are exceptions with the same text.
+Results are numpy arrays on the host; other frameworks take them by DLPack without a copy. Arguments may be arrays of any framework;
+those on a GPU are copied to the host. Keyword arguments are the options of the `glint` command, with underscores in place of dashes.
+The command's notes become warnings of the category `Note`, its errors exceptions with the same text.
 """
+
+from __future__ import annotations
 
 import dataclasses as _dataclasses
 import inspect as _inspect
@@ -12,20 +14,24 @@ import os as _os
 import sys as _sys
 import tempfile as _tempfile
 import warnings as _warnings
-from typing import NamedTuple as _NamedTuple
+from typing import Any as _Any, Callable as _Callable, Iterator as _Iterator, NamedTuple as _NamedTuple, Union as _Union
 
 import numpy as _np
+import numpy.typing as _npt
 
 from . import _glint
 from ._glint import Gaussians, Scene, __version__
 
+_Path = _Union[str, "_os.PathLike[str]"]
+_Array32 = _npt.NDArray[_np.float32]
+
 
 class Error(Exception):
-    """Everything that glint reports."""
+    """Base class of glint's exceptions."""
 
 
 class InputError(Error, ValueError):
-    """A file, an option or an array is not what it should be."""
+    """A file, an option or an array is invalid."""
 
 
 class DeviceError(Error, RuntimeError):
@@ -33,76 +39,79 @@ class DeviceError(Error, RuntimeError):
 
 
 class Note(UserWarning):
-    """Something that glint left out, replaced or guessed."""
+    """The category of warnings about what glint skipped, replaced or guessed."""
 
 
 class Camera(_NamedTuple):
-    """A pinhole camera. x points right, y down, z forward; the centre of the first pixel is at (0.5, 0.5)."""
+    """A pinhole camera. x points right, y down, z forward; the center of the first pixel is at (0.5, 0.5)."""
 
     width: int
     """Pixels."""
     height: int
     """Pixels."""
-    K: _np.ndarray
+    K: _npt.ArrayLike
     """(3, 3): rows fx 0 cx, 0 fy cy, 0 0 1, in pixels."""
-    viewmat: _np.ndarray
-    """(4, 4): from the world to the camera, scene units."""
+    viewmat: _npt.ArrayLike
+    """(4, 4): rotation and translation from the world to the camera, scene units."""
 
 
 class Rendered(_NamedTuple):
     """A view of a scene."""
 
-    image: _np.ndarray
-    """(height, width, 3): sRGB from 0 to 1, not clamped."""
-    alpha: _np.ndarray
-    """(height, width): the share of the background that is hidden, 0 to 1."""
-    depth: "_np.ndarray | None"
-    """(height, width): z in the camera at which half of the light is absorbed, scene units; 0 where it is not. None if not asked for."""
+    image: _Array32
+    """(height, width, 3), float32: sRGB from 0 to 1, not clamped."""
+    alpha: _Array32
+    """(height, width), float32: the share of the background that is hidden, 0 to 1."""
+    depth: _Array32 | None
+    """(height, width), float32: camera z at which half of the light is absorbed, scene units; 0 if less is. None without `depth=True`."""
 
 
 class Gradients(_NamedTuple):
-    """Gradients of the arrays that `rasterization` was given, in their shapes."""
+    """Gradients of the arrays that `rasterization` was given, float32 in their shapes."""
 
-    means: _np.ndarray
-    quats: _np.ndarray
-    scales: _np.ndarray
-    opacities: _np.ndarray
-    colors: _np.ndarray
+    means: _Array32
+    quats: _Array32
+    scales: _Array32
+    opacities: _Array32
+    colors: _Array32
 
 
 class Step(_NamedTuple):
-    """How far a run is."""
+    """Progress of a run."""
 
     step: int
-    """Steps that are done, those of earlier runs included."""
+    """Steps done, earlier runs included."""
     steps: int
-    """Of how many."""
-    loss: "float | None"
-    """Mean over the last pass through the photos, or what there is of it."""
-    psnr: "float | None"
-    """The same, dB, of the training photos."""
+    """Steps planned, earlier runs included."""
+    loss: float | None
+    """Mean loss of the last pass through the training photos. None before the first step."""
+    psnr: float | None
+    """Mean PSNR of the last pass through the training photos, dB. None before the first step."""
     gaussians: int
-    """All of the scene."""
+    """Gaussians on the device, base and supplement. Those without effect are not written."""
     seconds: float
-    """Since the first step of this run."""
+    """Seconds since the first step of this run."""
 
 
 @_dataclasses.dataclass(frozen=True)
 class Photo:
-    """A photo of a dataset, as training sees it: without distortion, and downscaled."""
+    """A photo of a dataset as training sees it: undistorted and downscaled."""
 
     name: str
     split: str
     """"train" or "test"."""
     camera: Camera
-    _dataset: "_glint.Dataset" = _dataclasses.field(repr=False)
+    _dataset: _glint.Dataset = _dataclasses.field(repr=False)
     _number: int = _dataclasses.field(repr=False)
 
-    def image(self):
-        """Reads the pixels: (height, width, 3), 8-bit sRGB."""
+    def image(self) -> _npt.NDArray[_np.uint8]:
+        """Reads the pixels: (height, width, 3), 8-bit sRGB.
+
+        Raises InputError if the file is not an image of the camera's size.
+        """
         return self._dataset.image(self._number)[0]
 
-    def mask(self):
+    def mask(self) -> _npt.NDArray[_np.bool_] | None:
         """Reads which pixels count: (height, width), bool. None if all do."""
         return self._dataset.image(self._number)[1]
 
@@ -110,41 +119,47 @@ class Photo:
 class Dataset(_NamedTuple):
     """Photos with their cameras."""
 
-    photos: "list[Photo]"
+    photos: list[Photo]
     """Sorted by name."""
-    points: "_np.ndarray | None"
-    """(M, 3), float64: sparse points, scene units; None if the dataset has none."""
-    colors: "_np.ndarray | None"
-    """(M, 3): their 8-bit sRGB colours."""
-    background: tuple
-    """sRGB from 0 to 1, behind transparent pixels."""
+    points: _npt.NDArray[_np.float64] | None
+    """(M, 3), float64: sparse points, scene units. None if the dataset has none."""
+    colors: _npt.NDArray[_np.uint8] | None
+    """(M, 3): 8-bit sRGB colors of the sparse points."""
+    background: tuple[float, ...]
+    """Three sRGB values from 0 to 1 behind transparent pixels."""
     extent: float
     """1.1 times the largest distance of a training camera from their mean, scene units."""
 
 
 class Run:
-    """A run that learns: an iterator over `Step`. The run waits while nobody takes its steps.
+    """A run of training or augmentation: an iterator over `Step`. The run pauses while no steps are taken.
 
-    `phase` is what it does at the moment and how far that is: name, unit, done, total. After the last step `report` is what
-    `glint ... --json` prints, or None if the run ended before it had one, and `stopped` is whether somebody asked for an end. In a
-    notebook the run shows its progress.
+    phase: what the run does now, and its progress: name, unit, done, total. None before the first phase.
+    report: what `glint ... --json` prints, after the last step. None if the run was stopped before it had a result.
+    stopped: whether `stop()` or Ctrl-C ended the run, after the last step.
+
+    A notebook shows the run's progress. If the iterator is deleted, the run stops as by `stop()`.
     """
 
-    def __init__(self, arguments):
+    phase: tuple[str, str, int, int] | None
+    report: _Any
+    stopped: bool
+
+    def __init__(self, arguments: list[str]) -> None:
         self.phase = None
         self.report = None
         self.stopped = False
         self._job = _glint.Job(arguments)
-        self._shown = None
+        self._shown: _Callable[[str], None] | None = None
 
-    def __iter__(self):
+    def __iter__(self) -> _Iterator[Step]:
         return self
 
-    def __next__(self):
+    def __next__(self) -> Step:
         try:
             step = self._take()
         except KeyboardInterrupt:
-            # The scene and the checkpoint are written before the interrupt goes on; another one does not wait for them.
+            # The run writes its scene and checkpoint before the interrupt is raised. A second Ctrl-C does not wait for them.
             self.stop()
             while self._take() is not None:
                 pass
@@ -153,7 +168,7 @@ class Run:
             raise StopIteration
         return step
 
-    def _take(self):
+    def _take(self) -> Step | None:
         """The next step, or None at the end."""
         while True:
             event = self._job.wait()
@@ -168,38 +183,36 @@ class Run:
             else:
                 step = Step(*values)
                 quality = "" if step.loss is None else f", loss {step.loss:.4f}, {step.psnr:.2f} dB"
-                self._show(f"{self.phase[0]} {step.step}/{step.steps} steps{quality}, {step.gaussians} Gaussians")
+                self._show(f"step {step.step}/{step.steps}{quality}, {step.gaussians} Gaussians")
                 return step
         printed, self.stopped = self._job.result()
         self.report = _json.loads(printed) if printed else None
         return None
 
-    def stop(self):
-        """Asks for an end: the run writes its scene and its checkpoint, and the iterator ends. The same call resumes the run."""
+    def stop(self) -> None:
+        """Stops the run after the steps that are under way: it writes its scene and checkpoint, and the iterator ends.
+
+        The same call of `train` or `enhance` resumes the run.
+        """
         self._job.stop()
 
-    def _show(self, text):
-        """Shows a line in a notebook, always the same."""
+    def _show(self, text: str) -> None:
+        """Replaces the line that a notebook shows."""
         if self._shown is None:
             self._shown = _notebook()
-        if self._shown:
-            self._shown(text)
+        self._shown(text)
 
 
-def _notebook():
-    """Writes a line of a notebook anew, or False elsewhere."""
-    try:
-        from IPython import get_ipython
-        from IPython.display import display
-    except ImportError:
-        return False
-    if not hasattr(get_ipython(), "kernel"):
-        return False
-    handle = display({"text/plain": ""}, raw=True, display_id=True)
+def _notebook() -> _Callable[[str], None]:
+    """A function that replaces a line below the notebook's cell. Outside notebooks it does nothing."""
+    ipython = _sys.modules.get("IPython")
+    if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
+        return lambda text: None
+    handle = ipython.display.display({"text/plain": ""}, raw=True, display_id=True)
     return lambda text: handle.update({"text/plain": text}, raw=True)
 
 
-def _warn(notes):
+def _warn(notes: list[str]) -> None:
     """Warns at the line that called this module."""
     level, frame = 1, _sys._getframe()
     while frame and frame.f_code.co_filename == __file__:
@@ -208,7 +221,7 @@ def _warn(notes):
         _warnings.warn(text, Note, stacklevel=level)
 
 
-def _text(value):
+def _text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (tuple, list)):
@@ -216,8 +229,8 @@ def _text(value):
     return _os.fspath(value) if isinstance(value, _os.PathLike) else str(value)
 
 
-def _arguments(command, paths, options):
-    """Arguments of a command line."""
+def _arguments(command: str, paths: list[_Path], options: dict[str, _Any]) -> list[str]:
+    """Command-line arguments of `options` and `paths`."""
     known = {name.replace("-", "_"): (takes_value, repeats) for name, _, takes_value, repeats, *_ in _glint.options(command)}
     arguments = []
     for key, value in options.items():
@@ -237,26 +250,28 @@ def _arguments(command, paths, options):
     return arguments + ["--"] + [_os.fspath(path) for path in paths]
 
 
-def _report(command, paths, options):
-    """Runs a command to its end; what its --json prints."""
+def _report(command: str, paths: list[_Path], options: dict[str, _Any]) -> _Any:
+    """Runs a command to its end. Returns what its --json prints."""
     run = Run([command, *_arguments(command, paths, {**options, "json": True})])
     for _ in run:
         pass
     return run.report
 
 
-def _array(values, dimensions, dtype=_np.float32):
-    values = values.detach() if hasattr(values, "detach") else values
+def _array(name: str, values: _Any, dimensions: int, dtype: _Any = _np.float32) -> _npt.NDArray[_Any]:
+    """A contiguous array on the host."""
+    if hasattr(values, "detach"):
+        values = values.detach().cpu()
     array = _np.ascontiguousarray(values, dtype=dtype)
     if array.ndim != dimensions:
-        raise InputError(f"an array has shape {array.shape}, expected {dimensions} dimensions")
+        raise InputError(f"{name} has shape {list(array.shape)}, expected {dimensions} dimensions")
     return array
 
 
-def load(path, **options):
-    """Reads a scene of any format that glint knows, told by its contents.
+def load(path: _Path, **options: _Any) -> Scene:
+    """Reads a scene of any format that glint reads, recognized by its contents.
 
-    The arrays of the scene are read-only views of what was read; nothing is copied.
+    The scene's arrays are read-only views of glint's memory, without copies.
 
     Raises InputError if the file is not a scene.
     """
@@ -265,29 +280,29 @@ def load(path, **options):
     return scene
 
 
-def save(scene, path, **options):
-    """Writes a scene; the ending of the path says what it becomes: .ply, .glb, .sog, .compressed.ply, .spz or .splat.
+def save(scene: Scene, path: _Path, **options: _Any) -> None:
+    """Writes a scene. The ending of the path chooses the format: .ply, .glb, .sog, .compressed.ply, .spz or .splat.
 
     The file appears whole or not at all.
 
-    Raises InputError if the file is there already and `force` is not given, or if the format has no place for the scene's lobes;
-    DeviceError if the disk is full.
+    Raises InputError if the file exists and `force` is not given, or if the format cannot store the scene's lobes; DeviceError if the
+    disk is full.
     """
     _warn(_glint.save(_arguments("save", [path], options), scene))
 
 
-def convert(input, output, **options):
-    """Writes a scene file as a file of another kind, and returns what `glint convert --json` prints.
+def convert(input: _Path, output: _Path, **options: _Any) -> _Any:
+    """Writes a scene file in another format. Returns what `glint convert --json` prints.
 
     Raises InputError and DeviceError as `load` and `save`.
     """
     return _report("convert", [input, output], options)
 
 
-def dataset(path, **options):
-    """Reads cameras, names and sparse points of a dataset; pixels are read when a photo is asked for them.
+def dataset(path: _Path, **options: _Any) -> Dataset:
+    """Reads the cameras, names and sparse points of a dataset. `Photo.image` reads pixels.
 
-    Raises InputError if the folder or the file is not a dataset.
+    Raises InputError if the path is not a dataset.
     """
     found = _glint.Dataset(_arguments("dataset", [path], options))
     _warn(found.notes)
@@ -299,116 +314,135 @@ def dataset(path, **options):
     return Dataset(photos, points, colors, tuple(found.background), found.extent)
 
 
-def render(scene, camera, *, background=None, compensate=None, depth=False, device=None):
-    """Renders a scene from a camera. The scene stays on the device for the next time.
+def render(
+    scene: Scene,
+    camera: Camera,
+    *,
+    background: tuple[float, float, float] | None = None,
+    compensate: bool | None = None,
+    depth: bool = False,
+    device: str | None = None,
+) -> Rendered:
+    """Renders a scene from a camera. The scene stays on the device for the next call.
 
-    background: three sRGB values from 0 to 1; by default what the scene was trained with, else black.
-    compensate: fade Gaussians smaller than a pixel; by default as the scene was trained, else not.
-    depth: render depths too.
-    device: as the command line's --device.
+    background: three sRGB values from 0 to 1. By default the scene's own, or black if that is unknown.
+    compensate: whether Gaussians smaller than a pixel fade. By default as the scene was trained, or no if that is unknown.
+    depth: whether to render depths too.
+    device: name or number, as the command line's --device.
 
-    Raises InputError for a camera that is not a pinhole's; DeviceError if there is no device or no memory.
+    Raises InputError if the camera is not a pinhole camera; DeviceError if there is no device or not enough memory.
     """
-    k, viewmat = _array(camera.K, 2, _np.float64), _array(camera.viewmat, 2, _np.float64)
+    k, viewmat = _array("K", camera.K, 2, _np.float64), _array("viewmat", camera.viewmat, 2, _np.float64)
     pictures = _glint.render(scene, camera.width, camera.height, k, viewmat, background, compensate, depth, device)
     return Rendered(*pictures)
 
 
 class Meta:
-    """What the gradients of a call of `rasterization` need."""
+    """What the gradients of a call of `rasterization` need. It holds buffers on the device until it is deleted."""
 
-    def __init__(self, native):
+    def __init__(self, native: _glint.Meta, coefficients: int | None) -> None:
         self._native = native
+        self._coefficients = coefficients
 
-    def backward(self, image_grad):
-        """Gradients of a loss whose gradient by the image is `image_grad`, (C, height, width, 3).
+    def backward(self, image_grad: _npt.ArrayLike) -> Gradients:
+        """Gradients of a loss, given its gradient by the images: `image_grad`, (C, height, width, 3).
 
-        A colour channel that is below 0 and clamped has the gradient only where that raises it. Opacities count as 2^-24 away from 0
-        and 1.
+        Colors below 0 are clamped: they have a gradient only if it raises them. Opacities are clamped to 2^-24 from 0 and 1.
 
-        Raises InputError for another shape; DeviceError if the device's memory does not suffice.
+        Raises InputError for another shape; DeviceError if the device has not enough memory.
         """
-        return Gradients(*self._native.backward(_array(image_grad, 4)))
+        gradients = Gradients(*self._native.backward(_array("image_grad", image_grad, 4)))
+        if self._coefficients is None:
+            return gradients
+        # Bands above sh_degree have no gradient.
+        unused = self._coefficients - gradients.colors.shape[1]
+        return gradients._replace(colors=_np.pad(gradients.colors, ((0, 0), (0, unused), (0, 0)))) if unused else gradients
 
 
 def rasterization(
-    means,
-    quats,
-    scales,
-    opacities,
-    colors,
-    viewmats,
-    Ks,
-    width,
-    height,
+    means: _npt.ArrayLike,
+    quats: _npt.ArrayLike,
+    scales: _npt.ArrayLike,
+    opacities: _npt.ArrayLike,
+    colors: _npt.ArrayLike,
+    viewmats: _npt.ArrayLike,
+    Ks: _npt.ArrayLike,
+    width: int,
+    height: int,
     *,
-    sh_degree=None,
-    backgrounds=None,
-    rasterize_mode="classic",
-    device=None,
-):
-    """Renders N Gaussians, given as arrays, from C cameras. Arguments have gsplat's names and shapes.
+    sh_degree: int | None = None,
+    backgrounds: _npt.ArrayLike | None = None,
+    rasterize_mode: str = "classic",
+    device: str | None = None,
+) -> tuple[_Array32, _Array32, Meta]:
+    """Renders N Gaussians, given as arrays, from C cameras. Names and shapes of the arguments are gsplat's.
 
     means: (N, 3), scene units.
-    quats: (N, 4), w first, of any length.
+    quats: (N, 4), w first, of any length but 0.
     scales: (N, 3), standard deviations, scene units, above 0.
     opacities: (N,), 0 to 1.
-    colors: (N, 3), sRGB, above 0; or with `sh_degree` (N, K, 3), coefficients of spherical harmonics, of which the first
-        (sh_degree + 1)^2 are used.
-    viewmats: (C, 4, 4), from the world to the camera. Ks: (C, 3, 3), pixels.
+    colors: (N, 3), sRGB; or with `sh_degree` (N, K, 3), coefficients of spherical harmonics, of which the first
+        (sh_degree + 1)^2 are used. Colors below 0 are clamped.
+    viewmats: (C, 4, 4), rotation and translation from the world to the camera.
+    Ks: (C, 3, 3), pixels.
     width, height: pixels.
-    backgrounds: (C, 3), sRGB; black by default.
+    sh_degree: degree of the harmonics, 0 to 3.
+    backgrounds: (C, 3), sRGB. Black by default.
     rasterize_mode: "classic", or "antialiased" to fade Gaussians smaller than a pixel.
-    device: as the command line's --device.
+    device: name or number, as the command line's --device.
 
-    Returns the images (C, height, width, 3), alphas (C, height, width, 1), both float32, and an object whose `backward` makes
-    gradients. Gaussians nearer than 0.2 scene units are not drawn, and every Gaussian is blurred by 0.3 px^2. Buffers on the device
-    are used again by the next call of the same shapes, once the object is gone.
+    Returns images (C, height, width, 3) and alphas (C, height, width, 1), both float32, and a `Meta`, whose `backward` computes
+    gradients. Gaussians nearer than 0.2 scene units are not drawn, and every Gaussian is blurred by 0.3 px^2. Once the `Meta` is
+    deleted, the next call with the same image size and degree uses its buffers again.
 
-    Raises InputError, which names the array, for shapes and numbers that do not fit; DeviceError if there is no device or no memory.
+    Raises InputError, which names the array, for an invalid shape or number; DeviceError if there is no device or not enough memory.
     """
     if rasterize_mode not in ("classic", "antialiased"):
         raise InputError(f"rasterize_mode is {rasterize_mode!r}, expected 'classic' or 'antialiased'")
-    colors = _array(colors, 2)[:, None] if sh_degree is None else _array(colors, 3)
-    given = colors.shape[1]
-    if sh_degree is not None:
-        colors = _np.ascontiguousarray(colors[:, : (sh_degree + 1) ** 2])
-    viewmats = _array(viewmats, 3, _np.float64)
-    backgrounds = _np.zeros((len(viewmats), 3)) if backgrounds is None else backgrounds
+    if sh_degree not in (None, 0, 1, 2, 3):
+        raise InputError(f"sh_degree is {sh_degree!r}, expected None or 0 to 3")
+    coefficients = None
+    if sh_degree is None:
+        harmonics = _array("colors", colors, 2)[:, None]
+    else:
+        harmonics = _array("colors", colors, 3)
+        coefficients = harmonics.shape[1]
+        harmonics = _np.ascontiguousarray(harmonics[:, : (sh_degree + 1) ** 2])
+    viewmats = _array("viewmats", viewmats, 3, _np.float64)
     image, alpha, native = _glint.rasterize(
-        _array(means, 2),
-        _array(quats, 2),
-        _array(scales, 2),
-        _array(opacities, 1),
-        colors,
+        _array("means", means, 2),
+        _array("quats", quats, 2),
+        _array("scales", scales, 2),
+        _array("opacities", opacities, 1),
+        harmonics,
         viewmats,
-        _array(Ks, 3, _np.float64),
+        _array("Ks", Ks, 3, _np.float64),
         width,
         height,
         sh_degree,
-        _array(backgrounds, 2),
+        _array("backgrounds", _np.zeros((len(viewmats), 3)) if backgrounds is None else backgrounds, 2),
         rasterize_mode == "antialiased",
         device,
     )
-    return image, alpha, Meta(native)
+    return image, alpha, Meta(native, coefficients)
 
 
-def train(dataset, output, **options):
-    """Trains a base scene on photos, as `glint train` does, and returns the run: an iterator over steps.
+def train(dataset: _Path, output: _Path, **options: _Any) -> Run:
+    """Trains a base scene on photos, as `glint train` does. Returns the run, an iterator over steps, which begins at once.
 
         for step in train("garden", "base.ply", iterations=7000):
             print(step.step, step.psnr)
 
-    What was learned is saved beside `output`, a PLY file, every minute; the same call resumes there. `run.stop()` and Ctrl-C end a run
-    early and keep what it has learned.
+    The run writes the scene to `output`, a PLY file, at its end. Every minute it writes a checkpoint next to it; the same call resumes
+    from that. `run.stop()` and Ctrl-C end a run early: it writes its scene and checkpoint.
 
     The iterator raises InputError and DeviceError with the texts of the command line.
     """
     return Run(["train", *_arguments("train", [dataset], {**options, "output": output, "json": True})])
 
 
-def enhance(dataset, base, output, **options):
-    """Augments a base scene, a file, from photos, as `glint enhance` does, and returns the run: an iterator over steps of its joint phase.
+def enhance(dataset: _Path, base: _Path, output: _Path, **options: _Any) -> Run:
+    """Augments a base scene, a file, from photos, as `glint enhance` does. Returns the run, an iterator over steps of the joint phase.
 
     Checkpoints, stopping and errors are those of `train`.
     """
@@ -416,8 +450,8 @@ def enhance(dataset, base, output, **options):
     return Run(["enhance", *_arguments("enhance", [dataset], options)])
 
 
-def evaluate(scene, dataset, **options):
-    """Compares a scene, or a scene's file, with the photos of a dataset: PSNR [dB] and SSIM of each view and their means.
+def evaluate(scene: Scene | _Path, dataset: _Path, **options: _Any) -> _Any:
+    """Compares a scene, or a scene's file, with the photos of a dataset: PSNR [dB] and SSIM of each view, and their means.
 
     Returns what `glint eval --json` prints: {"base": {"psnr", "ssim"}, "augmented": {"psnr", "ssim"}, "views": [...]}.
 
@@ -431,20 +465,20 @@ def evaluate(scene, dataset, **options):
         return _report("eval", [path, dataset], options)
 
 
-def verify(dataset=None, scene=None, **options):
+def verify(dataset: _Path | None = None, scene: _Path | None = None, **options: _Any) -> _Any:
     """Compares every kernel on a device with its float64 twin. Returns what `glint verify --json` prints.
 
-    Raises DeviceError if an error is beyond its bound.
+    Raises DeviceError if an error exceeds its bound.
     """
     return _report("verify", [path for path in (dataset, scene) if path is not None], options)
 
 
-def devices():
-    """Vulkan devices that `device` chooses from, as `glint devices --json` lists them; "refused" says why one cannot be used."""
+def devices() -> _Any:
+    """Vulkan devices for `device`, as `glint devices --json` lists them. "refused" is the reason why glint cannot use one."""
     return _report("devices", [], {})
 
 
-def _describe(function, command, taken):
+def _describe(function: _Any, command: str, taken: tuple[str, ...]) -> None:
     """Adds the options of a command to a function's signature and documentation."""
     signature = _inspect.signature(function)
     parameters = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
@@ -458,7 +492,7 @@ def _describe(function, command, taken):
         choices = f" ({', '.join(names)})" if names else ""
         lines.append(f"{key}: {help}{choices}.")
     function.__signature__ = signature.replace(parameters=parameters)
-    function.__doc__ += "\n    Options:\n\n" + "".join(f"    {line}\n" for line in lines)
+    function.__doc__ = (function.__doc__ or "") + "\n    Options:\n\n" + "".join(f"    {line}\n" for line in lines)
 
 
 for _function, _command, _taken in (

@@ -53,5 +53,9 @@ pub fn camera(width: u32, height: u32, k: &[f64], viewmat: &[f64]) -> Result<Cam
     }
     let row = |i: usize| DVec3::new(view[4 * i], view[4 * i + 1], view[4 * i + 2]);
     let rotation = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+    let off = (rotation * rotation.transpose() - DMat3::IDENTITY).to_cols_array().map(f64::abs);
+    if off.into_iter().fold(0.0, f64::max) > 1e-3 || rotation.determinant() < 0.0 {
+        return Err(bad(format!("a camera: viewmat is {view:?}, expected a rotation in its first 3 rows and columns")));
+    }
     Ok(Camera { width, height, fx, fy, cx, cy, rotation, translation: DVec3::new(view[3], view[7], view[11]) })
 }

@@ -52,6 +52,13 @@ pub fn bad(what: impl Into<String>) -> Failure {
     Error::Usage(what.into()).into()
 }
 
+/// Fails on the first number of an array that does not fit. `n` is the number of Gaussians.
+pub fn check_each(name: &str, values: &[f32], n: usize, fits: fn(f32) -> bool, wanted: &str) -> Result<(), Failure> {
+    let Some(at) = values.iter().position(|&value| !fits(value)) else { return Ok(()) };
+    let row = at / (values.len() / n);
+    Err(bad(format!("{name} of Gaussian {row}: found {}, expected {wanted}", values[at])))
+}
+
 /// Does `work` with a listener that collects notes, which come back beside the result.
 pub fn noted<T>(work: impl FnOnce(Listener) -> Result<T, Failed>) -> Result<(T, Vec<String>), Failure> {
     let notes = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));

@@ -28,7 +28,7 @@ use numpy::{
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::{Failure, bad, device};
+use crate::{Failure, bad, check_each, device};
 
 /// Rasterizers that nobody uses.
 static IDLE: Mutex<Vec<Rasterizer>> = Mutex::new(Vec::new());
@@ -52,6 +52,8 @@ struct Rasterizer {
     renderer: Renderer,
     /// With it the renderer has what gradients need.
     learner: Option<Learner>,
+    /// The view that the raster has blended last, as long as it holds what that was blended from.
+    blended: Option<usize>,
     status: Buffer<u32>,
 }
 
@@ -140,6 +142,7 @@ fn download(from: &Planes, pages: &[Page], planes: usize, count: usize) -> Resul
 impl Rasterizer {
     /// An idle one that fits, or a new one.
     fn take(key: Key, count: usize) -> Result<Self, Failure> {
+        let context = device::context(key.device.as_deref())?;
         let fits = |found: &Rasterizer| {
             let room = found.model.capacity() as usize;
             found.key == key && (count..=2 * count.max(1)).contains(&room)
@@ -149,16 +152,16 @@ impl Rasterizer {
             return Ok(idle.swap_remove(at));
         }
         drop(idle);
-        let context = device::context(key.device.as_deref())?;
         let scene = Scene { base: Gaussians { sh_degree: key.degree, ..Default::default() }, ..Default::default() };
         let room = Room { base: count.max(1) as u32, ..Default::default() };
         let model = Model::upload_around(&context, DVec3::ZERO, &scene, room)?;
         let renderer = renderer(&context, &model, &key, false)?;
         let status = Buffer::zeroed(&context, "status", status::WORDS)?;
-        Ok(Rasterizer { key, context, model, renderer, learner: None, status })
+        Ok(Rasterizer { key, context, model, renderer, learner: None, blended: None, status })
     }
 
-    fn fill(&self, arrays: &Arrays<'_>) -> Result<(), Failure> {
+    fn fill(&mut self, arrays: &Arrays<'_>) -> Result<(), Failure> {
+        self.blended = None;
         let (part, count) = (self.model.part(Segment::Base), arrays.count());
         upload(&part.geometry, &part.pages, GEOMETRY_PLANES, count, |i, p| arrays.geometry(i, p))?;
         let planes = 3 * coefficients(self.key.degree);
@@ -170,6 +173,7 @@ impl Rasterizer {
     fn learns(&mut self) -> Result<(), Failure> {
         if self.learner.is_none() {
             self.renderer = renderer(&self.context, &self.model, &self.key, true)?;
+            self.blended = None;
             let lesson = Lesson { compensate: self.key.compensate, ..Lesson::new(Segment::Base) };
             self.learner = Some(Learner::new(&self.model, lesson, true)?);
         }
@@ -202,16 +206,18 @@ pub struct Meta {
     backgrounds: Vec<[f32; 3]>,
     scales: Vec<f32>,
     opacities: Vec<f32>,
-    are_harmonics: bool,
+    /// None of colours.
+    sh_degree: Option<u32>,
 }
 
 impl Meta {
     fn render(&self) -> Result<(Vec<f32>, Vec<f32>), Failure> {
         let mut kept = self.rasterizer.lock().unwrap_or_else(|error| error.into_inner());
         let (mut images, mut alphas) = (Vec::new(), Vec::new());
-        if let Some(Rasterizer { model, renderer, .. }) = &mut *kept {
-            for (view, background) in (0..).zip(&self.backgrounds) {
-                let rendered = renderer.render(model, &self.views, view, *background)?;
+        if let Some(Rasterizer { model, renderer, blended, .. }) = &mut *kept {
+            for (view, background) in self.backgrounds.iter().enumerate() {
+                let rendered = renderer.render(model, &self.views, view as u32, *background)?;
+                *blended = Some(view);
                 let single = self.backgrounds.len() == 1;
                 // Of one view nothing is copied.
                 if single {
@@ -229,10 +235,9 @@ impl Meta {
     fn learn(&self, image_grad: &[f32]) -> Result<[Vec<f32>; 2], Failure> {
         let mut kept = self.rasterizer.lock().unwrap_or_else(|error| error.into_inner());
         let Some(own) = &mut *kept else { return Ok(Default::default()) };
-        // The raster still has what the last view was blended from.
-        let mut blended = own.learner.is_some().then_some(self.backgrounds.len() - 1);
+        device::context(own.key.device.as_deref())?;
         own.learns()?;
-        let Rasterizer { context, model, renderer, learner: Some(learner), status, key } = own else {
+        let Rasterizer { context, model, renderer, learner: Some(learner), blended, status, key } = own else {
             return Ok(Default::default());
         };
         let mut recorder = context.recorder("gradients")?;
@@ -244,15 +249,16 @@ impl Meta {
             let mut needed = None;
             loop {
                 if let Some(needed) = needed {
+                    *blended = None;
                     renderer.raster.grow(needed)?;
                 }
                 renderer.raster.buffers.image_grad.upload(0, grads[view])?;
                 let mut recorder = context.recorder("backward")?;
                 recorder.fill(status, 0);
                 let seen = view as u32;
-                let grid = match blended.take() {
-                    Some(last) if last == view => renderer.raster.grid(seen, 1, key.size[0], key.size[1]),
-                    _ => renderer.record(&mut recorder, model, &self.views, seen, &show, status)?,
+                let grid = match blended.take() == Some(view) {
+                    true => renderer.raster.grid(seen, 1, key.size[0], key.size[1]),
+                    false => renderer.record(&mut recorder, model, &self.views, seen, &show, status)?,
                 };
                 let raster = &renderer.raster;
                 raster.record_blend_backward(&mut recorder, &grid, &self.views.frames, &model.population, 0);
@@ -261,6 +267,7 @@ impl Meta {
                 recorder.submit()?.wait()?;
                 needed = Status::read(&status.download()?).needed(Resource::Intersections);
                 if needed.is_none() {
+                    *blended = Some(view);
                     break;
                 }
             }
@@ -312,12 +319,12 @@ impl Meta {
         for (grad, &opacity) in opacities.iter_mut().zip(&self.opacities) {
             *grad /= inside(opacity) * (1.0 - inside(opacity));
         }
-        if !self.are_harmonics {
-            sh.iter_mut().for_each(|grad| *grad /= SH_DC);
-        }
-        let colors = match self.are_harmonics {
-            true => array(py, sh.clone(), &[n, sh.len() / 3 / n.max(1), 3])?,
-            false => array(py, sh, &[n, 3])?,
+        let colors = match self.sh_degree {
+            Some(degree) => array(py, sh, &[n, coefficients(degree), 3])?,
+            None => {
+                sh.iter_mut().for_each(|grad| *grad /= SH_DC);
+                array(py, sh, &[n, 3])?
+            }
         };
         Ok([
             array(py, of(MEAN, 3), &[n, 3])?,
@@ -381,7 +388,7 @@ pub fn rasterize<'py>(
     let (cameras, backgrounds) = (cameras?, bytemuck::cast_slice(backgrounds.as_slice()?).to_vec());
     let key = Key { device, degree, size: [width, height], compensate };
     let (meta, (images, alphas)) = py.detach(|| -> Result<_, Failure> {
-        let rasterizer = Rasterizer::take(key, n)?;
+        let mut rasterizer = Rasterizer::take(key, n)?;
         rasterizer.fill(&arrays)?;
         let meta = Meta {
             views: Views::upload(&rasterizer.context, &cameras, &[])?,
@@ -389,7 +396,7 @@ pub fn rasterize<'py>(
             backgrounds,
             scales: arrays.scales.to_vec(),
             opacities: arrays.opacities.to_vec(),
-            are_harmonics: arrays.are_harmonics,
+            sh_degree,
         };
         let pictures = meta.render()?;
         Ok((meta, pictures))
@@ -398,22 +405,13 @@ pub fn rasterize<'py>(
     Ok((array(py, images, &[views, rows, columns, 3])?, array(py, alphas, &[views, rows, columns, 1])?, meta))
 }
 
-/// Fails on numbers that no Gaussian can have, and names the first.
+/// Fails on numbers that no Gaussian can have.
 fn check(arrays: &Arrays<'_>) -> Result<(), Failure> {
     let Arrays { means, quats, scales, opacities, colors, .. } = *arrays;
-    let finite = |value: f32| value.is_finite();
-    let checks: [(&str, &[f32], fn(f32) -> bool, &str); 5] = [
-        ("means", means, finite, "a finite number"),
-        ("quats", quats, finite, "a finite number"),
-        ("scales", scales, |scale| scale > 0.0 && scale.is_finite(), "a positive number"),
-        ("opacities", opacities, |opacity| (0.0..=1.0).contains(&opacity), "0 to 1"),
-        ("colors", colors, finite, "a finite number"),
-    ];
-    for (name, values, fits, wanted) in checks {
-        if let Some(at) = values.iter().position(|&value| !fits(value)) {
-            let row = at / (values.len() / arrays.count());
-            return Err(bad(format!("{name} of Gaussian {row}: found {}, expected {wanted}", values[at])));
-        }
-    }
-    Ok(())
+    let n = arrays.count();
+    check_each("means", means, n, f32::is_finite, "a finite number")?;
+    check_each("quats", quats, n, f32::is_finite, "a finite number")?;
+    check_each("scales", scales, n, |scale| scale > 0.0 && scale.is_finite(), "a positive number")?;
+    check_each("opacities", opacities, n, |opacity| (0.0..=1.0).contains(&opacity), "0 to 1")?;
+    check_each("colors", colors, n, f32::is_finite, "a finite number")
 }

@@ -41,8 +41,7 @@ fn origin_of(scene: &Scene) -> DVec3 {
 }
 
 impl OnDevice {
-    fn new(scene: &Scene, device: Option<&str>) -> Result<Self, Failure> {
-        let context = device::context(device)?;
+    fn new(scene: &Scene, context: Context, device: Option<&str>) -> Result<Self, Failure> {
         let model = Model::upload_around(&context, origin_of(scene), scene, Room::default())?;
         Ok(OnDevice { device: device.map(str::to_owned), context, model, renderer: None })
     }
@@ -93,10 +92,11 @@ pub fn render<'py>(
     let background = background.or(trained_with.background).unwrap_or_default();
     let compensate = compensate.or(trained_with.antialiased).unwrap_or_default();
     let rendered = py.detach(|| {
+        let context = device::context(device.as_deref())?;
         let mut kept = scene.device.lock().unwrap_or_else(|error| error.into_inner());
         if kept.as_ref().is_none_or(|kept| kept.device != device) {
             *kept = None;
-            *kept = Some(OnDevice::new(&scene.file().scene, device.as_deref())?);
+            *kept = Some(OnDevice::new(&scene.file().scene, context, device.as_deref())?);
         }
         match kept.as_mut() {
             Some(kept) => kept.render(&camera, background, depth, compensate),

@@ -11,14 +11,27 @@ use glint::{
     },
 };
 use numpy::{
-    PyArray, PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+    AllowTypeChange, PyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods,
     ndarray::{ArrayViewD, IxDyn},
 };
 use pyo3::prelude::*;
 
-use crate::{Failure, bad, render::OnDevice};
+use crate::{Failure, bad, check_each, render::OnDevice};
 
-/// Base or supplement of a scene.
+/// N Gaussians: the base of a scene, or with lobes its supplement. Arrays are copied, and numpy makes float32 of them.
+///
+/// means: (N, 3), centers, scene units.
+/// log_scales: (N, 3), natural logarithms of standard deviations in scene units.
+/// quats: (N, 4), w first, of any length but 0.
+/// opacity_logits: (N,), logits of opacities.
+/// sh: (N, K, 3), coefficients of spherical harmonics of degree 0 to 3, so that K is 1, 4, 9 or 16; or K = 5, spherical betas.
+/// lobe_directions: (N, 3), from the Gaussian to where it is seen best, of any length but 0.
+/// lobe_widths: (N,), 0.01 to 1; the lobe ends at this times 180 degrees.
+/// lobe_sharpness: (N,), natural logarithms of the lobes' exponents.
+///
+/// A Gaussian has opacity 1 / (1 + exp(-logit)), and the color 0.5 + the sum of coefficients times harmonics in sRGB.
+///
+/// Raises InputError, which names the array, for a wrong shape or a number that is not finite.
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Gaussians {
     file: Arc<SceneFile>,
@@ -52,115 +65,127 @@ fn view<'py, T: numpy::Element>(
     Ok(array)
 }
 
+/// What numpy makes an array of float32 of.
+type Like<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
+
+/// Finite numbers of `n` Gaussians, each of which has a row of this shape.
+fn rows<T: bytemuck::AnyBitPattern>(name: &str, array: &Like<'_>, n: usize, row: &[usize]) -> Result<Vec<T>, Failure> {
+    let shape = [&[n], row].concat();
+    if array.shape() != shape {
+        return Err(bad(format!("{name} has shape {:?}, expected {shape:?}", array.shape())));
+    }
+    let values: Vec<f32> = array.as_array().iter().copied().collect();
+    check_each(name, &values, n, f32::is_finite, "a finite number")?;
+    Ok(bytemuck::cast_slice(&values).to_vec())
+}
+
 #[pymethods]
 impl Gaussians {
     #[new]
     #[pyo3(signature = (means, log_scales, quats, opacity_logits, sh, lobe_directions=None, lobe_widths=None, lobe_sharpness=None))]
     #[allow(clippy::too_many_arguments, reason = "an array each")]
     fn new(
-        means: PyReadonlyArray2<'_, f32>,
-        log_scales: PyReadonlyArray2<'_, f32>,
-        quats: PyReadonlyArray2<'_, f32>,
-        opacity_logits: PyReadonlyArray1<'_, f32>,
-        sh: PyReadonlyArray3<'_, f32>,
-        lobe_directions: Option<PyReadonlyArray2<'_, f32>>,
-        lobe_widths: Option<PyReadonlyArray1<'_, f32>>,
-        lobe_sharpness: Option<PyReadonlyArray1<'_, f32>>,
-    ) -> PyResult<Self> {
-        let k = sh.shape()[1];
-        let degree = (0..=3).chain([BETAS]).find(|&degree| coefficients(degree) == k && sh.shape()[2] == 3);
+        means: Like<'_>,
+        log_scales: Like<'_>,
+        quats: Like<'_>,
+        opacity_logits: Like<'_>,
+        sh: Like<'_>,
+        lobe_directions: Option<Like<'_>>,
+        lobe_widths: Option<Like<'_>>,
+        lobe_sharpness: Option<Like<'_>>,
+    ) -> Result<Self, Failure> {
+        let n = means.shape().first().copied().unwrap_or(0);
+        let means = rows("means", &means, n, &[3])?;
+        let degree = (0..=3).chain([BETAS]).find(|&degree| sh.shape() == [n, coefficients(degree), 3]);
         let Some(sh_degree) = degree else {
             return Err(bad(format!(
-                "sh has shape {:?}, expected (N, 1, 3), (N, 4, 3), (N, 9, 3) or (N, 16, 3)",
+                "sh has shape {:?}, expected [{n}, K, 3], where K is 1, 4, 9 or 16, or 5 of spherical betas",
                 sh.shape()
-            ))
-            .into());
+            )));
         };
-        let rows = |array: &PyReadonlyArray2<'_, f32>, name| {
-            let [_, columns] = array.shape() else { unreachable!("two dimensions") };
-            match *columns {
-                3 => Ok(bytemuck::cast_slice::<f32, [f32; 3]>(array.as_slice()?).to_vec()),
-                _ => Err(PyErr::from(bad(format!("{name} has shape {:?}, expected (N, 3)", array.shape())))),
-            }
-        };
-        if quats.shape()[1] != 4 {
-            return Err(bad(format!("quats has shape {:?}, expected (N, 4)", quats.shape())).into());
-        }
         let gaussians = scene::Gaussians {
             sh_degree,
-            means: rows(&means, "means")?,
-            log_scales: rows(&log_scales, "log_scales")?,
-            quats: bytemuck::cast_slice(quats.as_slice()?).to_vec(),
-            opacities: opacity_logits.as_slice()?.to_vec(),
-            sh: bytemuck::cast_slice(sh.as_slice()?).to_vec(),
+            means,
+            log_scales: rows("log_scales", &log_scales, n, &[3])?,
+            quats: rows("quats", &quats, n, &[4])?,
+            opacities: rows("opacity_logits", &opacity_logits, n, &[])?,
+            sh: rows("sh", &sh, n, &[coefficients(sh_degree), 3])?,
         };
         let scene = match (lobe_directions, lobe_widths, lobe_sharpness) {
             (None, None, None) => scene::Scene { base: gaussians, ..Default::default() },
             (Some(directions), Some(widths), Some(sharpness)) => {
                 let lobes = Lobes {
-                    directions: rows(&directions, "lobe_directions")?,
-                    widths: widths.as_slice()?.to_vec(),
-                    sharpness: sharpness.as_slice()?.to_vec(),
+                    directions: rows("lobe_directions", &directions, n, &[3])?,
+                    widths: rows("lobe_widths", &widths, n, &[])?,
+                    sharpness: rows("lobe_sharpness", &sharpness, n, &[])?,
                 };
                 let base = scene::Gaussians { sh_degree, ..Default::default() };
                 scene::Scene { base, supplement: Some(Supplement { gaussians, lobes }), ..Default::default() }
             }
-            _ => return Err(bad("lobes have directions, widths and sharpness: expected all three or none").into()),
+            _ => return Err(bad("lobes have directions, widths and sharpness: expected all three or none")),
         };
-        check_scene(&scene).map_err(Failure::from)?;
+        check_scene(&scene)?;
         let has_lobes = scene.supplement.is_some();
         Ok(Gaussians { file: Arc::new(scene.into()), has_lobes })
     }
 
+    /// (N, 3), float32: centers, scene units. A read-only view, as all arrays of a scene.
     #[getter]
     fn means<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let own = this.get().own();
         view(this, own.means.as_flattened(), &[own.len(), 3])
     }
 
+    /// (N, 3), float32: natural logarithms of standard deviations in scene units.
     #[getter]
     fn log_scales<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let own = this.get().own();
         view(this, own.log_scales.as_flattened(), &[own.len(), 3])
     }
 
+    /// (N, 4), float32: rotations, w first, of any length but 0.
     #[getter]
     fn quats<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let own = this.get().own();
         view(this, own.quats.as_flattened(), &[own.len(), 4])
     }
 
+    /// (N,), float32: logits of opacities.
     #[getter]
     fn opacity_logits<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let own = this.get().own();
         view(this, &own.opacities, &[own.len()])
     }
 
+    /// (N, K, 3), float32: coefficients of spherical harmonics, or of spherical betas if K is 5.
     #[getter]
     fn sh<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let own = this.get().own();
         view(this, own.sh.as_flattened(), &[own.len(), own.sh_coefficients(), 3])
     }
 
+    /// (N, 3), float32: from the Gaussian to where it is seen best, of any length but 0. None without lobes.
     #[getter]
     fn lobe_directions<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let lobes = this.get().supplement().map(|supplement| &supplement.lobes);
         lobes.map(|l| view(this, l.directions.as_flattened(), &[l.directions.len(), 3])).transpose()
     }
 
+    /// (N,), float32: 0.01 to 1; the lobe ends at this times 180 degrees. None without lobes.
     #[getter]
     fn lobe_widths<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let lobes = this.get().supplement().map(|supplement| &supplement.lobes);
         lobes.map(|l| view(this, &l.widths, &[l.widths.len()])).transpose()
     }
 
+    /// (N,), float32: natural logarithms of the lobes' exponents. None without lobes.
     #[getter]
     fn lobe_sharpness<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let lobes = this.get().supplement().map(|supplement| &supplement.lobes);
         lobes.map(|l| view(this, &l.sharpness, &[l.sharpness.len()])).transpose()
     }
 
-    /// The degree of the harmonics; None of spherical betas.
+    /// Degree of the harmonics, 0 to 3; None of spherical betas.
     #[getter]
     fn sh_degree(&self) -> Option<u32> {
         Some(self.own().sh_degree).filter(|&degree| degree != BETAS)
@@ -176,7 +201,16 @@ impl Gaussians {
     }
 }
 
-/// A base, its supplement if it has one, and what its file says of its training.
+/// A base, its supplement if it has one, and the settings that it was trained with. `load` makes scenes of files.
+///
+/// base: Gaussians without lobes.
+/// supplement: Gaussians with lobes, or None.
+/// origin: where the scene's coordinates begin in the world, scene units; three float64 numbers.
+/// background: three sRGB values from 0 to 1 behind the photos; None if unknown, as are the next two.
+/// antialiased: whether Gaussians smaller than a pixel fade.
+/// max_size: longest side of the photos, pixels.
+///
+/// Raises InputError if the base has lobes or the supplement has none.
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Scene {
     file: Arc<SceneFile>,
@@ -219,31 +253,37 @@ impl Scene {
         Ok(Scene::of(SceneFile { trained_with, ..scene.into() }))
     }
 
+    /// Gaussians without lobes.
     #[getter]
     fn base(&self) -> Gaussians {
         Gaussians { file: Arc::clone(&self.file), has_lobes: false }
     }
 
+    /// Gaussians with lobes; None if there are none.
     #[getter]
     fn supplement(&self) -> Option<Gaussians> {
         self.file.scene.supplement.as_ref().map(|_| Gaussians { file: Arc::clone(&self.file), has_lobes: true })
     }
 
+    /// Where the scene's coordinates begin in the world, scene units.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.file.scene.origin.to_array()
     }
 
+    /// Three sRGB values from 0 to 1 behind the photos; None if unknown.
     #[getter]
     fn background(&self) -> Option<[f32; 3]> {
         self.file.trained_with.background
     }
 
+    /// Whether Gaussians smaller than a pixel fade; None if unknown.
     #[getter]
     fn antialiased(&self) -> Option<bool> {
         self.file.trained_with.antialiased
     }
 
+    /// Longest side of the photos, pixels; None if unknown.
     #[getter]
     fn max_size(&self) -> Option<u32> {
         self.file.trained_with.max_size

@@ -126,8 +126,9 @@ def test_gradients_are_the_same_each_time_and_those_of_their_own_call():
     other = {**arrays, "means": arrays["means"] * 0.5}
     *_, second = rasterize(other, "classic")
     two = second.backward(weights)
-    again = first.backward(weights)
-    assert all(np.array_equal(a, b) for a, b in zip(one, again))
+    for _ in range(2):
+        again = first.backward(weights)
+        assert all(np.array_equal(a, b) for a, b in zip(one, again))
     assert not np.array_equal(one.means, two.means)
     # In buffers that have held another scene, and more Gaussians.
     del first, second
@@ -149,6 +150,16 @@ def test_a_scene_s_arrays_render_as_the_scene(photos, base):
     )
     rendered = g.render(scene, camera)
     assert abs(found[0] - rendered.image).max() < 1e-5 and abs(alpha[0, ..., 0] - rendered.alpha).max() < 1e-5
+
+
+def test_bands_that_are_not_used_have_no_gradient():
+    arrays = draw(4)
+    more = {**arrays, "colors": np.concatenate([arrays["colors"], np.ones((COUNT, 12, 3))], axis=1)}
+    (found, _, few), (same, _, many) = rasterize(arrays, "classic"), rasterize(more, "classic")
+    assert np.array_equal(found, same)
+    one, two = few.backward(np.ones_like(found)), many.backward(np.ones_like(found))
+    assert two.colors.shape == (COUNT, 16, 3) and not two.colors[:, 4:].any()
+    assert np.array_equal(one.colors, two.colors[:, :4]) and np.array_equal(one.means, two.means)
 
 
 def test_opacities_of_0_and_1_have_finite_gradients():
@@ -175,7 +186,7 @@ def test_wrong_arrays_are_named():
         ("opacities", arrays["opacities"] + 1, "opacities of Gaussian 0: found 1.*, expected 0 to 1"),
         ("colors", arrays["colors"] * np.nan, "colors of Gaussian 0: found NaN, expected a finite number"),
         ("colors", arrays["colors"][:, :3], r"colors has shape \[20, 3, 3\], expected \[20, 4, 3\]"),
-        ("opacities", arrays["opacities"][:, None], "expected 1 dimensions"),
+        ("opacities", arrays["opacities"][:, None], r"opacities has shape \[20, 1\], expected 1 dimensions"),
     ]:
         with pytest.raises(g.InputError, match=said):
             rasterize({**arrays, name: value}, "classic")

@@ -3,6 +3,8 @@
 import gc
 import json
 import os
+import subprocess
+import sys
 
 import glint_splat as g
 import numpy as np
@@ -66,12 +68,38 @@ def test_bad_cameras_are_refused(base):
         (g.Camera(24, 16, skewed, np.eye(4)), "expected rows fx 0 cx"),
         (g.Camera(24, 16, k, moved), "a last row of 0 0 0 1"),
         (g.Camera(24, 16, k, np.eye(4) * np.nan), "a camera"),
-        (g.Camera(24, 16, k[0], np.eye(4)), "expected 2 dimensions"),
+        (g.Camera(24, 16, k[0], np.eye(4)), r"K has shape \[3\], expected 2 dimensions"),
+        (g.Camera(24, 16, k, np.diag([2.0, 2, 2, 1])), "expected a rotation"),
     ]:
         with pytest.raises(g.InputError, match=said):
             g.render(scene, camera)
     with pytest.raises(g.InputError, match="--device"):
         g.render(scene, g.Camera(24, 16, k, np.eye(4)), device="no such device")
+
+
+def test_a_forked_process_is_refused(photos, base):
+    """Its parent's device would never answer."""
+    code = f"""
+import os, numpy as np, glint_splat as g
+scene, camera = g.load({str(base)!r}), g.dataset({str(photos)!r}).photos[0].camera
+arrays = np.zeros((1, 3)), np.ones((1, 4)), np.ones((1, 3)), np.ones(1), np.ones((1, 3)), np.eye(4)[None], np.eye(3)[None], 8, 8
+g.render(scene, camera)
+*_, meta = g.rasterization(*arrays)
+calls = lambda: g.render(scene, camera), lambda: g.rasterization(*arrays), lambda: meta.backward(np.ones((1, 8, 8, 3)))
+if os.fork() == 0:
+    for call in calls:
+        try:
+            call()
+        except g.InputError as error:
+            print(error, flush=True)
+    os._exit(0)
+os.wait()
+for call in calls:
+    call()
+"""
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.count("cannot use the device that its parent has opened") == 3
 
 
 def resident():

@@ -93,10 +93,25 @@ def test_a_scene_is_made_of_arrays(folder, augmented):
     assert np.array_equal(g.render(scene, camera).image, g.render(loaded, camera).image)
     with pytest.raises(g.InputError, match="expected a base without lobes"):
         g.Scene(supplement)
-    with pytest.raises(g.InputError, match=r"quats has shape \[2, 3\], expected \(N, 4\)"):
-        g.Gaussians(*[np.zeros((2, 3), np.float32)] * 3, np.zeros(2, np.float32), np.zeros((2, 1, 3), np.float32))
-    with pytest.raises(g.InputError, match="NaN"):
-        g.Gaussians(base.means * np.float32("nan"), base.log_scales, base.quats, base.opacity_logits, base.sh)
+
+
+def test_gaussians_are_made_of_what_numpy_makes_arrays_of(base):
+    own = g.load(base).base
+    names = ["means", "log_scales", "quats", "opacity_logits", "sh"]
+    given = {name: getattr(own, name) for name in names}
+    for change in (lambda a: a.astype(np.float64), np.asfortranarray, lambda a: a[::-1][::-1], lambda a: a.tolist()):
+        made = g.Gaussians(**{name: change(array) for name, array in given.items()})
+        assert all(np.array_equal(getattr(made, name), array) for name, array in given.items())
+    for name, value, said in [
+        ("quats", own.means, r"quats has shape \[400, 3\], expected \[400, 4\]"),
+        ("opacity_logits", own.means, r"opacity_logits has shape \[400, 3\], expected \[400\]"),
+        ("sh", own.sh[:, :3], r"sh has shape \[400, 3, 3\], expected \[400, K, 3\]"),
+        ("means", own.means * np.float32("nan"), "means of Gaussian 0: found NaN, expected a finite number"),
+        ("quats", own.quats * 0, "rot"),
+        ("lobe_widths", own.opacity_logits, "expected all three or none"),
+    ]:
+        with pytest.raises(g.InputError, match=said):
+            g.Gaussians(**{**given, name: value})
 
 
 def test_errors_are_the_command_line_s(glint, folder, base, augmented):
