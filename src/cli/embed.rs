@@ -319,3 +319,78 @@ pub(super) fn listen(listening: bool) -> bool {
 pub(super) fn asked() -> bool {
     caller().is_some_and(|caller| caller.stop.load(Ordering::Relaxed))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listener(stop: bool) -> Listener {
+        Listener { tell: Box::new(|_| {}), stop: Arc::new(stop.into()) }
+    }
+
+    const PHASE: Phase = Phase { name: "reading", unit: "photos", done: 1, total: 2 };
+
+    #[test]
+    fn errors_are_the_command_line_s_without_its_advice_for_a_shell() {
+        let run = |arguments: &[&str]| {
+            let arguments: Vec<OsString> = arguments.iter().map(Into::into).collect();
+            command(&arguments, listener(false))
+        };
+        let (printed, result) = run(&["train", "photos"]);
+        let text = "the following required arguments were not provided:\n  --output <PLY>".to_owned();
+        assert_eq!((printed.as_str(), result), ("", Err(Failed { text, code: 2 })));
+        let failed = run(&["convert", "nothing.ply", "out.spz"]).1.unwrap_err();
+        assert!(failed.code == 2 && failed.text.starts_with("nothing.ply: "), "{failed:?}");
+    }
+
+    #[test]
+    fn events_go_to_the_listener_while_its_work_runs() {
+        let found = Rc::new(RefCell::new(Vec::new()));
+        let into = Rc::clone(&found);
+        let tell = Box::new(move |event| into.borrow_mut().push(event));
+        let (printed, result) = with(Listener { tell, stop: Arc::default() }, || {
+            note("a note".into());
+            phase(PHASE);
+            print("{}");
+            Ok(is_embedded())
+        });
+        assert_eq!((printed.as_str(), result), ("{}", Ok(true)));
+        assert_eq!(found.take(), [Event::Note("a note".into()), Event::Phase(PHASE)]);
+        assert!(!is_embedded());
+    }
+
+    #[test]
+    fn an_end_that_is_asked_for_waits_for_a_loop_that_listens() {
+        let ended = with(listener(true), || {
+            phase(PHASE);
+            Ok(())
+        });
+        assert_eq!(ended.1.unwrap_err().code, STOPPED);
+        let (_, seen) = with(listener(true), || {
+            assert!(listen(true));
+            phase(PHASE);
+            Ok(asked())
+        });
+        assert_eq!(seen, Ok(true));
+        assert!(!asked() && !listen(true));
+    }
+
+    #[test]
+    fn a_panic_is_an_error() {
+        let (_, result) = with(listener(false), || -> Result<(), Failed> { panic!("of {}", 7) });
+        assert_eq!(result, Err(Failed { text: "a fault in glint: of 7".into(), code: 1 }));
+    }
+
+    #[test]
+    fn options_are_those_of_the_command_line() {
+        let find = |command, name: &str| options(command).into_iter().find(|option| option.name == name);
+        let device = find("device", "device").unwrap();
+        assert!(device.takes_value && !device.repeats && !device.help.is_empty());
+        let strategy = find("train", "strategy").unwrap();
+        assert_eq!(strategy.default.as_deref(), Some("budget"));
+        assert_eq!(strategy.names, ["fixed", "mcmc", "adc", "budget"]);
+        assert!(find("train", "twin").unwrap().repeats);
+        assert!(!find("load", "lenient").unwrap().takes_value);
+        assert!(options("nothing").is_empty());
+    }
+}
