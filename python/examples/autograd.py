@@ -2,8 +2,9 @@
 
     python autograd.py DATASET scene.ply [--iterations 2000] [--points 4000] [--max-size 200]
 
-The number of Gaussians stays that of the points. Rates and loss are those of 3D Gaussian splatting (Kerbl 2023). The last line that is
-printed is PSNR and SSIM of the test photos, as JSON. Needs `pip install torch`; torch may run on the CPU or on a GPU.
+The number of Gaussians stays that of the points, and masks are ignored. Rates and loss are those of 3D Gaussian splatting (Kerbl
+2023). The last line is PSNR and SSIM of the test photos, as JSON. Needs `pip install torch`,
+for the CPU or a GPU.
 """
 
 import argparse

@@ -489,7 +489,7 @@ def _describe(function: _Any, command: str, taken: tuple[str, ...]) -> None:
             continue
         default = default if takes_value else False
         parameters.append(_inspect.Parameter(key, _inspect.Parameter.KEYWORD_ONLY, default=default))
-        choices = f" ({', '.join(names)})" if names else ""
+        choices = f" ({', '.join(names)})" if names and takes_value else ""
         lines.append(f"{key}: {help}{choices}.")
     function.__signature__ = signature.replace(parameters=parameters)
     function.__doc__ = (function.__doc__ or "") + "\n    Options:\n\n" + "".join(f"    {line}\n" for line in lines)
