@@ -49,9 +49,9 @@ class Camera(_NamedTuple):
     """Pixels."""
     height: int
     """Pixels."""
-    K: _npt.ArrayLike
+    K: _npt.NDArray[_Any]
     """(3, 3): rows fx 0 cx, 0 fy cy, 0 0 1, in pixels."""
-    viewmat: _npt.ArrayLike
+    viewmat: _npt.NDArray[_Any]
     """(4, 4): rotation and translation from the world to the camera, scene units."""
 
 
@@ -214,7 +214,7 @@ def _notebook() -> _Callable[[str], None]:
 
 def _warn(notes: list[str]) -> None:
     """Warns at the line that called this module."""
-    level, frame = 1, _sys._getframe()
+    level, frame = 1, _inspect.currentframe()
     while frame and frame.f_code.co_filename == __file__:
         level, frame = level + 1, frame.f_back
     for text in notes:
@@ -487,8 +487,8 @@ def _describe(function: _Any, command: str, taken: tuple[str, ...]) -> None:
         key = name.replace("-", "_")
         if key in taken:
             continue
-        default = default if takes_value else False
-        parameters.append(_inspect.Parameter(key, _inspect.Parameter.KEYWORD_ONLY, default=default))
+        begins = default if takes_value else False
+        parameters.append(_inspect.Parameter(key, _inspect.Parameter.KEYWORD_ONLY, default=begins))
         choices = f" ({', '.join(names)})" if names and takes_value else ""
         lines.append(f"{key}: {help}{choices}.")
     function.__signature__ = signature.replace(parameters=parameters)

@@ -1,6 +1,6 @@
 """Types of the module's native half."""
 
-from typing import Optional, Sequence
+from typing import Any, Optional, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +79,7 @@ class Dataset:
 
 class Job:
     def __new__(cls, arguments: Sequence[str]) -> Job: ...
-    def wait(self) -> Optional[tuple]: ...
+    def wait(self) -> Optional[tuple[Any, ...]]: ...
     def stop(self) -> None: ...
     def result(self) -> tuple[str, bool]: ...
 
