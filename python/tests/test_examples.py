@@ -31,10 +31,10 @@ def test_autograd_learns_as_well_as_glint_s_own_adam(folder, photos):
     assert len(g.load(folder / "torch.ply").base) == points
 
 
-def test_fox_is_trained_logged_and_shown(folder, photos):
+def test_fox_is_trained_logged_and_shown(tmp_path, photos):
     pytest.importorskip("viser", reason="examples/fox.py needs viser")
     pytest.importorskip("rerun", reason="examples/fox.py needs rerun-sdk")
-    lines = run(folder, "fox.py", photos, "--iterations=100", "--max-size=48", "--headless")
+    lines = run(tmp_path, "fox.py", photos, "--iterations=100", "--max-size=48", "--headless")
     assert lines[0].startswith("train: 100 steps") and lines[1].startswith("enhance: ")
-    assert "with them" in lines[2] and "viser: http://127.0.0.1:" in lines[-1]
-    assert os.path.getsize(folder / "fox.rrd") > 10_000 and len(g.load(folder / "fox.ply").supplement) > 0
+    assert "with them" in lines[2] and any(line.startswith("viser: http://127.0.0.1:") for line in lines)
+    assert os.path.getsize(tmp_path / "fox.rrd") > 10_000 and len(g.load(tmp_path / "fox.ply").supplement) > 0
