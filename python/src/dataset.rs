@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::{Failure, bad, noted};
 
-/// A dataset whose photos are read when they are asked for.
+/// A dataset, without its photos' pixels.
 #[pyclass(frozen)]
 pub struct Dataset {
     own: data::Dataset,
@@ -42,7 +42,7 @@ impl Dataset {
         self.own.photos.iter().map(photo).collect()
     }
 
-    /// Pixels of a photo, and which of them count; None if all do.
+    /// Reads the pixels of a photo, and which of them count; None if all do.
     #[allow(clippy::type_complexity, reason = "a tuple is what Python unpacks")]
     fn image<'py>(
         &self,
@@ -56,7 +56,7 @@ impl Dataset {
         Ok((PyArray1::from_vec(py, image.rgb).reshape([rows, columns, 3])?, mask.transpose()?))
     }
 
-    /// Positions and colours of the sparse points; None without any.
+    /// Positions and colors of the sparse points; None if there are none.
     #[allow(clippy::type_complexity, reason = "a tuple is what Python unpacks")]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u8>>)>> {
         let Some(cloud) = &self.own.points else { return Ok(None) };

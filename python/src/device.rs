@@ -1,4 +1,4 @@
-//! Devices that are open, one context for each, and cameras from numpy's matrices.
+//! Opens devices, one context each, and makes cameras of numpy's matrices.
 
 use std::{ffi::OsString, process, sync::Mutex};
 
@@ -10,15 +10,15 @@ use crate::{Failure, bad, noted};
 /// Device, context and the process that opened it.
 static OPEN: Mutex<Vec<(Option<String>, Context, u32)>> = Mutex::new(Vec::new());
 
-/// The context of a device, which is opened and checked when it is first asked for.
+/// The context of a device. The first call opens and checks the device.
 ///
 /// # Errors
-/// What the command line says of such a device; and in a forked process, where the driver's threads are missing.
+/// The command line's, and one in a forked process, which lacks the driver's threads.
 pub fn context(device: Option<&str>) -> Result<Context, Failure> {
     let mut open = OPEN.lock().unwrap_or_else(|error| error.into_inner());
     if open.iter().any(|(.., process)| *process != process::id()) {
         return Err(bad(
-            "a process that was forked cannot use the device that its parent has opened: start it by `spawn`",
+            "a forked process cannot use the device that its parent has opened: start processes by `spawn`",
         ));
     }
     if let Some((_, context, _)) = open.iter().find(|(name, ..)| name.as_deref() == device) {

@@ -1,4 +1,4 @@
-//! A command that runs in a thread of its own while Python waits for its events.
+//! Runs a command in its own thread and hands its events to Python.
 
 use std::{
     ffi::OsString,
@@ -16,7 +16,7 @@ use pyo3::{IntoPyObjectExt, prelude::*};
 
 use crate::Failure;
 
-/// How often Python hears of signals.
+/// How often a waiting thread checks for signals, such as Ctrl-C.
 const LISTEN_EVERY: Duration = Duration::from_millis(50);
 
 type Ended = (String, Result<(), Failed>);
@@ -26,7 +26,7 @@ struct Running {
     thread: JoinHandle<Ended>,
 }
 
-/// It advances while events are taken: the channel holds one.
+/// A command that runs. It pauses while Python takes no events: the channel holds one.
 #[pyclass(frozen)]
 pub struct Job {
     stop: Arc<AtomicBool>,
@@ -35,7 +35,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// The next event within a moment; `Ok(None)` once there are no more.
+    /// Waits for the next event, up to [`LISTEN_EVERY`]. `Ok(None)` after the last.
     fn next(&self) -> Result<Option<Event>, RecvTimeoutError> {
         let mut running = self.running.lock().unwrap_or_else(|error| error.into_inner());
         let Some(Running { events, .. }) = &*running else { return Ok(None) };
@@ -62,7 +62,7 @@ impl Job {
         let asked = Arc::clone(&stop);
         let work = move || {
             let stop = Arc::clone(&asked);
-            // Whoever has gone away wants no more.
+            // The job was dropped: nobody wants its result.
             let tell = move |event| {
                 if sender.send(event).is_err() {
                     asked.store(true, Ordering::Relaxed);
@@ -92,15 +92,15 @@ impl Job {
         }
     }
 
-    /// Asks for an end.
+    /// Asks the command to end.
     fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// What an ended command has printed, and whether it was stopped.
+    /// What the ended command printed, and whether it was stopped.
     ///
     /// # Errors
-    /// Why it failed.
+    /// The command's failure.
     fn result(&self) -> Result<(String, bool), Failure> {
         match self.ended.lock().unwrap_or_else(|error| error.into_inner()).clone() {
             Some((printed, Ok(()))) => Ok((printed, false)),
@@ -117,7 +117,7 @@ impl Drop for Job {
         let running = self.running.get_mut().unwrap_or_else(|error| error.into_inner()).take();
         if let Some(Running { events, thread }) = running {
             drop(events);
-            // It writes what it has learned.
+            // The command writes its scene and checkpoint first.
             Python::attach(|py| py.detach(|| drop(thread.join())));
         }
     }

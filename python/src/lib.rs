@@ -47,7 +47,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// For arguments that make no sense.
+/// A failure for an invalid argument.
 pub fn bad(what: impl Into<String>) -> Failure {
     Error::Usage(what.into()).into()
 }
@@ -59,7 +59,7 @@ pub fn check_each(name: &str, values: &[f32], n: usize, fits: fn(f32) -> bool, w
     Err(bad(format!("{name} of Gaussian {row}: found {}, expected {wanted}", values[at])))
 }
 
-/// Does `work` with a listener that collects notes, which come back beside the result.
+/// Does `work` with a listener that collects notes. Returns the result and the notes.
 pub fn noted<T>(work: impl FnOnce(Listener) -> Result<T, Failed>) -> Result<(T, Vec<String>), Failure> {
     let notes = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
     let into = std::rc::Rc::clone(&notes);

@@ -1,4 +1,4 @@
-//! Rasterization of bare arrays and its gradients. Buffers of a call are used again by the next of the same shapes.
+//! Rasterizes arrays and computes their gradients. The next call of the same shapes uses a call's buffers again.
 
 use std::sync::Mutex;
 
@@ -30,9 +30,9 @@ use rayon::prelude::*;
 
 use crate::{Failure, bad, check_each, device};
 
-/// Rasterizers that nobody uses.
+/// Rasterizers for the next calls.
 static IDLE: Mutex<Vec<Rasterizer>> = Mutex::new(Vec::new());
-/// So many are kept: one that waits for its gradient and one that goes on.
+/// The most that are kept: an autograd graph frees one while the next call uses another.
 const MOST_IDLE: usize = 2;
 
 /// What a rasterizer is made for.
@@ -44,15 +44,15 @@ struct Key {
     compensate: bool,
 }
 
-/// Gaussians of bare arrays on a device, and what renders them and learns of them.
+/// Gaussians on a device, with the stages that render them and compute gradients.
 struct Rasterizer {
     key: Key,
     context: Context,
     model: Model,
     renderer: Renderer,
-    /// With it the renderer has what gradients need.
+    /// Present if the renderer has the buffers of gradients.
     learner: Option<Learner>,
-    /// The view that the raster has blended last, as long as it holds what that was blended from.
+    /// The view whose sorted splats the raster holds.
     blended: Option<usize>,
     status: Buffer<u32>,
 }
@@ -69,7 +69,7 @@ struct Arrays<'a> {
     are_harmonics: bool,
 }
 
-/// Opacities keep away from 0 and 1 by so much, where their logits end.
+/// Opacities are clamped to this distance from 0 and 1, where logits are infinite.
 const LEAST_OPACITY: f32 = 1.0 / (1 << 24) as f32;
 
 fn inside(opacity: f32) -> f32 {
@@ -102,7 +102,7 @@ impl Arrays<'_> {
     }
 }
 
-/// Brings `planes` values of each Gaussian to the device.
+/// Uploads `planes` values of each Gaussian.
 fn upload(
     to: &Planes,
     pages: &[Page],
@@ -198,7 +198,7 @@ fn renderer(context: &Context, model: &Model, key: &Key, backward: bool) -> Resu
     Ok(Renderer::new(context, Needs::of(model), &Views::upload(context, &[size], &[])?, options)?)
 }
 
-/// What the gradients of a call need of it. It has a rasterizer to itself.
+/// What the gradients of a call need. It owns the call's rasterizer until it is dropped.
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Meta {
     rasterizer: Mutex<Option<Rasterizer>>,
@@ -219,7 +219,7 @@ impl Meta {
                 let rendered = renderer.render(model, &self.views, view as u32, *background)?;
                 *blended = Some(view);
                 let single = self.backgrounds.len() == 1;
-                // Of one view nothing is copied.
+                // The image of a single view is not copied.
                 if single {
                     images = rendered.color;
                 } else {
@@ -314,7 +314,7 @@ impl Meta {
             geometry.chunks(GEOMETRY_PLANES).flat_map(|row| row[first..first + planes].iter().copied()).collect()
         };
         let (mut scales, mut opacities) = (of(LOG_SCALE, 3), of(OPACITY, 1));
-        // By the logarithm and the logit that the device has.
+        // The device has logarithms of scales and logits of opacities.
         scales.iter_mut().zip(&self.scales).for_each(|(grad, scale)| *grad /= scale);
         for (grad, &opacity) in opacities.iter_mut().zip(&self.opacities) {
             *grad /= inside(opacity) * (1.0 - inside(opacity));

@@ -1,4 +1,4 @@
-//! Renders a scene, which stays on the device from the first time on.
+//! Renders a scene, which stays on the device after its first render.
 
 use glam::DVec3;
 use glint::{
@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 
 use crate::{Failure, device, scene};
 
-/// A scene on a device, and what has rendered it last.
+/// A scene on a device, with the renderer of its last view.
 pub struct OnDevice {
     device: Option<String>,
     context: Context,
@@ -24,7 +24,7 @@ pub struct OnDevice {
     renderer: Option<(Made, Renderer)>,
 }
 
-/// What a renderer was made for.
+/// The settings that a renderer is made for.
 #[derive(PartialEq)]
 struct Made {
     size: [u32; 2],
@@ -57,7 +57,7 @@ impl OnDevice {
         let views = Views::upload_around(context, model.origin, &[*camera], &[])?;
         let made = Made { size: [camera.width, camera.height], depth, compensate };
         if renderer.as_ref().is_none_or(|(found, _)| *found != made) {
-            // The old one's memory goes first.
+            // Frees the old one's memory first.
             *renderer = None;
             let policy = Policy { compensate, ..Policy::default() };
             let options = RenderOptions { depth, policy, ..Default::default() };

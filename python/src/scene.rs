@@ -51,7 +51,7 @@ impl Gaussians {
     }
 }
 
-/// A read-only array over memory that `owner` keeps.
+/// A read-only array over the owner's memory.
 fn view<'py, T: numpy::Element>(
     owner: &Bound<'py, Gaussians>,
     values: &[T],
@@ -214,7 +214,7 @@ impl Gaussians {
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Scene {
     file: Arc<SceneFile>,
-    /// The scene on the device that has drawn it last.
+    /// The scene on the device that rendered it last.
     pub device: Mutex<Option<OnDevice>>,
 }
 
