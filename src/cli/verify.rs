@@ -97,7 +97,9 @@ impl Args {
             Some(file) => file.scene.around(origin),
             None => {
                 let cloud = first_points(&dataset, None, 0).cloud;
-                let base = from_points(&cloud.around(origin), &cloud.colors, 3);
+                let mut base = from_points(&cloud.around(origin), &cloud.colors, 3);
+                // The gradient of a sphere's rotation is 0, of which float32 has the rounding only.
+                base.log_scales.iter_mut().for_each(|axes| (axes[0], axes[1]) = (axes[0] + 0.1, axes[1] - 0.1));
                 Scene { base, origin, ..Default::default() }
             }
         };
