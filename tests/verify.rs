@@ -4,7 +4,7 @@ mod common;
 #[path = "common/run.rs"]
 mod run;
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, time::Duration};
 
 use common::Gpu;
 use glint::{
@@ -46,7 +46,8 @@ fn a_fault_in_every_stage_is_seen_in_every_row() {
 
 fn glint(arguments: &[&str]) -> std::process::Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
-    run::run(command.arg("verify").args(arguments))
+    // All stages in all variants, on two cores that another test uses too.
+    run::run_within(Duration::from_secs(900), command.arg("verify").args(arguments))
 }
 
 #[test]
