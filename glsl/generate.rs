@@ -389,95 +389,30 @@ impl Interface {
 }
 
 impl Kernel {
-    /// The module of the kernel's interface.
+    /// The kernel's entry in the list that `src/stages/kernel.rs` expands.
     fn generate(&self) -> String {
         let Kernel { name, file, interface: Interface { bindings, push, spec }, demands, unit, .. } = self;
-        let mut s = String::new();
-        writeln!(s, "/// `{file}`\npub mod {name} {{").unwrap();
-        writeln!(s, "#[allow(unused_imports)] use super::types::*;").unwrap();
-        writeln!(s, "#[repr(C)] #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]").unwrap();
-        writeln!(s, "pub struct Push {{\n{}}}", fields(push.iter().map(|f| (&f.name, f.ty.as_str())))).unwrap();
-        writeln!(s, "#[derive(Clone, Copy, Debug)]").unwrap();
-        writeln!(s, "pub struct Spec {{\n{}}}", fields(spec.iter().map(|(_, n, t)| (n, *t)))).unwrap();
-        writeln!(s, "#[derive(Clone, Copy)]\npub struct Buffers<'a> {{").unwrap();
-        for (n, t, a, _) in bindings {
-            writeln!(s, "    /// {a:?}\n    pub {n}: &'a crate::gpu::Buffer<{t}>,").unwrap();
-        }
-        writeln!(s, "}}").unwrap();
-        s += &self.host();
-        writeln!(s, "pub struct Kernel;\npub type Stage = crate::gpu::Pipeline<Kernel>;").unwrap();
-        writeln!(s, "impl crate::gpu::Kernel for Kernel {{").unwrap();
-        writeln!(s, "    const NAME: &'static str = {name:?};").unwrap();
-        writeln!(s, "    const LABEL: &'static std::ffi::CStr = c{name:?};").unwrap();
-        let module =
-            |file: &str| format!("&crate::gpu::Words(*include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\"))).0");
-        writeln!(s, "    const SPIRV: &'static [u8] = {};", module(name)).unwrap();
-        let file = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
-        writeln!(s, "    const SOFTWARE_SPIRV: &'static [u8] = {};", module(&file)).unwrap();
-        writeln!(s, "    const BINDINGS: &'static [crate::gpu::Binding] = &[").unwrap();
-        for (n, t, a, floats) in bindings {
-            let (access, bytes) = (access(a), format!("size_of::<{t}>() as u32"));
-            let rest = format!("element_bytes: {bytes}, floats: {floats:#b}");
-            writeln!(s, "        crate::gpu::Binding {{ name: c{n:?}, access: {access}, {rest} }},").unwrap();
-        }
-        writeln!(s, "    ];\n    const CONSTANTS: &'static [crate::gpu::Constant] = &[").unwrap();
-        for (id, n, t) in spec {
-            let kind = format!("crate::gpu::ConstantKind::{}{}", t[..1].to_uppercase(), &t[1..]);
-            writeln!(s, "        crate::gpu::Constant {{ id: {id}, name: c{n:?}, kind: {kind} }},").unwrap();
-        }
-        writeln!(s, "    ];\n    const UNIT: crate::gpu::Unit = crate::gpu::Unit::{unit};").unwrap();
-        writeln!(s, "    const SUBGROUPS: bool = {};", demands.subgroup_operations != 0).unwrap();
-        writeln!(s, "    const BARRIERS: bool = {};", demands.barriers).unwrap();
-        let features: Vec<_> = demands.features.iter().map(|f| format!("crate::gpu::Feature::{f}")).collect();
-        writeln!(s, "    const FEATURES: &'static [crate::gpu::Feature] = &[{}];", features.join(", ")).unwrap();
-        writeln!(s, "    type Push = Push; type Spec = Spec; type Buffers<'a> = Buffers<'a>;").unwrap();
-        let words: Vec<_> = spec
-            .iter()
-            .map(|(id, n, t)| match *t {
-                "f32" => format!("({id}, spec.{n}.to_bits())"),
-                _ => format!("({id}, spec.{n} as u32)"),
-            })
-            .collect();
-        writeln!(s, "    fn spec_words(spec: &Spec) -> Vec<(u32, u32)> {{ vec![{}] }}", words.join(", ")).unwrap();
-        let raw: Vec<_> = bindings.iter().map(|(n, ..)| format!("b.{n}.raw()")).collect();
-        writeln!(s, "    fn raw_buffers<R>(b: &Self::Buffers<'_>, with: impl FnOnce(&[&std::sync::Arc<crate::gpu::RawBuffer>]) -> R) -> R {{").unwrap();
-        writeln!(s, "        with(&[{}])\n    }}", raw.join(", ")).unwrap();
-        writeln!(s, "}}\n}}").unwrap();
-        s
-    }
-
-    /// What a function on the host that stands in for the kernel is given.
-    fn host(&self) -> String {
-        let Interface { bindings, spec, .. } = &self.interface;
-        let mut s = String::from("/// What a twin of the kernel is given; see [`crate::gpu::Twin`].\n");
-        writeln!(s, "pub struct Host<'a> {{\n    pub workgroups: crate::gpu::Workgroups,").unwrap();
-        writeln!(s, "    pub spec: Spec,\n    pub push: Push,").unwrap();
-        for (n, t, a, _) in bindings {
-            let exclusive = if matches!(a, AccessType::ReadOnly) { "" } else { "mut " };
-            writeln!(s, "    /// {a:?}\n    pub {n}: &'a {exclusive}[{t}],").unwrap();
-        }
-        let value = |id: u32, ty: &str| match ty {
-            "bool" => format!("call.constant({id}) != 0"),
-            "f32" => format!("f32::from_bits(call.constant({id}))"),
-            _ => format!("call.constant({id}) as {ty}"),
-        };
-        let spec: String = spec.iter().map(|(id, n, t)| format!("{n}: {}, ", value(*id, t))).collect();
-        let bound: String =
-            bindings.iter().map(|(n, ..)| format!("{n}: crate::gpu::next_binding(&mut bindings), ")).collect();
-        writeln!(s, "}}\nimpl<'a> Host<'a> {{\n    pub fn new(call: &'a mut crate::gpu::TwinCall) -> Self {{").unwrap();
-        writeln!(s, "        let (spec, push) = (Spec {{ {spec}}}, bytemuck::pod_read_unaligned(&call.push));")
-            .unwrap();
-        writeln!(s, "        let (workgroups, mut bindings) = (call.workgroups, call.bindings.iter_mut());").unwrap();
-        writeln!(s, "        Host {{ workgroups, spec, push, {bound}}}\n    }}\n}}").unwrap();
-        s
+        let software = if self.software.is_some() { format!("{name}.software") } else { name.clone() };
+        let push: String = push.iter().map(|field| format!("{}: {}, ", field.name, field.ty)).collect();
+        let spec: String = spec.iter().map(|(id, name, ty)| format!("{id} {name}: {ty}, ")).collect();
+        let buffers =
+            bindings.iter().map(|(name, ty, a, floats)| format!("        {} {name}: {ty} = {floats:#b},\n", access(a)));
+        format!(
+            "kernel! {{\n    /// `{file}`\n    {name}, {unit}, subgroups {}, barriers {}, features [{}],\n    spirv \"{name}.spv\" \
+             \"{software}.spv\",\n    push {{ {push}}}\n    spec {{ {spec}}}\n    buffers {{\n{}    }}\n}}\n",
+            demands.subgroup_operations != 0,
+            demands.barriers,
+            demands.features.iter().copied().collect::<Vec<_>>().join(", "),
+            buffers.collect::<String>()
+        )
     }
 }
 
 fn access(access: &AccessType) -> &'static str {
     match access {
-        AccessType::ReadOnly => "crate::gpu::Access::Read",
-        AccessType::WriteOnly => "crate::gpu::Access::Write",
-        AccessType::ReadWrite => "crate::gpu::Access::ReadWrite",
+        AccessType::ReadOnly => "Read",
+        AccessType::WriteOnly => "Write",
+        AccessType::ReadWrite => "ReadWrite",
     }
 }
 

@@ -4,6 +4,8 @@
 //! recorder's; what the caller owes before the first and after the last is in [`crate::gpu::Recorder::borrow`].
 
 pub mod blocks;
+#[macro_use]
+mod kernel;
 pub mod ssim;
 pub mod status;
 
