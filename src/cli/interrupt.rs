@@ -15,7 +15,7 @@ use signal_hook::{
     flag,
 };
 
-use super::embed;
+use super::caller;
 use crate::{Error, Result};
 
 /// What a shell says of a command that Ctrl-C ended.
@@ -33,7 +33,7 @@ impl Interrupt {
     /// Begins, if it has not yet begun.
     pub(super) fn listen(&self) -> Result<()> {
         // A program that runs this command has signals of its own.
-        if self.listening.replace(true) || embed::listen(true) {
+        if self.listening.replace(true) || caller::listen(true) {
             return Ok(());
         }
         for &signal in signals() {
@@ -48,7 +48,7 @@ impl Interrupt {
 
     /// Whether an end was asked for.
     pub(super) fn asked(&self) -> bool {
-        self.asked.load(Ordering::Relaxed) || (self.listening.get() && embed::asked())
+        self.asked.load(Ordering::Relaxed) || (self.listening.get() && caller::asked())
     }
 }
 
@@ -72,7 +72,7 @@ fn ignores(status: &str, signal: i32) -> bool {
 impl Drop for Interrupt {
     fn drop(&mut self) {
         self.asked.store(true, Ordering::Relaxed);
-        embed::listen(false);
+        caller::listen(false);
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
 
+mod caller;
 mod check;
 mod convert;
 mod dataset;
@@ -506,8 +507,8 @@ impl SceneArgs {
 
 /// Prints a result. A reader that has gone away has seen enough.
 fn print(text: impl Display) -> Result<()> {
-    if embed::is_embedded() {
-        embed::print(&text.to_string());
+    if caller::is_embedded() {
+        caller::print(&text.to_string());
         return Ok(());
     }
     let mut out = io::stdout().lock();

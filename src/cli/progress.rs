@@ -17,7 +17,7 @@ use std::{
 
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::{deadline::mean, embed};
+use super::{caller, deadline::mean};
 use crate::gpu::Context;
 
 /// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
@@ -116,7 +116,7 @@ impl Progress {
         let cost: Cost = Arc::new(cost);
         let (bar, before) = (ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden()), Arc::default());
         set_style(&bar, [label, unit, ""], &before, &cost);
-        let hidden = is_quiet() || embed::is_embedded();
+        let hidden = is_quiet() || caller::is_embedded();
         let bar = if hidden { bar } else { BARS.add(bar) };
         bar.tick();
         let ended = (BARS.is_hidden() && !hidden).then(|| {
@@ -151,7 +151,7 @@ impl Progress {
     /// Tells a program that runs the command.
     fn tell(&self) {
         let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
-        embed::phase(embed::Phase { name: self.label, unit: self.unit, done, total });
+        caller::phase(caller::Phase { name: self.label, unit: self.unit, done, total });
     }
 
     /// So many are done of what is now thought to be all.
@@ -233,14 +233,14 @@ pub(super) fn tell_run(text: impl Display) {
 pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
     // One line, whatever a file name put into it.
     let text = text.into().replace(char::is_control, " ");
-    match embed::is_embedded() {
-        true => embed::note(text),
+    match caller::is_embedded() {
+        true => caller::note(text),
         false => line(format!("note: {text}")),
     }
 }
 
 fn line(text: impl Display) {
-    if !is_quiet() && !embed::is_embedded() {
+    if !is_quiet() && !caller::is_embedded() {
         // With stderr gone there is nobody to tell.
         BARS.suspend(|| drop(writeln!(io::stderr(), "{text}")));
     }

@@ -5,6 +5,8 @@ pub mod evaluate;
 #[cfg(feature = "cli")]
 pub mod history;
 #[cfg(feature = "cli")]
+mod html;
+#[cfg(feature = "cli")]
 pub mod lpips;
 pub mod metrics;
 #[cfg(feature = "cli")]

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::decompose::PartsQuality;
 use super::history::{Cost, Curve, Gain, Range, Record, css_color, curves, holdouts, plot};
+use super::html::{escape, scrolling};
 use super::metrics::Quality;
 use super::runs::{self, Run};
 use super::spending;
@@ -310,26 +311,6 @@ fn cells(quality: &Quality) -> String {
 
 fn decibels(psnr: f64) -> String {
     if psnr.is_finite() { format!("{psnr:.2}") } else { "Infinity".into() }
-}
-
-/// A table that scrolls where the window is narrower.
-pub(super) fn scrolling(class: &str, content: &str) -> String {
-    format!("<div class=\"scroll\"><table class=\"{class}\">{content}</table></div>\n")
-}
-
-pub(super) fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            '\'' => out += "&#39;",
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 #[cfg(test)]

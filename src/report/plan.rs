@@ -15,8 +15,8 @@ use crate::{
         render::Needs,
     },
     scene::{
-        Scene,
-        layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, colour_name},
+        Scene, color,
+        layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
     },
 };
 
@@ -102,9 +102,10 @@ impl RenderPlan {
         // Of what is different for the two kinds.
         let both =
             |of: &dyn Fn(u32) -> u64| (of(degree) * scene.base.len() as u64 + of(lobe_degree) * supplementary) as i64;
-        let (name, own) = match degree {
-            BETAS => ("betas", colour_name(degree)),
-            _ => ("harmonics", format!("the scene's degree is {degree}")),
+        let colors = color::of(degree);
+        let (name, own) = match colors.harmonics {
+            None => (colors.group, colors.name.to_owned()),
+            Some(_) => ("harmonics", format!("the scene's degree is {degree}")),
         };
         let mut features = vec![
             feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry)),
@@ -158,7 +159,7 @@ impl RenderPlan {
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
                 let beside = |planes| layout::bytes(moment_planes(planes, false));
                 all(beside(GEOMETRY_PLANES))
-                    + both(&|degree| layout::bytes(sh_moments(degree, false, degree != BETAS)))
+                    + both(&|degree| layout::bytes(sh_moments(degree, false, color::of(degree).newton)))
                     + (supplementary * beside(LOBE_PLANES)) as i64
             }),
         ]);

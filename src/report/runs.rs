@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::page::{escape, scrolling};
+use super::html::{escape, scrolling};
 use crate::pipelines::spend::Spending;
 
 /// Mean device time of a stage over steps all through a run.

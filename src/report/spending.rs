@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{
-    page::escape,
+    html::escape,
     table::{Cell, Column, Table},
 };
 use crate::pipelines::spend::{Spending, Spent};

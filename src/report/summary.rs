@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::{
     data::{Dataset, DatasetKind, PixelSource, Split},
-    scene::{Gaussians, Scene, layout::BETAS},
+    scene::{Gaussians, Scene, color},
 };
 
 /// Where the values of something lie.
@@ -66,8 +66,11 @@ pub struct LobesSummary {
 /// The supplement of an augmented scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupplementSummary {
-    /// As the base's.
+    /// Degree of the harmonics, 0 to 3; `None` for other color models.
     pub sh_degree: Option<u32>,
+    /// Name of the color model.
+    #[serde(skip)]
+    pub color: &'static str,
     /// Of the Gaussians that have them.
     #[serde(flatten)]
     pub gaussians: GaussiansSummary,
@@ -78,8 +81,11 @@ pub struct SupplementSummary {
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneSummary {
-    /// Of the base, 0 to 3; none where its colours are spherical betas.
+    /// Degree of the base's harmonics, 0 to 3; `None` for other color models.
     pub sh_degree: Option<u32>,
+    /// Name of the base's color model.
+    #[serde(skip)]
+    pub color: &'static str,
     /// What coordinates count from, in the world; none of the world's origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
@@ -94,21 +100,18 @@ impl SceneSummary {
     pub fn of(scene: &Scene) -> SceneSummary {
         let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
         SceneSummary {
-            sh_degree: harmonics(&scene.base),
+            sh_degree: color::of(scene.base.sh_degree).harmonics,
+            color: color::of(scene.base.sh_degree).name,
             origin: Some(scene.origin.to_array()).filter(|_| scene.origin != DVec3::ZERO),
             base: GaussiansSummary::of(&scene.base),
             supplement: scene.supplement.as_ref().map(|s| SupplementSummary {
-                sh_degree: harmonics(&s.gaussians),
+                sh_degree: color::of(s.gaussians.sh_degree).harmonics,
+                color: color::of(s.gaussians.sh_degree).name,
                 gaussians: GaussiansSummary::of(&s.gaussians),
                 lobes: LobesSummary { width: lobe_spread(&s.lobes.widths), sharpness: lobe_spread(&s.lobes.sharpness) },
             }),
         }
     }
-}
-
-/// Their degree.
-fn harmonics(of: &Gaussians) -> Option<u32> {
-    Some(of.sh_degree).filter(|&degree| degree != BETAS)
 }
 
 impl GaussiansSummary {

@@ -11,15 +11,12 @@ use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 use self::pack::{Packed, bytes_of};
-use super::page::escape;
+use super::html::escape;
 use crate::{
     Error, Result,
     pipelines::views::{JACOBIAN_LIMIT, origin_for},
     reference::NEAR,
-    scene::{
-        Camera, Scene,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Camera, Scene, color},
 };
 
 /// Characters of the longest text that all browsers hold (2^29 less some).
@@ -85,10 +82,11 @@ impl Viewer<'_> {
     /// The page.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the scene is too large for a page, or of [`BETAS`].
+    /// [`Error::Usage`] if the scene is too large for a page, or if its colors are not harmonics.
     pub fn page(&self) -> Result<String> {
-        if self.scene.base.sh_degree == BETAS {
-            return Err(Error::Usage(format!("a page has no place for {}, expected harmonics", colour_name(BETAS))));
+        let colors = color::of(self.scene.base.sh_degree);
+        if colors.harmonics.is_none() {
+            return Err(Error::Usage(format!("a page has no place for {}, expected harmonics", colors.name)));
         }
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };

@@ -8,10 +8,9 @@ use std::{
 use crate::{
     Error, Result,
     cli::{
-        Look,
+        Look, caller,
         dataset::note_foreign_base,
         deadline::{Deadline, MOST},
-        embed,
         interrupt::Interrupt,
         kept::Kept,
         print,
@@ -205,7 +204,7 @@ impl Augmentation<'_> {
         let lately = self.enhancer.lately(step, self.views);
         self.show("joining", step.into(), steps.into(), Some(learned(lately, None, &self.session.context)));
         let (gaussians, seconds) = (self.enhancer.model().count(), self.begun.elapsed().as_secs_f64());
-        embed::step(embed::Step { step, steps, lately, gaussians, seconds });
+        caller::step(caller::Step { step, steps, lately, gaussians, seconds });
         let Beside { kept, interrupt, .. } = &mut self.beside;
         if let (0, Some(earlier)) = (step, kept.as_mut().and_then(|(_, earlier)| earlier.take())) {
             self.enhancer.resume_join(&earlier)?;
