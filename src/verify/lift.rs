@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Bench, Row};
+use super::Bench;
 use crate::{
     error::Result,
     gpu::{Buffer, Context},
@@ -13,7 +13,7 @@ use crate::{
         model::Model,
         views::view,
     },
-    reference::{NONE, lift_count::ScreenGaussians, random_scene},
+    reference::{NONE, random_scene},
     scene::Camera,
     stages::{status, types},
 };
@@ -29,9 +29,9 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
 /// Cameras around a ball before a wall; 2D Gaussians everywhere, some at the ball's edge, some in holes of the depth map,
 /// some beyond the image's border, some places empty.
 pub struct Case {
-    /// By view.
+    /// Cameras by view.
     pub cameras: Vec<Camera>,
-    /// The same as kernels are given them.
+    /// Cameras, as kernels read them.
     pub views: Vec<types::View>,
     /// Camera z by pixel, view after view; 0: none.
     pub depths: Vec<f32>,
@@ -118,18 +118,6 @@ impl Case {
             unit: 6.0,
         }
     }
-
-    /// What the twins read: the case, with planes and depths in float64.
-    pub fn gaussians<'a>(&'a self, screen_planes: &'a [f64], depths: &'a [f64]) -> ScreenGaussians<'a> {
-        ScreenGaussians {
-            screen_planes,
-            stride: self.screen_frames.len(),
-            screen_frames: &self.screen_frames,
-            views: &self.cameras,
-            pixel_firsts: &self.pixel_firsts,
-            depths,
-        }
-    }
 }
 
 /// A case on the device.
@@ -164,13 +152,6 @@ impl There {
         let count = screen_frames.len() as u32;
         Flat { screen_planes, stride: count, screen_frames, depths, count }
     }
-}
-
-/// The rows of a case of one's own.
-pub fn judge(context: &Context, case: &Case, options: LiftOptions) -> Result<Vec<Row>> {
-    let bench = Bench::new(context, 0.0, 0)?;
-    lift(&bench, case, options)?;
-    Ok(bench.into_rows())
 }
 
 fn lift(bench: &Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> {

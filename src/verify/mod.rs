@@ -94,6 +94,16 @@ pub fn check(context: &Context) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
+/// Runs `work` in a context of the device in which every dispatch is compared with its twin, and returns a row for each stage and variant.
+///
+/// # Errors
+/// Those of `work`; a wrong result is a [`Breach`] of a row.
+pub fn judged(context: &Context, work: impl FnOnce(&Context) -> Result<()>) -> Result<Vec<Row>> {
+    let bench = Bench::new(context, 0.0, 0)?;
+    work(&bench.shadowed)?;
+    Ok(bench.into_rows())
+}
+
 impl Report {
     /// Rows that break a bound.
     pub fn broken(&self) -> usize {

@@ -113,6 +113,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
+    #[allow(dead_code, reason = "not every test has the usual options")]
     pub fn new() -> Self {
         Self::with(ContextOptions::from_env())
     }
@@ -136,6 +137,18 @@ impl Drop for Gpu {
             let messages = self.context.validation_messages();
             assert!(messages.is_empty(), "validation layers: {messages:#?}");
         }
+    }
+}
+
+/// Fails if a dispatch of `work` differs from its twin, or if more than one decision in a hundred falls otherwise.
+#[allow(dead_code, reason = "few tests judge their own inputs")]
+pub fn assert_no_breach(context: &Context, work: impl Fn(&Context)) {
+    let rows = glint::verify::judged(context, |context| {
+        work(context);
+        Ok(())
+    });
+    for row in rows.unwrap() {
+        assert!(row.breaches.is_empty() && row.errors.flips.unwrap_or(0.0) <= 1e-2, "{row:#?}");
     }
 }
 
