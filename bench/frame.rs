@@ -28,10 +28,7 @@ use glint::{
     },
     reference::{covering_scene, random_camera},
     report::table::{Cell, Column, Table},
-    scene::{
-        Camera, Scene,
-        layout::{sh_planes, shown},
-    },
+    scene::{Camera, Scene, color, layout::sh_planes},
 };
 use serde_json::json;
 
@@ -139,7 +136,7 @@ fn run(args: &Args) -> Result<()> {
     let room = Room { half: args.half, ..Default::default() };
     let model = Model::upload_around(&context, DVec3::ZERO, &scene, room)?;
     let upload = started.elapsed().as_secs_f64() * 1e3;
-    let degree = shown(args.sh_degree, model.sh_degree);
+    let degree = color::of(model.sh_degree).part(args.sh_degree);
     let [width, height] = args.size;
     let limits = Limits {
         texel: Texel::Rgba32F,

@@ -11,7 +11,8 @@ use glint::{
     },
     scene::{
         Camera,
-        layout::{Array, BETAS, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
+        color::BETAS,
+        layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
     },
 };
 use rand::seq::SliceRandom;

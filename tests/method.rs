@@ -36,8 +36,9 @@ use glint::{
         ssim_forward::SSIM_WEIGHT,
     },
     scene::{
-        Scene, Supplement, from_points,
-        layout::{BETA_LOBES, BETAS},
+        Scene, Supplement,
+        color::{BETA_LOBES, BETAS},
+        from_points,
     },
 };
 

@@ -7,7 +7,8 @@ use glint::{
     data::{SceneFile, TrainedWith, check_scene},
     scene::{
         self, Lobes, Supplement,
-        layout::{BETAS, coefficients},
+        color::{self, MODELS},
+        layout::coefficients,
     },
 };
 use numpy::{
@@ -96,7 +97,7 @@ impl Gaussians {
     ) -> Result<Self, Failure> {
         let n = means.shape().first().copied().unwrap_or(0);
         let means = rows("means", &means, n, &[3])?;
-        let degree = (0..=3).chain([BETAS]).find(|&degree| sh.shape() == [n, coefficients(degree), 3]);
+        let degree = (0..MODELS.len() as u32).find(|&degree| sh.shape() == [n, coefficients(degree), 3]);
         let Some(sh_degree) = degree else {
             return Err(bad(format!(
                 "sh has shape {:?}, expected [{n}, K, 3], where K is 1, 4, 9 or 16, or 5 of spherical betas",
@@ -188,7 +189,7 @@ impl Gaussians {
     /// Degree of the harmonics, 0 to 3; None of spherical betas.
     #[getter]
     fn sh_degree(&self) -> Option<u32> {
-        Some(self.own().sh_degree).filter(|&degree| degree != BETAS)
+        color::of(self.own().sh_degree).harmonics
     }
 
     fn __len__(&self) -> usize {

@@ -21,7 +21,8 @@ use crate::{
     },
     scene::{
         Gaussians, Lobes, Scene,
-        layout::{BETAS, coefficients},
+        color::{self, MODELS},
+        layout::coefficients,
     },
 };
 
@@ -141,7 +142,7 @@ pub struct glint_scene_counts {
     pub base: u32,
     /// Gaussians with lobes.
     pub supplement: u32,
-    /// Of the harmonics, 0 to 3, or [`BETAS`].
+    /// Of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
 }
 
@@ -152,7 +153,7 @@ pub struct glint_gaussians {
     pub size: u32,
     /// Gaussians.
     pub count: u32,
-    /// Of the harmonics, 0 to 3, or [`BETAS`].
+    /// Of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// 0.
     pub reserved: u32,
@@ -192,9 +193,7 @@ impl glint_gaussians {
     /// The arrays are null or have as many values as is said.
     pub(super) unsafe fn gaussians(&self) -> Result<Gaussians> {
         let (n, sh_degree) = (self.count as usize, self.sh_degree);
-        if sh_degree > BETAS {
-            return Err(Error::Usage(format!("harmonics of degree {sh_degree}, expected 0 to 3, or {BETAS}: betas")));
-        }
+        color::check(sh_degree).map_err(Error::Usage)?;
         // SAFETY: by the contract above.
         unsafe {
             Ok(Gaussians {
@@ -234,7 +233,7 @@ pub struct glint_model_counts {
     pub supplement: u32,
     /// Numbers that it takes among those of a frame's instances.
     pub capacity: u32,
-    /// The greatest of both segments, 0 to 3, or [`BETAS`].
+    /// The greatest of both segments, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// 1: it is of half width.
     pub half: u32,
@@ -379,9 +378,10 @@ fn bits(degrees: &[u32]) -> u32 {
 }
 
 fn numbers(bits: u32) -> Result<Vec<u32>> {
-    match bits >> (BETAS + 1) {
-        0 => Ok((0..=BETAS).filter(|degree| bits >> degree & 1 != 0).collect()),
-        _ => Err(Error::Usage(format!("degrees {bits:#x}, expected bits 0 to {BETAS}"))),
+    let count = MODELS.len() as u32;
+    match bits >> count {
+        0 => Ok((0..count).filter(|degree| bits >> degree & 1 != 0).collect()),
+        _ => Err(Error::Usage(format!("degrees {bits:#x}, expected bits 0 to {}", count - 1))),
     }
 }
 

@@ -23,10 +23,7 @@ use crate::{
         session::Policy,
         start::photos_of,
     },
-    scene::{
-        Scene,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Scene, color},
 };
 
 const EXAMPLES: &str = "\
@@ -113,12 +110,12 @@ impl SaveArgs {
         self.replace.check_file(output, &ending, "a scene", inputs)?;
         let file = if self.base_only { file.into_base() } else { file };
         check_lobes(&file, format, output)?;
-        let degree = file.scene.base.sh_degree;
-        if degree > format.greatest_sh_degree && degree != BETAS {
+        let kept = format.greatest_sh_degree;
+        if let Some(degree) = color::of(file.scene.base.sh_degree).harmonics.filter(|&degree| degree > kept) {
             note(format!(
                 "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
                 output.display(),
-                format.greatest_sh_degree + 1
+                kept + 1
             ));
         }
         Ok(Prepared { file, format })
@@ -138,7 +135,7 @@ impl Prepared {
 struct Report {
     gaussians: usize,
     supplementary: usize,
-    /// None of spherical betas.
+    /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
     /// Bytes of the input; of a folder, of all files in it.
     input_bytes: u64,
@@ -160,14 +157,15 @@ impl Args {
         }
         let prepared = self.save.prepare(output, file, &inputs)?;
         let Prepared { file, format } = &prepared;
-        let degree = file.scene.base.sh_degree;
+        let colors = color::of(file.scene.base.sh_degree);
+        let written = colors.harmonics.map_or(colors, |degree| color::of(degree.min(format.greatest_sh_degree)));
         // What cannot be compared is told before anything is written.
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
         prepared.write(output)?;
         let report = Report {
             gaussians: file.scene.base.len(),
             supplementary: file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len()),
-            sh_degree: Some(degree.min(format.greatest_sh_degree)).filter(|&degree| degree != BETAS),
+            sh_degree: written.harmonics,
             input_bytes: bytes_of(input),
             output_bytes: bytes_of(output),
             psnr: match (&dataset, &photos) {
@@ -179,7 +177,7 @@ impl Args {
         };
         match self.json {
             true => print_json(&report)?,
-            false => print(report.text(output))?,
+            false => print(report.text(output, written.name))?,
         }
         Ok(())
     }
@@ -213,14 +211,13 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
 }
 
 impl Report {
-    fn text(&self, output: &Path) -> String {
+    fn text(&self, output: &Path, colour: &str) -> String {
         let mut text = format!("{}: {}", output.display(), counted(self.gaussians, "Gaussian"));
         if self.supplementary > 0 {
             let _ = write!(text, ", {} with lobes", self.supplementary);
         }
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
-        let colour = colour_name(self.sh_degree.unwrap_or(BETAS));
         let _ = write!(text, ", {colour}, {now:.3} MB of {before:.3}");
         let _ = match self.psnr {
             Some(psnr) if psnr.is_infinite() => write!(text, ", renders as the input does"),

@@ -40,10 +40,7 @@ use crate::{
         start::photos_of,
         views::{Views, scene_origin_for},
     },
-    scene::{
-        Camera, Scene,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Camera, Scene, color},
 };
 
 pub(super) mod drive;
@@ -316,8 +313,9 @@ impl Args {
             let what = "is augmented already (it has supplementary Gaussians), expected a base scene";
             return Err(Error::input(&self.base, what));
         }
-        if file.scene.base.sh_degree == BETAS {
-            return Err(Error::input(&self.base, format!("has {}, expected a base of harmonics", colour_name(BETAS))));
+        let colors = color::of(file.scene.base.sh_degree);
+        if colors.harmonics.is_none() {
+            return Err(Error::input(&self.base, format!("has {}, expected a base of harmonics", colors.name)));
         }
         Ok(file)
     }

@@ -13,7 +13,6 @@ use crate::{
         plan::RenderPlan,
         summary::{DatasetSummary, GaussiansSummary, SceneSummary, Spread},
     },
-    scene::layout::{BETAS, colour_name},
 };
 
 const EXAMPLES: &str = "\
@@ -145,21 +144,21 @@ fn scene_text(scene: &SceneSummary, trained_with: &TrainedWith) -> String {
     let mut lines = Lines(String::new());
     match &scene.supplement {
         Some(supplement) => {
-            let [base, lobed] = [scene.sh_degree, supplement.sh_degree].map(|degree| degree.unwrap_or(BETAS));
-            let lobed = if lobed == base { String::new() } else { format!(" and {lobed}") };
+            let lobed = match supplement.sh_degree {
+                Some(degree) if supplement.color != scene.color => format!(" and {degree}"),
+                _ => String::new(),
+            };
             lines.add(
                 "scene",
                 format_args!(
                     "{} base and {} supplementary Gaussians, {}{lobed}",
-                    scene.base.count,
-                    supplement.gaussians.count,
-                    colour_name(base)
+                    scene.base.count, supplement.gaussians.count, scene.color
                 ),
             )
         }
         None => {
-            let colour = colour_name(scene.sh_degree.unwrap_or(BETAS));
-            lines.add("scene", format_args!("{}, {colour}, no supplement", counted(scene.base.count, "Gaussian")))
+            let count = counted(scene.base.count, "Gaussian");
+            lines.add("scene", format_args!("{count}, {}, no supplement", scene.color))
         }
     }
     if let Some([x, y, z]) = scene.origin {

@@ -37,7 +37,7 @@ use crate::{
         train::{BaseOptions, HALVED_UNTIL, dense_trainer},
     },
     report::runs::StageMean,
-    scene::{Scene, layout::BETAS},
+    scene::{Scene, color},
     stages::constants::density::SCORES,
 };
 
@@ -190,7 +190,7 @@ struct Report<'a> {
     device: &'a str,
     photos: usize,
     gaussians: usize,
-    /// None of spherical betas.
+    /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
     iterations: u32,
     /// Those of them that an earlier run did.
@@ -433,7 +433,7 @@ impl Args {
 
     /// What colours are: a degree of harmonics, or betas.
     fn degree(&self) -> u32 {
-        if self.color == ColorArg::Sb { BETAS } else { self.sh_degree }
+        if self.color == ColorArg::Sb { color::BETAS } else { self.sh_degree }
     }
 
     fn check_color(&self) -> Result<()> {

@@ -7,7 +7,7 @@ use super::formats::Kind;
 use super::left_out::counted;
 use super::names;
 use super::scene_file::is_scene_folder;
-use super::{places, transforms};
+use super::{folders, transforms};
 
 /// The page that explains how to make a dataset.
 const PAGE: &str = "see docs/datasets.md";
@@ -61,7 +61,7 @@ pub(super) fn of_folder(path: &Path) -> String {
 }
 
 fn is_dataset(folder: &Path) -> bool {
-    transforms::find(folder).is_some() || places::is_dataset(folder)
+    transforms::find(folder).is_some() || folders::is_dataset(folder)
 }
 
 fn entries(folder: &Path) -> Vec<PathBuf> {

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::dataset::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
 use super::images;
 use super::left_out::{LeftOut, counted};
 use super::lens::{Distortion, Frame, Lens};
-use super::points::PointCloud;
+use super::listing::{Entry, Focal, Listing};
+use super::photo::{Alpha, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, Split};
 use super::sector::{Stand, sector};
-use super::shot::{Focal, Shot};
 use super::{names, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
@@ -22,51 +21,31 @@ const TEST_EVERY: u32 = 8;
 /// A part of a photo that its file does not show is told from here on.
 const TOLD_OUTSIDE: f64 = 0.01;
 
-/// What is to be told of a folder of masks that is there for nothing.
-pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
-    let unused = there && shots.iter().all(|shot| shot.mask.is_none());
-    let name = shots.first().map(|shot| shot.name.strip_prefix("images/").unwrap_or(&shot.name)).filter(|_| unused);
-    name.map(|name| {
-        format!(
-            "there is a folder of masks, but no file in it is named after a photo; expected `{name}` or `{name}.png`"
-        )
-    })
-}
-
-/// What a dataset's files say.
-pub(super) struct Listed {
-    pub(super) shots: Vec<Shot>,
-    pub(super) points: Option<PointCloud>,
-    /// The files that were read.
-    pub(super) sources: Vec<PathBuf>,
-    pub(super) notes: Vec<String>,
-}
-
 /// `kind` is [`DatasetKind::Transforms`] also for what may turn out to be NeRF Synthetic.
-pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptions) -> Result<Dataset> {
-    let Listed { mut shots, points, sources, mut notes } = listed;
-    one_split_each(&mut shots, &mut notes);
+pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOptions) -> Result<Dataset> {
+    let Listing { mut entries, points, sources, mut notes } = listed;
+    one_split_each(&mut entries, &mut notes);
     let mut seen = HashSet::new();
-    for shot in &mut shots {
-        shot.name = names::clean(&shot.name);
-        if shot.name.is_empty() || !seen.insert(shot.name.clone()) {
-            let what = format!("the image name `{}` is empty or appears twice", shot.name);
-            return Err(Error::input(&shot.listed_in, what));
+    for entry in &mut entries {
+        entry.name = names::clean(&entry.name);
+        if entry.name.is_empty() || !seen.insert(entry.name.clone()) {
+            let what = format!("the image name `{}` is empty or appears twice", entry.name);
+            return Err(Error::input(&entry.listed_in, what));
         }
     }
-    shots.sort_by(|a, b| a.name.cmp(&b.name));
-    split(&mut shots, options.holdout);
-    let shots = present(shots, &mut notes)?;
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+    split(&mut entries, options.holdout);
+    let entries = present(entries, &mut notes)?;
     // NeRF Synthetic has angles, and its photos in files for training and for testing.
     let blender = sources.first().is_some_and(|path| path.ends_with(transforms::TRAIN))
-        && shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
-    let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
+        && entries.iter().all(|entry| matches!(entry.camera.focal, Focal::Angles { .. }));
+    let masked = entries.iter().filter(|entry| entry.mask.is_some()).count();
     if masked > 0 {
         let what = "with a mask, whose black pixels do not count";
-        notes.push(format!("{} of {} {what}", counted(masked, "photo"), shots.len()));
+        notes.push(format!("{} of {} {what}", counted(masked, "photo"), entries.len()));
     }
 
-    let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();
+    let results: Vec<Result<Prepared>> = entries.into_par_iter().map(|entry| prepare(entry, options)).collect();
     // Collected first, so that of several faults the first by name is told.
     let prepared = results.into_iter().collect::<Result<Vec<_>>>()?;
     let transparent = prepared.iter().filter(|photo| photo.has_alpha).count();
@@ -98,35 +77,38 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
 }
 
 /// A photo that stands in both splits is for testing alone: to train on it would be to know the answer.
-fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
-    let tests: HashSet<PathBuf> =
-        shots.iter().filter(|shot| shot.split == Some(Split::Test)).filter_map(|shot| shot.path.clone()).collect();
-    let before = shots.len();
-    let trains = |shot: &Shot| shot.split == Some(Split::Train);
-    shots.retain(|shot| !(trains(shot) && shot.path.as_ref().is_some_and(|path| tests.contains(path))));
-    if shots.len() < before {
-        let both = counted(before - shots.len(), "photo");
+fn one_split_each(entries: &mut Vec<Entry>, notes: &mut Vec<String>) {
+    let tests: HashSet<PathBuf> = entries
+        .iter()
+        .filter(|entry| entry.split == Some(Split::Test))
+        .filter_map(|entry| entry.path.clone())
+        .collect();
+    let before = entries.len();
+    let trains = |entry: &Entry| entry.split == Some(Split::Train);
+    entries.retain(|entry| !(trains(entry) && entry.path.as_ref().is_some_and(|path| tests.contains(path))));
+    if entries.len() < before {
+        let both = counted(before - entries.len(), "photo");
         notes.push(format!("{both} for training and for testing: used for testing only"));
     }
 }
 
 /// Splits photos that are sorted by name. Those that are not there have their place in the order, so that a missing one moves
 /// no other.
-fn split(shots: &mut [Shot], holdout: Holdout) {
+fn split(entries: &mut [Entry], holdout: Holdout) {
     let test = |is_test: bool| if is_test { Split::Test } else { Split::Train };
     let every = |n: u32, i: usize| test(i.is_multiple_of(n as usize));
-    let stand = |shot: &Shot| {
-        let back = shot.rotation.transpose();
-        Stand { eye: -(back * shot.translation), axis: back.z_axis }
+    let stand = |entry: &Entry| {
+        let back = entry.rotation.transpose();
+        Stand { eye: -(back * entry.translation), axis: back.z_axis }
     };
-    let stands = || shots.iter().filter(|shot| shot.lost.is_none()).map(stand).collect::<Vec<_>>();
+    let stands = || entries.iter().filter(|entry| entry.lost.is_none()).map(stand).collect::<Vec<_>>();
     let mut sector = if holdout == Holdout::Sector { sector(&stands()) } else { vec![] }.into_iter();
-    for (i, shot) in shots.iter_mut().enumerate() {
-        shot.split = Some(match holdout {
-            Holdout::Dataset => shot.split.unwrap_or(every(TEST_EVERY, i)),
+    for (i, entry) in entries.iter_mut().enumerate() {
+        entry.split = Some(match holdout {
+            Holdout::Dataset => entry.split.unwrap_or(every(TEST_EVERY, i)),
             Holdout::Every(n) => every(n, i),
             // A photo without a pose is left out later.
-            Holdout::Sector => test(shot.lost.is_none() && sector.next() == Some(true)),
+            Holdout::Sector => test(entry.lost.is_none() && sector.next() == Some(true)),
             Holdout::Nothing => Split::Train,
         });
     }
@@ -136,17 +118,17 @@ fn split(shots: &mut [Shot], holdout: Holdout) {
 ///
 /// # Errors
 /// If none is left, or if two have the same file.
-fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
+fn present(mut entries: Vec<Entry>, notes: &mut Vec<String>) -> Result<Vec<Entry>> {
     // A file that one photo names exactly is not also another's under another spelling.
     let exact: HashSet<PathBuf> =
-        shots.iter().filter(|shot| !shot.respelled).filter_map(|shot| shot.path.clone()).collect();
-    for shot in shots.iter_mut().filter(|shot| shot.respelled) {
-        shot.path = shot.path.take().filter(|path| !exact.contains(path));
+        entries.iter().filter(|entry| !entry.respelled).filter_map(|entry| entry.path.clone()).collect();
+    for entry in entries.iter_mut().filter(|entry| entry.respelled) {
+        entry.path = entry.path.take().filter(|path| !exact.contains(path));
     }
-    let all = shots.len();
+    let all = entries.len();
     let (mut lost, mut missing) = (LeftOut::default(), LeftOut::default());
-    let listed_in = shots.first().map(|shot| shot.listed_in.clone()).unwrap_or_default();
-    shots.retain(|Shot { name, path, expected, lost: pose, .. }| {
+    let listed_in = entries.first().map(|entry| entry.listed_in.clone()).unwrap_or_default();
+    entries.retain(|Entry { name, path, expected, lost: pose, .. }| {
         let quoted = || format!("`{name}`");
         match pose {
             Some(why) => lost.add(quoted, || format!("`{name}` has no usable camera: {why}")),
@@ -159,28 +141,28 @@ fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
         }
         false
     });
-    if shots.is_empty() && missing.count > 0 {
+    if entries.is_empty() && missing.count > 0 {
         let what = format!("{}; --images names the folder of the photos", missing.text());
         return Err(Error::input(listed_in, what));
     }
-    if all > 0 && shots.is_empty() {
+    if all > 0 && entries.is_empty() {
         return Err(Error::input(listed_in, format!("no photo is left: {}", lost.text())));
     }
     notes.extend([lost.note(all, "photo"), missing.note(all, "photo")].into_iter().flatten());
     let mut owners = HashMap::new();
-    for Shot { name, path, listed_in, .. } in &shots {
+    for Entry { name, path, listed_in, .. } in &entries {
         if let Some(other) = owners.insert(path, name) {
             let path = path.as_deref().unwrap_or(Path::new("")).display();
             let what = format!("`{other}` and `{name}` are both the one file {path}; expected a file for each camera");
             return Err(Error::input(listed_in, what));
         }
     }
-    let respelled = shots.iter().filter(|shot| shot.respelled).count();
+    let respelled = entries.iter().filter(|entry| entry.respelled).count();
     if respelled > 0 {
         let what = "found under another spelling, case, ending or folder of the name";
         notes.push(format!("{} {what}", counted(respelled, "photo")));
     }
-    Ok(shots)
+    Ok(entries)
 }
 
 /// A file's photos: one, or the faces of a panorama.
@@ -198,14 +180,14 @@ struct Prepared {
 }
 
 /// The intrinsics for a file of this size and its EXIF orientation, which is 1 unless only the turned picture fits the camera.
-fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
-    let stored = shot.camera.for_image(size);
-    if stored.is_ok() && !shot.camera.seems_turned(size) {
+fn turned(entry: &Entry, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
+    let stored = entry.camera.for_image(size);
+    if stored.is_ok() && !entry.camera.seems_turned(size) {
         return stored.map(|frame| (frame, 1));
     }
     let tag = images::orientation(path);
     let upright = images::upright(size, tag);
-    match shot.camera.for_image(upright) {
+    match entry.camera.for_image(upright) {
         Ok(frame) if upright != size => Ok((frame, tag)),
         _ => stored.map(|frame| (frame, 1)).map_err(|what| {
             let [w, h] = upright;
@@ -214,42 +196,42 @@ fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), Strin
     }
 }
 
-fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
+fn prepare(entry: Entry, options: &DatasetOptions) -> Result<Prepared> {
     // Only photos that are there come here.
-    let path = shot.path.as_ref().unwrap_or(&shot.expected).clone();
+    let path = entry.path.as_ref().unwrap_or(&entry.expected).clone();
     let images::Header { size, bytes_per_pixel, has_alpha, ends_early } = images::open(&path)?;
-    let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", shot.listed_in.display()));
-    let (frame, orientation) = turned(&shot, &path, size).map_err(fail)?;
+    let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", entry.listed_in.display()));
+    let (frame, orientation) = turned(&entry, &path, size).map_err(fail)?;
     let size = images::upright(size, orientation);
-    let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(shot.translation.to_array());
+    let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(entry.translation.to_array());
     // What reaches the device is float32.
     // guard: cameras within float32
     if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
         return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
     }
-    let distortion = shot.camera.distortion;
+    let distortion = entry.camera.distortion;
     let lenses = match distortion {
         Distortion::Equirectangular => {
-            let stem = names::without_ending(&shot.name);
-            let named = |face: &str| format!("{stem}-{face}{}", &shot.name[stem.len()..]);
+            let stem = names::without_ending(&entry.name);
+            let named = |face: &str| format!("{stem}-{face}{}", &entry.name[stem.len()..]);
             Lens::cube(frame).map(|(face, lens)| (named(face), lens)).to_vec()
         }
-        _ => vec![(shot.name.clone(), Lens::new(frame, distortion))],
+        _ => vec![(entry.name.clone(), Lens::new(frame, distortion))],
     };
     let outside = lenses.iter().fold(0.0, |worst: f64, (_, lens)| match distortion.is_none() {
         true => worst,
         false => worst.max(lens.outside_fraction()),
     });
-    let split = shot.split.unwrap_or(Split::Train);
+    let split = entry.split.unwrap_or(Split::Train);
     let photos = lenses.into_iter().map(|(name, lens)| {
         let Frame { width, height, fx, fy, cx, cy } = lens.view;
         // World to file's axes to view's axes.
         let back = lens.turn.transpose();
-        let (rotation, translation) = (back * shot.rotation, back * shot.translation);
+        let (rotation, translation) = (back * entry.rotation, back * entry.translation);
         let full = Camera { width, height, fx, fy, cx, cy, rotation, translation };
         let [width, height] = images::fit([width, height], options.max_size);
         let lens = (!distortion.is_none()).then_some(lens);
-        let (path, mask, alpha, reduce) = (path.clone(), shot.mask.clone(), options.alpha, options.reduce);
+        let (path, mask, alpha, reduce) = (path.clone(), entry.mask.clone(), options.alpha, options.reduce);
         let file = ImageFile { path, size, orientation, bytes_per_pixel, has_alpha, lens, mask, alpha, reduce };
         Photo { name, camera: full.resized(width, height), split, pixels: PixelSource::File(Box::new(file)) }
     });

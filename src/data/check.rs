@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{CameraPath, SceneFormat, colmap, images, kept, points, scenes, tensors, transforms};
+use super::{CameraPath, SceneFormat, checkpoint, colmap, images, points, scenes, tensors, transforms};
 use crate::{Error, Result};
 
 type Check = fn(&[u8], &Path) -> Result<()>;
@@ -21,7 +21,7 @@ const OTHERS: [(&str, Check); 11] = [
     ("image", images::check),
     ("safetensors", |bytes, path| {
         // Few of them are checkpoints, and no bytes may make the reader of these fail otherwise than by an error.
-        let _ = kept::parse(bytes, None, path);
+        let _ = checkpoint::parse(bytes, None, path);
         tensors::parse_tensors(bytes, path).map(drop)
     }),
 ];

@@ -11,8 +11,11 @@ use serde_json::Value;
 use super::scene_file::SceneFile;
 use super::tensors::{Tensor, Values, parse_tensors_about};
 use super::trained_with::TrainedWith;
-use crate::scene::layout::{self, BETAS, GEOMETRY_PLANES, LOBE_PLANES, sh_planes};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::scene::{
+    color,
+    layout::{self, GEOMETRY_PLANES, LOBE_PLANES, sh_planes},
+};
 use crate::{Error, Result};
 
 /// What the names of a segment's tensors begin with.
@@ -116,7 +119,7 @@ impl Kept<'_> {
     fn segment(&self, segment: &str, with_lobes: bool) -> Result<(Gaussians, Lobes)> {
         let (geometry, planes, count) = self.planes(segment, GEOMETRY)?;
         let (sh, colours, same) = self.planes(segment, SH)?;
-        let degree = [0, 1, 2, 3, BETAS].into_iter().find(|&degree| sh_planes(degree) == colours);
+        let degree = (0..color::MODELS.len() as u32).find(|&degree| sh_planes(degree) == colours);
         let (true, Some(sh_degree)) = (planes == GEOMETRY_PLANES && same == count, degree) else {
             let what = format!(
                 "`{segment}` has {planes} planes of geometry and {colours} of colour of {count} and {same} Gaussians, expected \
@@ -194,7 +197,7 @@ mod tests {
             let about = json!({"step": 5, "clock": {"total": 9, "taken": 70, "milliseconds": 4}, "settings": {}});
             parse(&bytes_of(tensors, about), None, Path::new("x")).unwrap().scene
         };
-        for (degree, supplement) in [(0, 0), (3, 4), (BETAS, 0)] {
+        for (degree, supplement) in [(0, 0), (3, 4), (color::BETAS, 0)] {
             let scene = random_scene(1, 7, supplement, degree);
             assert_eq!(read(&tensors_of(&scene, DVec3::ZERO)), scene);
             // From elsewhere the origin alone is another.

@@ -7,18 +7,18 @@ use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::assemble::{Listed, unused_masks};
 use super::left_out::LeftOut;
 use super::lens::{Distortion, Polynomial};
+use super::listing::{Entry, Focal, Listing, SourceCamera, unused_masks};
 use super::names::{self, Finder};
+use super::photo::{DatasetOptions, Holdout};
 use super::ply_format::is_nan_of_windows;
 use super::points::{self, PointCloud};
-use super::shot::{Focal, Shot, SourceCamera};
-use super::{DatasetOptions, Holdout, lists, places};
+use super::{folders, splits};
 use crate::{Error, Result};
 
 /// The images of a model of the dataset in `root`, and its points if there are any.
-pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions) -> Result<Listed> {
+pub(super) fn read(root: &Path, model: &folders::Model, options: &DatasetOptions) -> Result<Listing> {
     let folder = &model.folder;
     let (path, bytes) = open(folder, "cameras")?;
     let mut sources = vec![path.clone()];
@@ -31,10 +31,10 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
     }
     let mut notes = Vec::from_iter(model.note(root));
     let photos = model.photos(root, options, &mut notes)?;
-    let (masks, finder) = (places::masks(&photos), Finder::new(photos));
+    let (masks, finder) = (folders::masks(&photos), Finder::new(photos));
     // If some photos are where the model says, the others are missing.
     let moved = poses.iter().all(|pose| finder.find(&pose.name).is_none());
-    let mut shots = Vec::with_capacity(poses.len());
+    let mut entries = Vec::with_capacity(poses.len());
     for pose in poses {
         let Some(camera) = cameras.get(&pose.camera).copied() else {
             let what = format!("image `{}`: its camera {} is not in the model", pose.name, pose.camera);
@@ -51,7 +51,7 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
             }
             false => (finder.find(&pose.name), masks.as_ref().and_then(|masks| masks.find_mask(&pose.name))),
         };
-        shots.push(Shot {
+        entries.push(Entry {
             expected: finder.expected(&pose.name),
             respelled: found.as_ref().is_some_and(|found| found.1),
             path: found.map(|found| found.0),
@@ -65,14 +65,14 @@ pub(super) fn read(root: &Path, model: &places::Model, options: &DatasetOptions)
             split: None,
         });
     }
-    notes.extend(unused_masks(masks.is_some(), &shots));
+    notes.extend(unused_masks(masks.is_some(), &entries));
     let points = points(folder, &mut notes)?.map(|(points, source)| {
         sources.push(source);
         points
     });
     let points = points.filter(|points| !points.positions.is_empty());
-    let lists = lists::find(&[folder, root], &mut sources)?;
-    let mut listed = Listed { shots, points, sources, notes };
+    let lists = splits::find(&[folder, root], &mut sources)?;
+    let mut listed = Listing { entries, points, sources, notes };
     if let (Some(lists), Holdout::Dataset) = (lists, options.holdout) {
         lists.apply(&mut listed);
     }
@@ -103,14 +103,14 @@ type Stand = (DMat3, DVec3);
 /// rotation. It moves a point by a few pixels.
 const SAME_PLACE: f64 = 1e-2;
 
-/// Reads the points of a model and moves them into the frame of `shots`, by the similarity between the two sets of cameras. `None` if the
+/// Reads the points of a model and moves them into the frame of `entries`, by the similarity between the two sets of cameras. `None` if the
 /// model has no points.
 ///
 /// # Errors
 /// Says why the points cannot be used.
 pub(super) fn points_for(
     folder: &Path,
-    shots: &[Shot],
+    entries: &[Entry],
     notes: &mut Vec<String>,
 ) -> Result<Option<(PointCloud, PathBuf)>, String> {
     let mut found = Vec::new();
@@ -121,16 +121,17 @@ pub(super) fn points_for(
     let poses = poses.map_err(|error| error.to_string())?;
     let by_name: HashMap<String, &Pose> = poses.iter().map(|pose| (names::compared(&pose.name), pose)).collect();
     // Rotation and eye in the model and in the photos' frame.
-    let pairs: Vec<(Stand, Stand)> = shots
+    let pairs: Vec<(Stand, Stand)> = entries
         .iter()
-        .filter(|shot| shot.lost.is_none())
-        .filter_map(|shot| {
-            let name = names::compared(&shot.name);
+        .filter(|entry| entry.lost.is_none())
+        .filter_map(|entry| {
+            let name = names::compared(&entry.name);
             let pose = names::tails(&name).find_map(|tail| by_name.get(tail))?;
             let turn = pose.rotation().ok()?;
             let eye = |turn: DMat3, translation: DVec3| -(turn.transpose() * translation);
-            let (here, there) = (eye(shot.rotation, shot.translation), eye(turn, DVec3::from_array(pose.translation)));
-            Some(((turn, there), (shot.rotation, here)))
+            let (here, there) =
+                (eye(entry.rotation, entry.translation), eye(turn, DVec3::from_array(pose.translation)));
+            Some(((turn, there), (entry.rotation, here)))
         })
         .collect();
     let Some((first, _)) = pairs.split_first() else { return Err("none of its images is one of these photos".into()) };
@@ -143,8 +144,8 @@ pub(super) fn points_for(
     let scale = if wide > 0.0 && wider > 0.0 { wider / wide } else { 1.0 };
     let turn = first.1.0.transpose() * first.0.0;
     let there = |p: DVec3| scale * (turn * (p - from)) + to;
-    let same = pairs.iter().all(|((model, m), (shot, f))| {
-        let off = (shot.transpose() * *model - turn).to_cols_array();
+    let same = pairs.iter().all(|((model, m), (entry, f))| {
+        let off = (entry.transpose() * *model - turn).to_cols_array();
         off.iter().all(|v| v.abs() <= SAME_PLACE) && (there(*m) - *f).length() <= SAME_PLACE * wider
     });
     if !same {
@@ -564,7 +565,7 @@ mod tests {
     }
 
     /// A dataset on disk out of named files; the image files are not decoded here.
-    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Listed>) {
+    fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Listing>) {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("sparse").join("0");
         fs::create_dir_all(&folder).unwrap();
@@ -574,9 +575,9 @@ mod tests {
         (root, result)
     }
 
-    fn read_at(root: &Path) -> Result<Listed> {
+    fn read_at(root: &Path) -> Result<Listing> {
         let options = DatasetOptions::default();
-        read(root, &places::find_model(root, &options)?.unwrap(), &options)
+        read(root, &folders::find_model(root, &options)?.unwrap(), &options)
     }
 
     fn error(files: &[(&str, &[u8])]) -> String {
@@ -687,16 +688,16 @@ mod tests {
             ("points3D.txt", points_text.as_bytes()),
         ]);
         for (root, result) in [binary, text] {
-            let Listed { shots, points, .. } = result.unwrap();
-            assert_eq!(shots.len(), 2);
-            assert_eq!(shots[0].name, "sub dir/a b.jpg");
-            assert_eq!(shots[0].expected, root.path().join("images").join("sub dir/a b.jpg"));
-            assert_eq!(shots[0].path, None);
+            let Listing { entries, points, .. } = result.unwrap();
+            assert_eq!(entries.len(), 2);
+            assert_eq!(entries[0].name, "sub dir/a b.jpg");
+            assert_eq!(entries[0].expected, root.path().join("images").join("sub dir/a b.jpg"));
+            assert_eq!(entries[0].path, None);
             // The quaternion (½, −½, ½, ½) takes x to −z, y to −x and z to y.
-            let turned = shots[0].rotation * DVec3::new(1.0, 2.0, 3.0);
+            let turned = entries[0].rotation * DVec3::new(1.0, 2.0, 3.0);
             assert!((turned - DVec3::new(-2.0, 3.0, -1.0)).length() < 1e-12, "{turned}");
-            assert_eq!(shots[0].translation, DVec3::new(1.0, 2.0, 3.0));
-            assert_eq!(shots[1].rotation, DMat3::IDENTITY);
+            assert_eq!(entries[0].translation, DVec3::new(1.0, 2.0, 3.0));
+            assert_eq!(entries[1].rotation, DMat3::IDENTITY);
             let points = points.unwrap();
             assert_eq!(points.positions, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]]);
             assert_eq!(points.colors, [[0, 20, 30], [1, 20, 30]]);
@@ -773,10 +774,10 @@ mod tests {
             let (_root, listed) = model(&[("cameras.bin", &camera), (images.0, &images.1), (cloud.0, &cloud.1)]);
             let listed = listed.unwrap();
             assert_eq!(
-                listed.shots.iter().map(|shot| shot.lost.is_none()).collect::<Vec<_>>(),
+                listed.entries.iter().map(|entry| entry.lost.is_none()).collect::<Vec<_>>(),
                 [true, false, false, false]
             );
-            assert!(listed.shots[1].lost.as_ref().unwrap().contains("not finite or has no rotation"));
+            assert!(listed.entries[1].lost.as_ref().unwrap().contains("not finite or has no rotation"));
             let note = &listed.notes[0];
             assert!(note.contains(cloud.0) && note.contains(place) && note.contains("not finite"), "{note}");
             if place == "line 1" {
@@ -795,10 +796,10 @@ mod tests {
         let images = images_bin(&[6, 7, 8].map(|camera| ("a", camera, QUAT, [0.0; 3])), 0);
         let text = b"6 PINHOLE 64 48 1 1 1 1\n7 PINHOLE 64 48 -nan(ind) 1 1 1\n8 PINHOLE 64 48 1 1 nan 1\n";
         for cameras in [("cameras.bin", &cameras[..]), ("cameras.txt", text)] {
-            let shots = model(&[cameras, ("images.bin", &images)]).1.unwrap().shots;
-            let lost = |i: usize| shots[i].lost.clone().unwrap();
+            let entries = model(&[cameras, ("images.bin", &images)]).1.unwrap().entries;
+            let lost = |i: usize| entries[i].lost.clone().unwrap();
             assert!(
-                shots[0].lost.is_none() && lost(1).starts_with("camera 7: the focal lengths [NaN, 1.0]"),
+                entries[0].lost.is_none() && lost(1).starts_with("camera 7: the focal lengths [NaN, 1.0]"),
                 "{}",
                 lost(1)
             );
@@ -826,9 +827,9 @@ mod tests {
         let folder = root.path().join("sparse/0");
         let (scale, turn, shift) = (2.5, DMat3::from_cols(DVec3::Y, DVec3::X, -DVec3::Z), DVec3::new(7.0, -8.0, 9.0));
         let moved = |p: [f64; 3]| scale * (turn * DVec3::from_array(p)) + shift;
-        let shot = |i: usize, eye: DVec3| {
+        let entry = |i: usize, eye: DVec3| {
             let rotation = DMat3::from_quat(spins[i]) * turn.transpose();
-            Shot {
+            Entry {
                 name: ["images/a.jpg", "images_2/sub/b.png", "/home/x/c.png"][i].into(),
                 path: None,
                 expected: PathBuf::new(),
@@ -847,9 +848,9 @@ mod tests {
                 split: None,
             }
         };
-        let mut shots: Vec<Shot> = (0..3).map(|i| shot(i, moved(eyes[i]))).collect();
-        let found = |shots: &[Shot]| points_for(&folder, shots, &mut Vec::new());
-        let (points, source) = found(&shots).unwrap().unwrap();
+        let mut entries: Vec<Entry> = (0..3).map(|i| entry(i, moved(eyes[i]))).collect();
+        let found = |entries: &[Entry]| points_for(&folder, entries, &mut Vec::new());
+        let (points, source) = found(&entries).unwrap().unwrap();
         assert!(source.ends_with("points3D.bin"));
         for (found, expected) in points.positions.iter().zip([[1.0, 2.0, 3.0], [-4.0, 5.0, 0.5]]) {
             let off = DVec3::from_array(found.map(f64::from)) - moved(expected);
@@ -857,13 +858,13 @@ mod tests {
         }
         assert_eq!(points.colors[1], [1, 20, 30]);
         // One photo gives no scale: as it is.
-        let alone = found(&shots[..1]).unwrap().unwrap().0.positions[0].map(f64::from);
+        let alone = found(&entries[..1]).unwrap().unwrap().0.positions[0].map(f64::from);
         assert!((DVec3::from_array(alone) - moved(eyes[0]) - DVec3::new(2.0, 0.0, -3.0)).length() < 1e-5, "{alone:?}");
         // Another run's model.
-        shots[2] = shot(2, moved([0.0, 0.0, 3.2]));
-        assert!(found(&shots).unwrap_err().contains("do not stand"));
-        shots.iter_mut().for_each(|shot| shot.name = "other.png".into());
-        assert!(found(&shots).unwrap_err().contains("none of its images"));
+        entries[2] = entry(2, moved([0.0, 0.0, 3.2]));
+        assert!(found(&entries).unwrap_err().contains("do not stand"));
+        entries.iter_mut().for_each(|entry| entry.name = "other.png".into());
+        assert!(found(&entries).unwrap_err().contains("none of its images"));
     }
 
     #[test]

@@ -21,13 +21,13 @@ pub(super) mod packed_ply;
 #[cfg(feature = "formats")]
 mod quantise;
 #[cfg(feature = "formats")]
+mod rotate;
+#[cfg(feature = "formats")]
 mod sog;
 #[cfg(feature = "formats")]
 mod splat;
 #[cfg(feature = "formats")]
 mod spz;
-#[cfg(feature = "formats")]
-mod turn;
 
 use std::fmt;
 use std::fs::File;
@@ -37,7 +37,6 @@ use std::path::Path;
 use super::ply;
 use super::ply_format::is_ply;
 use super::scene_file::{SOG_META, SceneFile};
-use crate::scene::layout::BETAS;
 use crate::{Error, Result};
 
 /// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
@@ -142,7 +141,7 @@ impl Kind {
     pub(super) fn reader(self) -> Option<Reader> {
         #[cfg(feature = "train")]
         if self == Kind::Safetensors {
-            return Some(super::kept::parse);
+            return Some(super::checkpoint::parse);
         }
         self.format()?.0.read
     }
@@ -200,8 +199,10 @@ pub struct SceneFormat {
     pub keeps_origin: bool,
     /// Whether the file says whether it was trained with antialiasing.
     pub keeps_antialiased: bool,
-    /// The greatest degree of harmonics that is kept, or [`BETAS`] where these are.
+    /// The greatest degree of harmonics that the file keeps.
     pub greatest_sh_degree: u32,
+    /// Whether the file keeps [color models](crate::scene::color::MODELS) other than harmonics.
+    pub keeps_colors: bool,
     /// Kinds of files that are read as this format, with their names for messages.
     kinds: &'static [(Kind, &'static str)],
     pub(super) read: Option<Reader>,
@@ -218,6 +219,7 @@ const USUAL: SceneFormat = SceneFormat {
     keeps_origin: true,
     keeps_antialiased: true,
     greatest_sh_degree: 3,
+    keeps_colors: false,
     kinds: &[],
     read: None,
     #[cfg(feature = "train")]
@@ -231,7 +233,7 @@ impl SceneFormat {
             ending: "ply",
             about: "everything, bit for bit",
             keeps_lobes: true,
-            greatest_sh_degree: BETAS,
+            keeps_colors: true,
             kinds: &[(Kind::Ply, "a PLY file")],
             read: Some(ply::parse),
             #[cfg(feature = "train")]

@@ -9,8 +9,8 @@ use image::{
     RgbaImage, metadata::Orientation,
 };
 
-use super::dataset::{Alpha, ImageFile};
 use super::lens::Lens;
+use super::photo::{Alpha, Image, ImageFile};
 use super::reduce::{Reduce, Reducer};
 use crate::{Error, Result};
 
@@ -34,34 +34,6 @@ const LABELS: f32 = 16.0;
 const FILLERS: [u8; 3] = [0x55, 0x33, 0x0f];
 /// What to do about a file that cannot be used.
 const NEXT: &str = "convert it, replace it, or remove it and do without";
-
-/// An 8-bit sRGB image: 3 bytes per pixel, rows from the top.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Image {
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
-    pub rgb: Vec<u8>,
-    /// By pixel, `false` where it says nothing of the scene and is left out of losses and metrics; all count where there is no
-    /// mask.
-    pub mask: Option<Vec<bool>>,
-}
-
-impl Image {
-    /// Whether any pixel says something of the scene.
-    pub fn any_counts(&self) -> bool {
-        self.mask.as_ref().is_none_or(|mask| mask.contains(&true))
-    }
-
-    /// The pixels as the device has them: R in the low byte, and in the high one 255 where the pixel counts, else 0.
-    pub fn packed(&self) -> Vec<u32> {
-        let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);
-        let pixels = self.rgb.chunks_exact(3).enumerate();
-        pixels.map(|(i, p)| u32::from_le_bytes([p[0], p[1], p[2], if counts(i) { 255 } else { 0 }])).collect()
-    }
-}
 
 impl Image {
     /// The same picture with fewer pixels, each the mean of the area that it covers. One counts where all that it is made of does.

@@ -1,14 +1,15 @@
-//! Photos as a dataset's files describe them, before anything is looked up.
+//! A dataset as its files list it, before any photo is looked up: what the readers of COLMAP and transforms.json return.
 
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
 
-use super::dataset::Split;
 use super::lens::{Distortion, Frame};
+use super::photo::Split;
+use super::points::PointCloud;
 
 /// A photo as a dataset's files describe it.
-pub(super) struct Shot {
+pub(super) struct Entry {
     /// As it is listed, `/` between folders.
     pub(super) name: String,
     /// `None` where there is no such file.
@@ -27,6 +28,27 @@ pub(super) struct Shot {
     /// Why it has no pose or no intrinsics.
     pub(super) lost: Option<String>,
     pub(super) split: Option<Split>,
+}
+
+/// Returns a note if there is a folder of masks and no entry has one.
+pub(super) fn unused_masks(there: bool, entries: &[Entry]) -> Option<String> {
+    let unused = there && entries.iter().all(|entry| entry.mask.is_none());
+    let name =
+        entries.first().map(|entry| entry.name.strip_prefix("images/").unwrap_or(&entry.name)).filter(|_| unused);
+    name.map(|name| {
+        format!(
+            "there is a folder of masks, but no file in it is named after a photo; expected `{name}` or `{name}.png`"
+        )
+    })
+}
+
+/// The contents of a dataset's files, before any photo is looked up.
+pub(super) struct Listing {
+    pub(super) entries: Vec<Entry>,
+    pub(super) points: Option<PointCloud>,
+    /// The files that were read.
+    pub(super) sources: Vec<PathBuf>,
+    pub(super) notes: Vec<String>,
 }
 
 /// A focal length in pixels, or as fields of view in radians.

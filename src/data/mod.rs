@@ -13,23 +13,25 @@ mod camera_path;
 #[cfg(feature = "formats")]
 mod check;
 #[cfg(feature = "train")]
+pub mod checkpoint;
+#[cfg(feature = "train")]
 mod colmap;
 #[cfg(feature = "train")]
 mod dataset;
+#[cfg(feature = "train")]
+mod folders;
 mod formats;
 #[cfg(feature = "train")]
 mod images;
-#[cfg(feature = "train")]
-pub mod kept;
 mod left_out;
 #[cfg(feature = "train")]
 mod lens;
 #[cfg(feature = "train")]
-mod lists;
+mod listing;
 #[cfg(feature = "train")]
 mod names;
 #[cfg(feature = "train")]
-mod places;
+mod photo;
 pub mod ply;
 mod ply_columns;
 mod ply_format;
@@ -48,14 +50,14 @@ mod scenes;
 #[cfg(feature = "train")]
 mod sector;
 #[cfg(feature = "train")]
-mod shot;
-mod sound;
+mod splits;
 pub mod srgb;
 #[cfg(feature = "train")]
 pub mod tensors;
 mod trained_with;
 #[cfg(feature = "train")]
 mod transforms;
+mod validate;
 #[cfg(feature = "train")]
 mod write;
 
@@ -66,17 +68,17 @@ pub use camera_path::CameraPath;
 #[cfg(feature = "formats")]
 pub use check::{check_file, file_kinds};
 #[cfg(feature = "train")]
-pub use dataset::{
-    Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, ImageFile, Photo, PixelSource, SPECULAR, Split,
-    load_photos,
-};
+pub use dataset::load_photos;
 pub use formats::{Kind, SceneFormat};
-#[cfg(feature = "train")]
-pub use images::Image;
 #[cfg(feature = "cli")]
 pub(crate) use left_out::counted;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
+#[cfg(feature = "train")]
+pub use photo::{
+    Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, Image, ImageFile, Photo, PixelSource, SPECULAR,
+    Split,
+};
 #[cfg(feature = "train")]
 pub use ply_write::{gaussian_bytes, scene_bytes};
 pub use points::{PointCloud, is_point_cloud, read_points};
@@ -88,13 +90,13 @@ pub use scene_file::{SceneFile, is_scene_folder};
 pub use scenes::{parse_scene, read_scene, read_scene_file, read_scene_file_leniently, read_scene_leniently};
 #[cfg(feature = "train")]
 pub use scenes::{write_ply, write_scene, write_scene_as, write_scene_file};
-pub(crate) use sound::lengths;
-#[cfg(feature = "c")]
-pub(crate) use sound::make_finite;
-pub use sound::{Dropped, check_scene};
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
 pub use trained_with::TrainedWith;
+pub(crate) use validate::lengths;
+#[cfg(feature = "c")]
+pub(crate) use validate::make_finite;
+pub use validate::{Dropped, check_scene};
 #[cfg(feature = "train")]
 pub use write::{
     to_byte, write_exr_channel, write_exr_rgb, write_png_bytes, write_png_gray, write_png_rgb, write_text,

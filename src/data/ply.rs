@@ -17,13 +17,13 @@ use glam::DVec3;
 
 #[cfg(feature = "formats")]
 use super::formats::packed_ply;
-use super::ply_columns::{BASE, LEARNED, Place, REST, SB, SUPPLEMENT, columns, number_mut};
+use super::ply_columns::{BASE, LEARNED, Place, SUPPLEMENT, columns, number_mut};
 use super::ply_format::{Element, Ply};
 use super::ply_variants::{FILTER, filtered, origin_of_doubles, remarks};
 use super::scene_file::SceneFile;
 use crate::scene::{
     Gaussians, Lobes, Scene, Supplement,
-    layout::{self, BETA_LOBES, BETAS},
+    color::{self, ColorModel, MODELS},
 };
 use crate::stages::constants::constants::SH_C0;
 use crate::{Error, Result};
@@ -70,7 +70,7 @@ impl Columns {
             all.into_iter().filter_map(|(name, place)| Some((element.scalar(&name)?, place))).collect();
         let there = places.iter().filter(|(_, place)| place.is_rest()).count();
         if there != 0 && there != rest {
-            let prefix = if sh_degree == BETAS { SB } else { REST };
+            let prefix = color::of(sh_degree).ply_prefix;
             return Err(format!("element `{LEARNED}` has {there} of {rest} properties `{prefix}*`"));
         }
         Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
@@ -125,25 +125,28 @@ fn resize(gaussians: &mut Gaussians, rows: usize) {
     gaussians.sh.resize(rows * gaussians.sh_coefficients(), [0.0; 3]);
 }
 
-/// What an element's colours are, of which there are so many properties of each name.
+/// Finds the color model of an element by the number of its properties with a prefix.
 fn degree_of(element: &str, count: impl Fn(&str) -> usize) -> Result<u32, String> {
-    let betas = 3 * (layout::coefficients(BETAS) - 1);
-    match (count(REST), count(SB)) {
-        (0, 0) => Ok(0),
-        (9, 0) => Ok(1),
-        (24, 0) => Ok(2),
-        (45, 0) => Ok(3),
-        (0, n) if n == betas => Ok(BETAS),
-        (n, 0) => Err(format!(
-            "element `{element}` has {n} properties `f_rest_*`; expected 0, 9, 24 or 45 (SH degree 0 to 3)"
-        )),
-        (0, n) => Err(format!(
-            "element `{element}` has {n} properties `sb_params_*`; expected {betas} ({BETA_LOBES} spherical betas)"
-        )),
+    let mut prefixes: Vec<&str> = MODELS.iter().map(|model| model.ply_prefix).collect();
+    prefixes.dedup();
+    prefixes.retain(|prefix| count(prefix) > 0);
+    let prefix = match prefixes[..] {
+        [] => return Ok(0),
+        [prefix] => prefix,
         _ => {
-            Err(format!("element `{element}` has properties `f_rest_*` and `sb_params_*`; expected harmonics or betas"))
+            return Err(format!(
+                "element `{element}` has properties `{}*`; expected one of them",
+                prefixes.join("*` and `")
+            ));
         }
-    }
+    };
+    let properties = |model: &ColorModel| 3 * (model.coefficients - 1);
+    let found = |model: &ColorModel| model.ply_prefix == prefix && properties(model) == count(prefix);
+    MODELS.iter().position(found).map(|index| index as u32).ok_or_else(|| {
+        let models = MODELS.iter().filter(|model| model.ply_prefix == prefix);
+        let expected: Vec<String> = models.map(|model| format!("{} ({})", properties(model), model.name)).collect();
+        format!("element `{element}` has {} properties `{prefix}*`; expected {}", count(prefix), expected.join(", "))
+    })
 }
 
 /// A 3DGS scene, with its supplement if it has one, whatever its numbers are. Properties may have any order and any numeric type;
@@ -244,8 +247,9 @@ mod tests {
     use super::*;
     use crate::data::ply_write::*;
     use crate::data::points::parse_points;
-    use crate::data::sound;
+    use crate::data::validate;
     use crate::data::{Dropped, parse_scene, read_scene, read_scene_leniently, write_scene, write_scene_file};
+    use crate::scene::color::BETAS;
 
     /// Numbers that no order or channel swap can confuse.
     fn gaussians(n: usize, sh_degree: u32, seed: f32) -> Gaussians {
@@ -736,7 +740,7 @@ mod tests {
             assert_eq!(read_scene(&path).is_ok(), read_scene_leniently(&path).unwrap().1.first.is_none());
             let (found, dropped) = read_scene_leniently(&path).unwrap();
             let left = (found.base.means.clone(), found.supplement.clone().unwrap().lobes.widths);
-            sound::check(&found).unwrap();
+            validate::check(&found).unwrap();
             (left, dropped)
         };
         let all = scene(1, true);

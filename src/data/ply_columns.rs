@@ -1,15 +1,10 @@
 //! Columns of a 3DGS PLY: their names, their order, and which number of a Gaussian each holds.
 
-use crate::scene::{
-    Gaussians, Lobes,
-    layout::{self, BETA_LOBES, BETAS},
-};
+use crate::scene::{Gaussians, Lobes, color};
 
 pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
 pub(super) const LEARNED: &str = "learned";
-pub(super) const REST: &str = "f_rest_";
-pub(super) const SB: &str = "sb_params_";
 
 /// An empty list, for Gaussians without lobes.
 pub(super) static NO_LOBES: Lobes = Lobes { directions: Vec::new(), widths: Vec::new(), sharpness: Vec::new() };
@@ -58,17 +53,14 @@ number!(number_mut, mut);
 
 /// All columns but normals, in the reference trainer's order.
 pub(super) fn columns(sh_degree: u32, lobed: bool) -> Vec<(String, Place)> {
-    let count = layout::coefficients(sh_degree) - 1;
-    let rest = (0..3 * count).map(|i| {
-        if sh_degree != BETAS {
-            return Place::Sh(1 + i % count, i / count);
-        }
-        let (number, lobe) = (i / BETA_LOBES, i % BETA_LOBES);
-        Place::Sh(1 + 2 * lobe + number / 3, number % 3)
+    let colors = color::of(sh_degree);
+    let rest = (0..3 * (colors.coefficients - 1)).map(|i| {
+        let (coefficient, channel) = (colors.ply_place)(i);
+        Place::Sh(coefficient, channel)
     });
     let mut all = axes("", Place::Mean);
     all.extend(numbered("f_dc_", (0..3).map(|channel| Place::Sh(0, channel))));
-    all.extend(numbered(if sh_degree == BETAS { SB } else { REST }, rest));
+    all.extend(numbered(colors.ply_prefix, rest));
     all.push(("opacity".into(), Place::Opacity));
     all.extend(numbered("scale_", (0..3).map(Place::LogScale)));
     all.extend(numbered("rot_", (0..4).map(Place::Quat)));

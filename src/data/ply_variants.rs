@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::data::ply::parse;
     use crate::data::ply_columns::columns;
-    use crate::data::{SceneFile, sound};
+    use crate::data::{SceneFile, validate};
     use crate::scene::Scene;
 
     /// Rows of a 3DGS PLY in ASCII, with properties of these types and names behind the usual ones.
@@ -107,7 +107,7 @@ mod tests {
         text += "end_header\n";
         rows.iter().for_each(|row| text += &format!("{row}\n"));
         let mut file = parse(text.as_bytes(), None, Path::new("a.ply")).unwrap();
-        sound::make_finite(&mut file.scene);
+        validate::make_finite(&mut file.scene);
         file
     }
 

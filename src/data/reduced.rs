@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::dataset::{Dataset, Photo, PixelSource};
+use super::photo::{Dataset, Photo, PixelSource};
 
 /// Such folders, beside `images`.
 const REDUCED: [&str; 3] = ["images_2", "images_4", "images_8"];

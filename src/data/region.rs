@@ -5,8 +5,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::dataset::{Dataset, DatasetKind, Photo, Split, load_photos};
-use super::images::Image;
+use super::dataset::load_photos;
+use super::photo::Image;
+use super::photo::{Dataset, DatasetKind, Photo, Split};
 use super::points::PointCloud;
 use crate::Result;
 use crate::scene::Camera;
@@ -271,7 +272,7 @@ fn sees(camera: &Camera, world: DVec3) -> bool {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::dataset::PixelSource;
+    use super::super::photo::PixelSource;
     use super::*;
 
     fn look(eye: DVec3, at: DVec3) -> Camera {

@@ -13,14 +13,14 @@ use super::ply_columns::BASE;
 #[cfg(feature = "train")]
 use super::ply_write;
 use super::scene_file::{SOG_META, SceneFile};
-use super::sound::{self, Dropped};
 #[cfg(feature = "train")]
 use super::trained_with::TrainedWith;
+use super::validate::{self, Dropped};
 #[cfg(feature = "train")]
 use crate::scene::Gaussians;
 use crate::scene::Scene;
 #[cfg(feature = "train")]
-use crate::scene::layout::{BETAS, colour_name};
+use crate::scene::color;
 use crate::{Error, Result};
 
 #[cfg(feature = "train")]
@@ -48,7 +48,7 @@ pub fn write_ply(
 
 #[cfg(feature = "train")]
 fn sound_or_refused(path: &Path, scene: &Scene) -> Result<()> {
-    sound::check(scene)
+    validate::check(scene)
         .map_err(|what| Error::Usage(format!("{}: this scene cannot be written: {what}", path.display())))
 }
 
@@ -82,9 +82,10 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
         let lost = supplement.gaussians.len();
         return refuse(format!("this format has no place for the scene's {lost} Gaussians with lobes"));
     }
-    if base.sh_degree == BETAS && format.greatest_sh_degree != BETAS {
-        let (betas, keep) = (colour_name(BETAS), SceneFormat::endings(|format| format.greatest_sh_degree == BETAS));
-        return refuse(format!("this format has no place for {betas}, expected a {keep} or harmonics"));
+    let colors = color::of(base.sh_degree);
+    if colors.harmonics.is_none() && !format.keeps_colors {
+        let (name, keep) = (colors.name, SceneFormat::endings(|format| format.keeps_colors));
+        return refuse(format!("this format has no place for {name}, expected a {keep} or harmonics"));
     }
     sound_or_refused(path, &file.scene)?;
     let Some(write) = format.write else {
@@ -127,12 +128,12 @@ pub fn read_scene_file(path: impl AsRef<Path>) -> Result<SceneFile> {
 /// As [`read_scene_leniently`], with what other viewers show.
 pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, Dropped)> {
     let (mut file, kind) = open(path.as_ref())?;
-    let mut dropped = sound::drop_faults(&mut file.scene);
+    let mut dropped = validate::drop_faults(&mut file.scene);
     dropped.first = dropped.first.map(|what| named(what, kind));
     if let Some(shown) = file.shown {
         // It goes with the scene row by row, so it is sound as a whole or of no use.
         let shown = Scene { base: shown, ..Default::default() };
-        file.shown = (dropped.base == 0 && sound::check(&shown).is_ok()).then_some(shown.base);
+        file.shown = (dropped.base == 0 && validate::check(&shown).is_ok()).then_some(shown.base);
     }
     Ok((file, dropped))
 }
@@ -141,13 +142,13 @@ pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, D
 #[cfg(feature = "formats")]
 pub(super) fn check(read: super::formats::Reader, bytes: &[u8], path: &Path) -> Result<()> {
     let mut file = read(bytes, None, path)?;
-    sound::make_finite(&mut file.scene);
-    sound::check(&file.scene).map_err(|what| Error::input(path, what))
+    validate::make_finite(&mut file.scene);
+    validate::check(&file.scene).map_err(|what| Error::input(path, what))
 }
 
 /// The file, if its numbers are sound.
 fn checked(file: SceneFile, kind: Kind) -> Result<SceneFile, String> {
-    sound::check(&file.scene).map_err(|what| named(what, kind))?;
+    validate::check(&file.scene).map_err(|what| named(what, kind))?;
     Ok(file)
 }
 
@@ -176,7 +177,7 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(SceneFile, Kind)> {
         return Err(Error::input(path, format!("is {kind}, not a scene{}", kind.advice())));
     };
     let mut file = read(bytes, path.parent(), path)?;
-    sound::make_finite(&mut file.scene);
-    file.shown.iter_mut().for_each(sound::make_finite_part);
+    validate::make_finite(&mut file.scene);
+    file.shown.iter_mut().for_each(validate::make_finite_part);
     Ok((file, kind))
 }

@@ -4,10 +4,10 @@ use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::assemble::Listed;
-use super::dataset::Split;
 use super::left_out::counted;
+use super::listing::Listing;
 use super::names;
+use super::photo::Split;
 use crate::{Error, Result};
 
 /// Names of photos, as a dataset's own files have them.
@@ -40,26 +40,26 @@ pub(super) fn find(folders: &[&Path], sources: &mut Vec<PathBuf>) -> Result<Opti
 impl Lists {
     /// Splits the photos. Where there is one list, the others have the other part; of two lists the photos in neither are left
     /// out, and those in both are for testing.
-    pub(super) fn apply(self, listed: &mut Listed) {
+    pub(super) fn apply(self, listed: &mut Listing) {
         let set = |names: Vec<String>| names.iter().map(|name| names::compared(name)).collect::<HashSet<String>>();
         let (train, test) = (self.train.map(set), self.test.map(set));
         let mut unknown: HashSet<&String> = train.iter().chain(&test).flatten().collect();
         let mut tests = 0;
-        let before = listed.shots.len();
-        listed.shots.retain_mut(|shot| {
-            let key = names::compared(&shot.name);
+        let before = listed.entries.len();
+        listed.entries.retain_mut(|entry| {
+            let key = names::compared(&entry.name);
             unknown.remove(&key);
             let [train, test] = [&train, &test].map(|list| list.as_ref().map(|names| names.contains(&key)));
-            shot.split = match (train, test) {
+            entry.split = match (train, test) {
                 (_, Some(true)) | (Some(false), None) => Some(Split::Test),
                 (Some(true), _) | (None, _) => Some(Split::Train),
                 (Some(false), Some(false)) => return false,
             };
-            tests += usize::from(shot.split == Some(Split::Test));
+            tests += usize::from(entry.split == Some(Split::Test));
             true
         });
         listed.notes.push(format!("{} for testing, as {} say", counted(tests, "photo"), self.from));
-        let left = before - listed.shots.len();
+        let left = before - listed.entries.len();
         if left > 0 {
             listed.notes.push(format!("{} left out, which the lists do not name", counted(left, "photo")));
         }

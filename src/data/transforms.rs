@@ -11,14 +11,13 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::assemble::{Listed, unused_masks};
-use super::dataset::{DatasetOptions, Holdout, Split};
 use super::left_out::{LeftOut, counted};
 use super::lens::{Distortion, Polynomial};
-use super::lists::Lists;
+use super::listing::{Entry, Focal, Listing, SourceCamera, unused_masks};
 use super::names::{self, Finder, tails};
-use super::shot::{Focal, Shot, SourceCamera};
-use super::{colmap, places, points};
+use super::photo::{DatasetOptions, Holdout, Split};
+use super::splits::Lists;
+use super::{colmap, folders, points};
 use crate::{Error, Result};
 
 pub(super) const TRAIN: &str = "transforms_train.json";
@@ -98,14 +97,14 @@ pub(super) fn find(folder: &Path) -> Option<PathBuf> {
 
 /// Reads `path`. In a folder, transforms_train.json comes with transforms_test.json beside it; a file that was named itself comes
 /// alone.
-pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) -> Result<Listed> {
+pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) -> Result<Listing> {
     let test = path.with_file_name(TEST);
     let in_folder = !named_itself && path.file_name().is_some_and(|name| name == TRAIN);
     let both = in_folder && test.is_file();
     let (mut all, cloud) = read_file(path, both.then_some(Split::Train), options)?;
     if both {
         let (test, _) = read_file(&test, Some(Split::Test), options)?;
-        all.shots.extend(test.shots);
+        all.entries.extend(test.entries);
         all.sources.extend(test.sources);
         // Both files may say the same.
         all.notes.extend(test.notes);
@@ -118,15 +117,15 @@ pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) ->
 }
 
 /// The photos of a file, and its `ply_file_path`.
-fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<(Listed, Option<String>)> {
+fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<(Listing, Option<String>)> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let file = parse(&bytes, path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let asked = options.images.as_ref().map(|images| places::asked_folder(folder, images)).transpose()?;
+    let asked = options.images.as_ref().map(|images| folders::asked_folder(folder, images)).transpose()?;
     let finder = Finder::new(folder);
     let found = find_photos(&file, path, &finder, asked.as_deref())?;
-    let masks = places::masks(asked.as_deref().unwrap_or(&folder.join("images")));
-    let mut shots = Vec::with_capacity(file.frames.len());
+    let masks = folders::masks(asked.as_deref().unwrap_or(&folder.join("images")));
+    let mut entries = Vec::with_capacity(file.frames.len());
     let (mut with_mask, mut no_mask) = (0, LeftOut::default());
     for (i, (frame, (found, expected))) in file.frames.iter().zip(found).enumerate() {
         let ((camera, pose), lost) = match file.camera_of(frame) {
@@ -142,7 +141,7 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
                 no_mask.add(photo, || format!("{} of {} is missing", finder.expected(name).display(), photo()));
             }
         }
-        shots.push(Shot {
+        entries.push(Entry {
             name: names::slashes(&frame.file_path),
             expected,
             respelled: found.as_ref().is_some_and(|found| found.1),
@@ -156,10 +155,10 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
             split,
         });
     }
-    let mut notes = masks.as_ref().map(|masks| add_masks(&mut shots, masks)).unwrap_or_default();
-    notes.extend(unused_masks(masks.is_some() && notes.is_empty(), &shots));
+    let mut notes = masks.as_ref().map(|masks| add_masks(&mut entries, masks)).unwrap_or_default();
+    notes.extend(unused_masks(masks.is_some() && notes.is_empty(), &entries));
     notes.extend(no_mask.note(with_mask, "mask"));
-    let mut listed = Listed { shots, points: None, sources: vec![path.to_owned()], notes };
+    let mut listed = Listing { entries, points: None, sources: vec![path.to_owned()], notes };
     let used = |list: Option<Vec<String>>| list.filter(|names| !names.is_empty());
     let (train, validation, test) = (used(file.train_filenames), used(file.val_filenames), used(file.test_filenames));
     if options.holdout == Holdout::Dataset
@@ -207,29 +206,29 @@ fn find_mask(name: &str, finder: &Finder) -> Option<PathBuf> {
 }
 
 /// Assigns masks by the photos' names, unless several photos share a mask, for which it returns a note.
-fn add_masks(shots: &mut [Shot], masks: &Finder) -> Vec<String> {
+fn add_masks(entries: &mut [Entry], masks: &Finder) -> Vec<String> {
     let mut owners: HashMap<PathBuf, Vec<usize>> = HashMap::new();
-    for (i, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.mask.is_none()) {
-        let mask = masks.find_mask_of_tail(&shot.name);
+    for (i, entry) in entries.iter().enumerate().filter(|(_, entry)| entry.mask.is_none()) {
+        let mask = masks.find_mask_of_tail(&entry.name);
         mask.into_iter().for_each(|mask| owners.entry(mask).or_default().push(i));
     }
     let mut shared: Vec<_> = owners.iter().filter(|(_, owners)| owners.len() > 1).collect();
     shared.sort();
     let note = shared.first().map(|(mask, owners)| {
-        let [a, b] = [owners[0], owners[1]].map(|i| &shots[i].name);
+        let [a, b] = [owners[0], owners[1]].map(|i| &entries[i].name);
         let (count, mask) = (counted(shared.len(), "mask"), mask.display());
         format!("{count} left out, since several photos share the name: {mask} is for `{a}` and `{b}`; expected a folder for each camera")
     });
     for (mask, owners) in owners {
         if let [one] = owners[..] {
-            shots[one].mask = Some(mask);
+            entries[one].mask = Some(mask);
         }
     }
     note.into_iter().collect()
 }
 
 /// Reads the points that the file names; else those beside it, with a note.
-fn add_points(path: &Path, named: Option<&str>, listed: &mut Listed) -> Result<()> {
+fn add_points(path: &Path, named: Option<&str>, listed: &mut Listing) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if let Some(name) = named {
         let finder = Finder::new(folder);
@@ -257,9 +256,9 @@ fn add_points(path: &Path, named: Option<&str>, listed: &mut Listed) -> Result<(
             Err(error) => listed.notes.push(format!("the points of {name} are left out: {error}")),
         }
     }
-    let Some(model) = places::find_model(folder, &DatasetOptions::default())? else { return Ok(()) };
+    let Some(model) = folders::find_model(folder, &DatasetOptions::default())? else { return Ok(()) };
     let place = model.folder.strip_prefix(folder).unwrap_or(&model.folder).display().to_string();
-    let what = match colmap::points_for(&model.folder, &listed.shots, &mut listed.notes) {
+    let what = match colmap::points_for(&model.folder, &listed.entries, &mut listed.notes) {
         Ok(Some((points, source))) => {
             listed.points = Some(points);
             listed.sources.push(source);
@@ -471,7 +470,7 @@ mod tests {
     }
 
     /// Reads a transforms.json with these members and one frame with those.
-    fn one(all: Value, frame: Value) -> Result<Shot> {
+    fn one(all: Value, frame: Value) -> Result<Entry> {
         let mut file = json!({"frames": [{"file_path": "a.png", "transform_matrix": UPRIGHT}]});
         let merge = |into: &mut Value, from: &Value| {
             let (Value::Object(into), Value::Object(from)) = (into, from) else { panic!("not objects") };
@@ -480,7 +479,7 @@ mod tests {
         merge(&mut file, &all);
         merge(&mut file["frames"][0], &frame);
         let folder = folder(&[("transforms.json", &file.to_string()), ("a.png", ""), ("b.jpeg", "")]);
-        Ok(read(&find(folder.path()).unwrap(), false, &DatasetOptions::default())?.shots.remove(0))
+        Ok(read(&find(folder.path()).unwrap(), false, &DatasetOptions::default())?.entries.remove(0))
     }
 
     #[track_caller]
@@ -567,10 +566,10 @@ mod tests {
             r#", "transform_matrix": [[-Infinity, Infinity, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]"#,
             r#", "transform_matrix": [[NaN,NaN,NaN,NaN],[NaN,NaN,NaN,NaN],[NaN,NaN,NaN,NaN],[0,0,0,1]]"#,
         ] {
-            let shots = read(first).unwrap().shots;
-            assert!(shots[0].lost.is_some() && shots[1].lost.is_none(), "{first}");
-            assert_eq!(shots[1].name, "NaN, \" -Infinity.png", "names are as they were");
-            assert_eq!(shots[1].translation, pose(&UPRIGHT).unwrap().1);
+            let entries = read(first).unwrap().entries;
+            assert!(entries[0].lost.is_some() && entries[1].lost.is_none(), "{first}");
+            assert_eq!(entries[1].name, "NaN, \" -Infinity.png", "names are as they were");
+            assert_eq!(entries[1].translation, pose(&UPRIGHT).unwrap().1);
         }
     }
 
@@ -647,14 +646,14 @@ mod tests {
         let folder = folder(&files);
         let options = DatasetOptions::default();
         let both = read(&find(folder.path()).unwrap(), false, &options).unwrap();
-        let splits: Vec<_> = both.shots.iter().map(|shot| (&shot.name[..], shot.split)).collect();
+        let splits: Vec<_> = both.entries.iter().map(|entry| (&entry.name[..], entry.split)).collect();
         assert_eq!(splits, [("train/r_0", Some(Split::Train)), ("test/r_0", Some(Split::Test))]);
         assert_eq!(both.notes, ["transforms_val.json is not used"]);
         assert_eq!(both.sources, [folder.path().join(TRAIN), folder.path().join(TEST)]);
         let alone = read(&folder.path().join(TRAIN), true, &options).unwrap();
-        assert_eq!((alone.shots.len(), alone.shots[0].split, alone.notes.len()), (1, None, 0));
+        assert_eq!((alone.entries.len(), alone.entries[0].split, alone.notes.len()), (1, None, 0));
         fs::remove_file(folder.path().join(TEST)).unwrap();
-        assert_eq!(read(&folder.path().join(TRAIN), false, &options).unwrap().shots[0].split, None);
+        assert_eq!(read(&folder.path().join(TRAIN), false, &options).unwrap().entries[0].split, None);
     }
 
     #[test]
@@ -673,7 +672,7 @@ mod tests {
                 Some(Split::Test) => 't',
                 None => '-',
             };
-            (listed.shots.iter().map(|shot| letter(shot.split)).collect::<String>(), listed.notes)
+            (listed.entries.iter().map(|entry| letter(entry.split)).collect::<String>(), listed.notes)
         };
         let name = |n: &str| format!("images/{n}.png");
         let all = json!({
@@ -711,11 +710,11 @@ mod tests {
         let folder = folder(&files);
         let read = |images: Option<&str>| {
             let options = DatasetOptions { images: images.map(PathBuf::from), ..Default::default() };
-            let shots = read(&folder.path().join(PLAIN), false, &options).unwrap().shots;
+            let entries = read(&folder.path().join(PLAIN), false, &options).unwrap().entries;
             let relative = |path: &Option<PathBuf>| {
                 path.as_ref().map(|path| path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
             };
-            shots.iter().map(|shot| (relative(&shot.path), relative(&shot.mask))).collect::<Vec<_>>()
+            entries.iter().map(|entry| (relative(&entry.path), relative(&entry.mask))).collect::<Vec<_>>()
         };
         let some = |path: &str| Some(path.to_owned());
         let (a, b) = (some("masks/sub/a.png"), some("outlines/b.png"));
@@ -733,7 +732,7 @@ mod tests {
             let clouds = names.iter().map(|name| (*name, ply));
             let files: Vec<(&str, &str)> = [(PLAIN, json), ("a.png", "")].into_iter().chain(clouds).collect();
             let folder = folder(&files);
-            let Listed { points, sources, notes, .. } =
+            let Listing { points, sources, notes, .. } =
                 read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
             let last = sources.last().unwrap().strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
             (points.map(|p| p.positions), last, notes.join("; "))
@@ -780,10 +779,10 @@ mod tests {
                 [(PLAIN, &file[..])].into_iter().chain(masks.iter().map(|mask| (*mask, ""))).collect();
             let folder = folder(&files);
             let listed = super::read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
-            let name = |shot: &Shot| {
-                Some(shot.mask.as_ref()?.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
+            let name = |entry: &Entry| {
+                Some(entry.mask.as_ref()?.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
             };
-            (listed.shots.iter().map(name).collect::<Vec<_>>(), listed.notes.join("; "))
+            (listed.entries.iter().map(name).collect::<Vec<_>>(), listed.notes.join("; "))
         };
         let (found, notes) = read(&["masks/a.png", "masks/b.png"]);
         assert_eq!(found, [None, None, Some("masks/b.png".into()), None]);

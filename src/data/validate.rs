@@ -3,7 +3,7 @@
 use super::ply_columns::{BASE, NO_LOBES, SUPPLEMENT, columns, number};
 use crate::{
     Error, Result,
-    scene::{Gaussians, Lobes, Scene, layout::BETAS},
+    scene::{Gaussians, Lobes, Scene, color},
 };
 
 /// Lobe widths T are kept in this range by the method (section 1).
@@ -65,8 +65,10 @@ pub(crate) fn lengths(scene: &Scene) -> Result<(), String> {
     if let Some(supplement) = &scene.supplement {
         let (n, lobes) = (supplement.gaussians.len(), &supplement.lobes);
         check_lengths(SUPPLEMENT, &supplement.gaussians)?;
-        if (scene.base.sh_degree == BETAS) != (supplement.gaussians.sh_degree == BETAS) {
-            return Err(format!("of `{BASE}` and `{SUPPLEMENT}` one has spherical betas; expected both or none"));
+        let [base, lobed] = [&scene.base, &supplement.gaussians].map(|part| color::of(part.sh_degree));
+        if !base.shares_with(lobed) {
+            let (base, lobed) = (base.name, lobed.name);
+            return Err(format!("`{BASE}` has {base} and `{SUPPLEMENT}` {lobed}; expected harmonics or betas in both"));
         }
         if [lobes.directions.len(), lobes.widths.len(), lobes.sharpness.len()] != [n; 3] {
             return Err(format!("`{SUPPLEMENT}` has {n} Gaussians but another number of lobes"));
@@ -118,9 +120,7 @@ fn retain<T>(values: &mut Vec<T>, keep: &[bool], width: usize) {
 }
 
 fn check_lengths(element: &str, gaussians: &Gaussians) -> Result<(), String> {
-    if gaussians.sh_degree > BETAS {
-        return Err(format!("`{element}` has SH degree {}; 0 to 3 are known", gaussians.sh_degree));
-    }
+    color::check(gaussians.sh_degree).map_err(|what| format!("`{element}` has {what}"))?;
     let (n, k) = (gaussians.len(), gaussians.sh_coefficients());
     let lengths =
         [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len(), gaussians.sh.len() / k];
@@ -130,7 +130,7 @@ fn check_lengths(element: &str, gaussians: &Gaussians) -> Result<(), String> {
     Ok(())
 }
 
-/// Rows that are not sound, and what is wrong with them.
+/// Rows that are not valid, and what is wrong with them.
 fn faults<'a>(
     element: &'a str,
     gaussians: &'a Gaussians,
@@ -216,7 +216,7 @@ mod tests {
             Gaussians { quats: vec![], ..one.clone() },
             Gaussians { opacities: vec![], ..one.clone() },
             Gaussians { sh: vec![[0.0; 3]; 5], ..one.clone() },
-            Gaussians { sh_degree: BETAS + 1, ..one.clone() },
+            Gaussians { sh_degree: color::MODELS.len() as u32, ..one.clone() },
         ];
         for short in &short {
             assert!(scene(short, &one, &lobes).unwrap_err().contains("`vertex`"));

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use crate::{
     data::{
         Kind, TrainedWith,
-        kept::{ORIGIN, TRAINED_WITH, checksum, origin_words},
+        checkpoint::{ORIGIN, TRAINED_WITH, checksum, origin_words},
         read_tensors_about,
         tensors::{Tensor, Values, ValuesRef},
         write_tensors_about,

@@ -25,10 +25,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    scene::{
-        Gaussians, Scene, Supplement,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Gaussians, Scene, Supplement, color},
     stages::types::Lift,
 };
 
@@ -257,8 +254,9 @@ impl Enhancer {
         if scene.base.is_empty() || views.cameras.is_empty() {
             return Err(Error::Usage("there is nothing to augment: no Gaussians, or no training views".into()));
         }
-        if scene.base.sh_degree == BETAS {
-            return Err(Error::Usage(format!("the base has {}, expected harmonics", colour_name(BETAS))));
+        let colors = color::of(scene.base.sh_degree);
+        if colors.harmonics.is_none() {
+            return Err(Error::Usage(format!("the base has {}, expected harmonics", colors.name)));
         }
         let render = RenderOptions {
             depth: true,

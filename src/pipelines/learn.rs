@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, degrees, quads, sh_planes},
+    scene::{
+        color,
+        layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, quads, sh_planes},
+    },
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
@@ -186,7 +189,7 @@ pub struct Learner {
     /// First and second, or first and curvature, in pages as the model's.
     pub moments: Beside,
     /// What of colours can be in use: a pipeline for each.
-    degrees: Vec<u32>,
+    degrees: &'static [u32],
     /// By `degrees`, for the fused step.
     fused: Vec<project_backward::Stage>,
     accumulated: Option<Accumulated>,
@@ -216,7 +219,7 @@ impl Learner {
         let has_lobes = lesson.segment == Segment::Supplement;
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // What is frozen does not look at its colour.
-        let degrees = if opacity_only { vec![0] } else { degrees(model.part(lesson.segment).sh_degree) };
+        let degrees = if opacity_only { &[0] } else { color::of(model.part(lesson.segment).sh_degree).parts };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),

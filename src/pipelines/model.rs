@@ -13,7 +13,7 @@ use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, DeviceInfo, GpuError, Location, Recorder, Unused},
     scene::{
-        Gaussians, Lobes, Scene, Supplement,
+        Gaussians, Lobes, Scene, Supplement, color,
         layout::{self, GEOMETRY_PLANES, HALF_GEOMETRY_PLANES, LOBE_PLANES, MEAN},
     },
     stages::{
@@ -146,7 +146,7 @@ pub struct Part {
     pub sh: Planes,
     /// None for the base.
     pub lobes: Planes,
-    /// Of its harmonics, 0 to 3, or [`BETAS`](layout::BETAS).
+    /// Of its harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// Of half width, see [`layout::pack_geometry`] and [`layout::pack_halves`].
     half: bool,
@@ -222,7 +222,7 @@ const NAMES: [[&str; 3]; 2] =
 pub struct Model {
     context: Context,
     parts: [Part; 2],
-    /// The greatest of both segments, 0 to 3, or [`BETAS`](layout::BETAS).
+    /// The greatest of both segments, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// Where the device's coordinates begin, in the world: means are relative to it.
     pub origin: DVec3,
@@ -480,7 +480,7 @@ impl Model {
 
     /// What the Gaussians of a segment show where `degree` is asked for.
     pub fn degree_of(&self, segment: Segment, degree: u32) -> u32 {
-        layout::shown(degree, self.part(segment).sh_degree)
+        color::of(self.part(segment).sh_degree).part(degree)
     }
 
     /// It is of half width, see [`Room::half`].

@@ -22,10 +22,10 @@ use super::{
     views::Views,
 };
 use crate::{
-    data::kept::{BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
+    data::checkpoint::{BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
     error::{Error, Result},
     gpu::{Buffer, Recorder},
-    scene::layout::BETAS,
+    scene::color,
     stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
@@ -104,8 +104,10 @@ impl Trainer {
         if newton && views_per_step > 1 {
             return Err(Error::Usage("Newton's steps see one view each".into()));
         }
-        if lessons.iter().any(|l| l.newton && !l.opacity_only && model.part(l.segment).sh_degree == BETAS) {
-            return Err(Error::Usage("spherical betas learn by Adam's steps, and these are Newton's".into()));
+        let mut of_newton = lessons.iter().filter(|lesson| lesson.newton && !lesson.opacity_only);
+        if let Some(lesson) = of_newton.find(|lesson| !color::of(model.part(lesson.segment).sh_degree).newton) {
+            let name = color::of(model.part(lesson.segment).sh_degree).name;
+            return Err(Error::Usage(format!("{name} learn by Adam's steps, and these are Newton's")));
         }
         if !whole || schedule.iter().any(|&v| v as usize >= views.cameras.len()) {
             return Err(Error::Usage("the schedule does not fit the views or the steps".into()));
@@ -523,7 +525,7 @@ pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
 pub struct BaseOptions {
     /// Steps, of one view each.
     pub iterations: u32,
-    /// 0 to 3, or [`BETAS`].
+    /// Index of a [color model](color::MODELS).
     pub sh_degree: u32,
     /// Part of the schedule that was over before the first step: 0, or for Gaussians that have learned [`LEARNED`].
     pub begins: f64,
@@ -565,7 +567,7 @@ impl BaseOptions {
         let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
         // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
         let interval = (self.iterations / 30).clamp(1, 1000);
-        let betas = self.sh_degree == BETAS;
+        let colors = color::of(self.sh_degree);
         StepPlan {
             rates: Rates {
                 mean,
@@ -573,15 +575,13 @@ impl BaseOptions {
                 quat: 1e-3,
                 opacity: 0.025,
                 dc: 2.5e-3,
-                // DBS's for all that betas have.
-                sh: if betas { 2.5e-3 } else { 2.5e-3 / 20.0 },
+                sh: colors.rate,
                 ..Default::default()
             },
-            // What has learned has all its bands, and betas are no bands.
-            active_degree: if self.begins > 0.0 || betas {
-                self.sh_degree
-            } else {
-                (step / interval).min(self.sh_degree)
+            // A scene that has learned has all its bands; only harmonics have bands.
+            active_degree: match colors.harmonics {
+                Some(degree) if self.begins == 0.0 => degree.min(step / interval),
+                _ => self.sh_degree,
             },
         }
     }

@@ -1,7 +1,10 @@
 //! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS; and Newton's step by a curvature that probes tell.
 
 use super::{FLOAT_MAX, FLOAT_MIN, betas::B_RANGE};
-use crate::scene::layout::{Array, BETA_GROUP, Group, LOBE_SHARPNESS, LOBE_WIDTH};
+use crate::scene::{
+    color,
+    layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH},
+};
 
 /// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
 pub const BETA1: f64 = 0.9;
@@ -46,7 +49,7 @@ impl PlaneRate {
             (Array::Lobes, LOBE_WIDTH) => Some(WIDTH_RANGE),
             (Array::Lobes, LOBE_SHARPNESS) => Some(SHARPNESS_RANGE),
             // The third number of a lobe's shape, which comes behind its colour.
-            (Array::Sh, _) if group.name == BETA_GROUP && plane % 6 == 2 => Some(B_RANGE),
+            (Array::Sh, _) if group.name == color::of(color::BETAS).group && plane % 6 == 2 => Some(B_RANGE),
             _ => None,
         };
         PlaneRate { rate, range }

@@ -5,7 +5,7 @@ use std::f64::consts::LN_2;
 use glam::DVec3;
 
 use super::Params;
-use crate::{scene::layout::BETA_LOBES, stages::constants::betas};
+use crate::{scene::color::BETA_LOBES, stages::constants::betas};
 
 /// Range of b (method, section 1); see the kernels.
 pub const B_RANGE: (f64, f64) = (betas::BETA_MIN as f64, betas::BETA_MAX as f64);

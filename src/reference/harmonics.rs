@@ -7,11 +7,14 @@ use super::{
     Params,
     betas::{self, lobes},
 };
-use crate::scene::layout::{BETAS, coefficients, shown};
+use crate::scene::{
+    color::{self, BETAS},
+    layout::coefficients,
+};
 
 /// RGB before it is clamped at 0. `direction` is the unit vector from the eye to the Gaussian.
 pub fn colour_of(params: &Params, i: usize, degree: u32, direction: DVec3) -> [f64; 3] {
-    let degree = shown(degree, params.sh_degree);
+    let degree = color::of(params.sh_degree).part(degree);
     let harmonics = if degree == BETAS { 0 } else { degree };
     let mut colour = [0.5; 3];
     for (k, y) in basis(harmonics, direction).iter().enumerate().take(coefficients(harmonics)) {
@@ -36,7 +39,7 @@ pub fn colour_backward(
     colour_grad: [f64; 3],
     out: &mut Params,
 ) -> DVec3 {
-    let degree = shown(degree, params.sh_degree);
+    let degree = color::of(params.sh_degree).part(degree);
     let harmonics = if degree == BETAS { 0 } else { degree };
     let (basis, basis_grad) = (basis(harmonics, direction), basis_gradient(harmonics, direction));
     let mut direction_grad = DVec3::ZERO;

@@ -2,8 +2,11 @@
 
 use glam::DVec3;
 
-use crate::scene::layout::{self, Array, BETAS, GEOMETRY_PLANES, Group, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
+use crate::scene::{
+    color,
+    layout::{self, Array, GEOMETRY_PLANES, Group, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT},
+};
 use crate::{Error, Result};
 
 /// Plane p of Gaussian i is `planes[p * stride + i]`; base Gaussians first, supplementary ones from `lobe_first` on.
@@ -24,7 +27,7 @@ pub struct Params {
     pub lobe_first: usize,
     /// Elements of a lobe plane, ≥ M.
     pub lobe_stride: usize,
-    /// L, 0 to 3, or [`BETAS`].
+    /// L, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
 }
 
@@ -39,12 +42,11 @@ impl Params {
         // What one of them lacks is 0.
         let of = |part: &Gaussians| if part.is_empty() { 0 } else { part.sh_degree };
         let sh_degree = if extra == 0 { scene.base.sh_degree } else { of(&scene.base).max(of(&supplement.gaussians)) };
-        if sh_degree == BETAS
-            && [(first, &scene.base), (extra, &supplement.gaussians)]
-                .iter()
-                .any(|(n, part)| *n > 0 && part.sh_degree != BETAS)
-        {
-            return Err(Error::Usage("base and supplement: one has spherical betas and the other harmonics".into()));
+        let parts = [&scene.base, &supplement.gaussians].into_iter().filter(|part| !part.is_empty());
+        let colors = color::of(sh_degree);
+        if let Some(other) = parts.map(|part| color::of(part.sh_degree)).find(|other| !other.shares_with(colors)) {
+            let (one, other) = (colors.name, other.name);
+            return Err(Error::Usage(format!("base and supplement: one has {one} and the other {other}")));
         }
         let lobes = &supplement.lobes;
         if lobes.directions.len() != extra || lobes.widths.len() != extra || lobes.sharpness.len() != extra {
@@ -176,8 +178,8 @@ impl Params {
 
 fn check(name: &str, gaussians: &Gaussians) -> Result<()> {
     let n = gaussians.len();
-    if n > 0 && gaussians.sh_degree > BETAS {
-        return Err(Error::Usage(format!("{name}: SH degree {}; 0 to 3 are known", gaussians.sh_degree)));
+    if n > 0 {
+        color::check(gaussians.sh_degree).map_err(|what| Error::Usage(format!("{name}: {what}")))?;
     }
     let lengths = [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacities.len()];
     if lengths.iter().any(|&length| length != n) || gaussians.sh.len() != n * gaussians.sh_coefficients() {

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::scene::{Camera, Gaussians, Lobes, Scene, Supplement, layout::BETAS};
+use crate::scene::{Camera, Gaussians, Lobes, Scene, Supplement, color::BETAS};
 
 /// The camera that [`random_scene`] is built before: horizontal field of view 60°, off-centre principal point, turned
 /// and moved away from the world's axes so that no transposed rotation goes unnoticed.

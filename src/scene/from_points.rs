@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::{Gaussians, gaussians::unlearned, layout};
+use super::{Gaussians, color};
 
 /// The constant SH band's value.
 pub const SH_DC: f32 = crate::stages::constants::constants::SH_C0;
@@ -18,7 +18,8 @@ const MIN_SQUARED_DISTANCE: f32 = 1e-7;
 /// opacity 0.1, its colour in the constant. `positions` and `colors` (8-bit sRGB) have the same length.
 pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -> Gaussians {
     let n = positions.len();
-    let coefficients = layout::coefficients(sh_degree);
+    let model = color::of(sh_degree);
+    let coefficients = model.coefficients;
     // A tree of fewer points than are asked for gives what it has; the point itself comes first.
     let neighbours = NonZeroUsize::new(4.min(n)).unwrap_or(NonZeroUsize::MIN);
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok();
@@ -28,7 +29,10 @@ pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -
         let mean = squared.iter().sum::<f32>() / squared.len().max(1) as f32;
         0.5 * mean.max(MIN_SQUARED_DISTANCE).ln()
     };
-    let coefficient = |at: usize| unlearned(sh_degree, at / coefficients, at % coefficients);
+    let coefficient = |at: usize| match at % coefficients {
+        0 => [0.0; 3],
+        k => (model.initial)(at / coefficients, k),
+    };
     let mut sh: Vec<[f32; 3]> = (0..n * coefficients).map(coefficient).collect();
     for (i, color) in colors.iter().enumerate().take(n) {
         sh[i * coefficients] = color.map(|c| (f32::from(c) / 255.0 - 0.5) / SH_DC);

@@ -1,16 +1,16 @@
 //! Gaussians on the host, structure of arrays, in the units of the de-facto PLY layout.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
 
 use glam::DVec3;
 
-use super::layout::{self, BETA_LOBES, BETAS};
+use super::{color, layout};
 
 /// Plain 3D Gaussians. All vectors have the same length, but `sh` which holds
 /// `len · K` RGB coefficients, K = (sh_degree + 1)², Gaussian-major: `sh[i · K + k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
-    /// Degree of the spherical harmonics, 0 to 3; or [`BETAS`], of which `sh` has the constant and then, for each lobe, its colour and
+    /// Degree of the spherical harmonics, 0 to 3, or [`BETAS`](color::BETAS): `sh` has the constant and then, for each lobe, its color and
     /// its θ, φ and b.
     pub sh_degree: u32,
     /// Centres, scene units.
@@ -41,28 +41,18 @@ impl Gaussians {
         layout::coefficients(self.sh_degree)
     }
 
-    /// The same with harmonics of another degree, 0 to 3: bands above it go, new ones are 0. Between harmonics and [`BETAS`] the constant
-    /// alone is kept.
+    /// Converts to another [color model](color::MODELS). Harmonics keep their common bands and gain bands of 0; between different models
+    /// only the constant is kept.
     pub fn with_degree(self, sh_degree: u32) -> Gaussians {
         let (old, new) = (self.sh_coefficients(), layout::coefficients(sh_degree));
-        let kept = if (self.sh_degree == BETAS) == (sh_degree == BETAS) { old } else { 1 };
+        let (from, to) = (color::of(self.sh_degree), color::of(sh_degree));
+        let kept = if from.shares_with(to) { old } else { 1 };
         let of = |(i, row): (usize, &[[f32; 3]])| {
-            let coefficient = |k: usize| if k < kept { row[k] } else { unlearned(sh_degree, i, k) };
+            let coefficient = |k: usize| if k < kept { row[k] } else { (to.initial)(i, k) };
             (0..new).map(coefficient).collect::<Vec<_>>()
         };
         Gaussians { sh_degree, sh: self.sh.chunks(old).enumerate().flat_map(of).collect(), ..self }
     }
-}
-
-/// Coefficient k of Gaussian i where nothing was learned: 0, but that the lobes of betas look evenly into all directions, by Roberts's
-/// sequence of the plastic number. (DBS draws θ evenly from 0 to π, most of them near the poles.)
-pub(super) fn unlearned(sh_degree: u32, i: usize, k: usize) -> [f32; 3] {
-    if sh_degree != BETAS || k == 0 || k % 2 == 1 {
-        return [0.0; 3];
-    }
-    let number = (i * BETA_LOBES + k / 2) as f64;
-    let [height, turn] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| (number * step).fract());
-    [(1.0 - 2.0 * height).acos() as f32, (TAU * turn) as f32, 0.0]
 }
 
 /// The opacity lobes of supplementary Gaussians (method, section 1).
@@ -158,7 +148,7 @@ impl Supplement {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::color::BETAS, *};
 
     #[test]
     fn bands_come_and_go() {
@@ -179,7 +169,7 @@ mod tests {
     #[test]
     fn lobes_of_betas_begin_in_all_directions() {
         let of = |n: usize| {
-            let [theta, phi, b] = unlearned(BETAS, n / 2, 2 + n % 2 * 2).map(f64::from);
+            let [theta, phi, b] = (color::of(BETAS).initial)(n / 2, 2 + n % 2 * 2).map(f64::from);
             assert_eq!(b, 0.0);
             DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
         };

@@ -3,16 +3,8 @@
 
 use std::ops::Range;
 
-use super::{Gaussians, Lobes};
-use crate::{
-    gpu::f16,
-    stages::constants::{betas, model},
-};
-
-/// What stands in the place of a degree of harmonics, 0 to 3, where colours are spherical betas (method, section 1).
-pub const BETAS: u32 = betas::BETAS;
-/// Lobes of light that such a Gaussian has.
-pub const BETA_LOBES: usize = betas::BETA_LOBES as usize;
+use super::{Gaussians, Lobes, color};
+use crate::{gpu::f16, stages::constants::model};
 
 /// First plane of the mean, x, y and z: scene units.
 pub const MEAN: usize = model::MEAN as usize;
@@ -64,32 +56,13 @@ pub fn planes(page: &[[f32; 4]], planes: usize, stride: usize) -> impl Iterator<
     (0..planes).flat_map(move |p| page[p / 4 * stride..][..stride].iter().map(move |quad| quad[p % 4]))
 }
 
-/// Coefficients of spherical harmonics up to `degree`, or those of [`BETAS`].
-pub const fn coefficients(degree: u32) -> usize {
-    if degree == BETAS { 1 + 2 * BETA_LOBES } else { ((degree + 1) * (degree + 1)) as usize }
-}
-
-/// What there is to show of colours of degree `stored` where `degree` is asked for. Betas have all or, of degree 0, their constant.
-pub const fn shown(degree: u32, stored: u32) -> u32 {
-    match (degree, stored) {
-        (1.., BETAS) => BETAS,
-        _ if degree < stored => degree,
-        _ => stored,
-    }
-}
-
-/// All that can be shown of colours of degree `stored`.
-pub fn degrees(stored: u32) -> Vec<u32> {
-    if stored == BETAS { vec![0, BETAS] } else { (0..=stored).collect() }
-}
-
-/// For messages and tables.
-pub fn colour_name(degree: u32) -> String {
-    if degree == BETAS { "spherical betas".into() } else { format!("SH degree {degree}") }
+/// Number of RGB coefficients of a [color model](color::MODELS).
+pub fn coefficients(degree: u32) -> usize {
+    color::of(degree).coefficients
 }
 
 /// Planes of `sh`: coefficient k of channel c is plane 3k + c.
-pub const fn sh_planes(degree: u32) -> usize {
+pub fn sh_planes(degree: u32) -> usize {
     3 * coefficients(degree)
 }
 
@@ -98,7 +71,7 @@ pub const fn sh_planes(degree: u32) -> usize {
 pub enum Array {
     /// Mean, scales, rotation, opacity.
     Geometry,
-    /// Coefficients of spherical harmonics, or of betas.
+    /// Coefficients of color.
     Sh,
     /// Of the supplement only.
     Lobes,
@@ -115,9 +88,6 @@ pub struct Group {
     pub planes: Range<usize>,
 }
 
-/// The group of what betas have beyond the constant.
-pub const BETA_GROUP: &str = "betas";
-
 /// All groups of a scene of that degree, in the order of the learning rates.
 pub fn groups(degree: u32) -> [Group; 9] {
     let group = |name, array, planes| Group { name, array, planes };
@@ -127,7 +97,7 @@ pub fn groups(degree: u32) -> [Group; 9] {
         group("quaternion", Array::Geometry, QUAT..QUAT + 4),
         group("opacity", Array::Geometry, OPACITY..OPACITY + 1),
         group("DC", Array::Sh, 0..3),
-        group(if degree == BETAS { BETA_GROUP } else { "SH" }, Array::Sh, 3..sh_planes(degree)),
+        group(color::of(degree).group, Array::Sh, 3..sh_planes(degree)),
         group("lobe direction", Array::Lobes, LOBE_DIRECTION..LOBE_WIDTH),
         group("lobe width", Array::Lobes, LOBE_WIDTH..LOBE_SHARPNESS),
         group("lobe sharpness", Array::Lobes, LOBE_SHARPNESS..LOBE_PLANES),

@@ -1,6 +1,7 @@
 //! Gaussians, cameras and what is known of a scene on the host.
 
 mod camera;
+pub mod color;
 #[cfg(feature = "train")]
 mod from_points;
 mod gaussians;

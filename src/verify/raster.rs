@@ -15,7 +15,7 @@ use crate::{
         views::Views,
     },
     reference::{NONE, random_camera, random_scene},
-    scene::layout::BETAS,
+    scene::color::BETAS,
     stages::{
         status::{self, Resource, Status},
         step_done,

@@ -21,7 +21,7 @@ use super::{
 use crate::{
     gpu::{Binding, Constant, ConstantKind, Context, GpuError, Judge, Shadowed},
     reference::{self, adam::unpack_moments, lift_join::find, pursuit::WHOLE},
-    scene::layout::BETAS,
+    scene::color::BETAS,
     stages::{
         constants::{
             density::{BUDGET, MCMC},

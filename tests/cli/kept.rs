@@ -9,7 +9,7 @@ use std::{
 };
 
 use glint::data::{
-    kept::checksum,
+    checkpoint::checksum,
     tensors::{Tensor, Values, ValuesRef},
 };
 use serde_json::Value;

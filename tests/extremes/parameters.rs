@@ -8,10 +8,7 @@ use glint::{
         views::Views,
     },
     reference::random_scene,
-    scene::{
-        Camera, Scene,
-        layout::{self, BETAS},
-    },
+    scene::{Camera, Scene, color::BETAS, layout},
 };
 
 use super::{

@@ -55,8 +55,10 @@ use glint::{
         tiles::{Tiling, for_each_tile},
     },
     scene::{
-        Camera, Gaussians, Lobes, Scene, Supplement, from_points,
-        layout::{self, BETAS, sh_planes},
+        Camera, Gaussians, Lobes, Scene, Supplement,
+        color::BETAS,
+        from_points,
+        layout::{self, sh_planes},
     },
     stages::{
         self,

@@ -6,9 +6,8 @@ use super::{Args, Report};
 use crate::{
     Error, Result,
     cli::{
-        Failure, Look, Outcome, counted,
+        Failure, Look, Outcome, caller, counted,
         deadline::{Deadline, Plan},
-        embed,
         history::{History, Moment},
         interrupt::Interrupt,
         kept::Kept,
@@ -27,10 +26,7 @@ use crate::{
         views::Views,
     },
     report::runs::StageMean,
-    scene::{
-        Scene,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Scene, color},
 };
 
 /// What a run is, for any number of steps.
@@ -198,7 +194,7 @@ impl Training<'_> {
         let gaussians = self.trainer.gaussians();
         self.bar.say(learned(lately, gaussians, &self.session.context) + &small);
         let (gaussians, seconds) = (gaussians.unwrap_or(self.course.first), self.clocks.seconds());
-        embed::step(embed::Step { step: taken, steps: all, lately, gaussians, seconds });
+        caller::step(caller::Step { step: taken, steps: all, lately, gaussians, seconds });
         if self.kept.is_due() {
             let found = self.checkpoint();
             self.kept.keep(found)?;
@@ -284,7 +280,7 @@ impl Training<'_> {
             device: &context.info().name,
             photos,
             gaussians,
-            sh_degree: Some(course.sh_degree).filter(|&degree| degree != BETAS),
+            sh_degree: color::of(course.sh_degree).harmonics,
             iterations: at.taken,
             iterations_resumed: had,
             seed: args.seed,
@@ -325,7 +321,7 @@ impl Report<'_> {
         format!(
             "{output}: {} of {} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
             counted(self.gaussians, "Gaussian"),
-            colour_name(sh_degree),
+            color::of(sh_degree).name,
             counted(self.photos, "photo"),
             counted(self.iterations as usize, "step"),
         )

@@ -11,10 +11,7 @@ use crate::{
         train::LEARNED,
         views::scene_origin_for,
     },
-    scene::{
-        Camera, Gaussians, Scene, from_points,
-        layout::{BETAS, colour_name},
-    },
+    scene::{Camera, Gaussians, Scene, color, from_points},
 };
 
 /// Where nobody says how many Gaussians there may be, they are so many times the points at the start.
@@ -126,8 +123,9 @@ impl Args {
                     let left = left.gaussians.len();
                     notes.push(format!("{}: its {left} Gaussians with lobes are left out", file.display()));
                 }
-                if base.sh_degree != 0 && (base.sh_degree == BETAS) != (self.degree() == BETAS) {
-                    let (had, has) = (colour_name(base.sh_degree), colour_name(self.degree()));
+                let [had, has] = [base.sh_degree, self.degree()].map(color::of);
+                if base.sh_degree != 0 && !had.shares_with(has) {
+                    let (had, has) = (had.name, has.name);
                     notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
                 }
                 let gaussians = base.with_degree(self.degree());

@@ -23,7 +23,7 @@ use serde_json::value::{RawValue, Value};
 pub(in crate::data) use write::write;
 
 use super::axes::{self, Signs};
-use super::turn::Placing;
+use super::rotate::Placing;
 use super::{inflate, quantise, spz};
 use crate::data::{SceneFile, TrainedWith, ply_variants::far_origin};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::DeviceInfo,
-    scene::layout::BETAS,
+    scene::color,
     stages::{
         status,
         types::{self, View},
@@ -59,7 +59,7 @@ pub struct Limits {
     pub intersections: Room,
     /// The widest texels of any target.
     pub texel: Texel,
-    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3, or [`BETAS`](crate::scene::layout::BETAS).
+    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3, or [`BETAS`](crate::scene::color::BETAS).
     pub degrees: Vec<u32>,
     /// The same of supplements; empty where no model has one.
     pub lobe_degrees: Vec<u32>,
@@ -175,12 +175,8 @@ impl Limits {
         if in_flight > SLOTS {
             return Err(Error::Usage(format!("{in_flight} slots for frames in flight, expected at most {SLOTS}")));
         }
-        match self.degrees.iter().chain(&self.lobe_degrees).find(|&&degree| degree > BETAS) {
-            Some(degree) => {
-                Err(Error::Usage(format!("harmonics of degree {degree}, expected 0 to 3, or {BETAS}: betas")))
-            }
-            None => Ok(()),
-        }
+        let mut degrees = self.degrees.iter().chain(&self.lobe_degrees);
+        degrees.try_for_each(|&degree| color::check(degree).map(drop).map_err(Error::Usage))
     }
 }
 
