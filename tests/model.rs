@@ -240,7 +240,7 @@ fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() 
     }
 }
 
-/// README's figures of a renderer: the model of a Gaussian of degree 3 and what lies beside it, and an intersection.
+/// Figures of docs/embedding.md: the model of a Gaussian of degree 3 and what lies beside it, and an intersection.
 #[test]
 fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_intersections() {
     let gpu = Gpu::new();
@@ -278,7 +278,7 @@ fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_int
     assert!((160.0..162.0).contains(&each), "{each} bytes in a renderer with room for 4 intersections each");
 }
 
-/// README's figures of what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
+/// Figures of docs/training.md: what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
 #[test]
 fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     let gpu = Gpu::new();

@@ -41,7 +41,7 @@ const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 const LIMIT: Duration = Duration::from_secs(1800);
 
 /// What is promised of the first build of a crate outside is three minutes on two cores. Others use the cores of a test, so what can be
-/// held is that it takes no more of them than they have in that time, seconds; the README has what it took on the wall.
+/// held is that it takes no more of them than they have in that time, seconds; docs/embedding.md has what it took on the wall.
 const BUILD: f64 = 2.0 * 180.0;
 
 /// What is built here stays for the next run, and is nobody else's.

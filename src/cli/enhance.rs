@@ -253,7 +253,7 @@ fn parse_share(text: &str) -> Result<f32, String> {
 }
 
 /// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: less than any seed moves it by
-/// (docs/results.md), so that what is only chance is kept.
+/// (docs/experiments/2026-11-23-augmentation.md), so that what is only chance is kept.
 const WORSE_DB: f64 = 0.02;
 
 /// What an augmentation is made of.

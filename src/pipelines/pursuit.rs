@@ -72,7 +72,7 @@ pub struct PursuitOptions {
     /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
     pub least_opacity: f32,
     /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes are what depends on the view: more bands gain
-    /// nothing on the whole (docs/results.md) and take three times the bytes.
+    /// nothing on the whole (docs/experiments/2026-11-23-augmentation.md) and take three times the bytes.
     pub lobe_degree: u32,
     /// Texels of a page at most; `None` for as many as the device binds at once.
     pub page: Option<u32>,

@@ -61,8 +61,8 @@ impl Course {
 }
 
 /// How long a step takes on photos whose sides are halved so many times, and by a share of the Gaussians, as a part of one on photos in
-/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as README.md has there), and
-/// all of it grows with the root of the Gaussians, nearly (docs/results.md: by 0.47).
+/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as docs/benchmarks.md has there), and
+/// all of it grows with the root of the Gaussians, nearly (docs/benchmarks.md: by 0.47).
 fn step_cost(halvings: u32, gaussians: f64) -> f64 {
     0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
 }
